@@ -1,4 +1,4 @@
-// Evaluates the projection of one viewport at given points, so that f32 on the adapter can be compared with f64.
+// Evaluates the projection of one viewport at given points, to compare f32 on the adapter with f64.
 
 #import constants/workgroups
 #import shared/projection

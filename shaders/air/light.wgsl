@@ -1,5 +1,6 @@
-// The ground and the air around an observer, over what bodies and asteroids show in each pixel of a tile: the air takes a part of their light and adds what it scatters, and the ground
-// stands before everything below the horizon. The model is that of src/photometry/sky_light.rs and src/scene/surroundings.rs; the f64 twin is src/reference/air/light.rs.
+// Adds ground and air around an observer to the bodies and asteroids that the pixels of a tile show: the air attenuates
+// their light and adds scattered light, and the ground covers everything below the horizon. The model is that of
+// src/photometry/sky_light.rs and src/scene/surroundings.rs; the f64 twin is src/reference/air/light.rs.
 
 #import air/scattered
 #import constants/air
@@ -15,25 +16,26 @@
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
 @group(0) @binding(2) var<storage, read> tiles: array<Tile>;
 @group(0) @binding(3) var<storage, read_write> geometry: array<vec4<u32>>;
-// Sines of the horizon's altitude, evenly around it from the north on through east.
+// Sine of the horizon's altitude at evenly spaced azimuths, from north through east.
 @group(0) @binding(4) var<storage, read> horizon: array<f32>;
 // See air/scattered.wgsl.
 @group(0) @binding(5) var<storage, read> sky: array<vec4<f32>>;
-// The picture of the ground, level by level from the finest: src/scene/landscape.rs.
+// Picture of the ground, all levels, the finest first: src/scene/landscape.rs.
 @group(0) @binding(6) var<storage, read> landscape: array<u32>;
-// What the air adds, at the points of a grid over each picture.
+// Light added by the air, at the points of a grid over each picture.
 @group(0) @binding(7) var<storage, read> point_grids: array<PointGrid>;
 @group(0) @binding(8) var<storage, read> grid_points: array<vec4<f32>>;
 
-// The pixel's share of ground is found where the horizon is nearer than this, in sines: pixels are no larger.
+// Distance from the horizon, as a sine, within which a pixel's share of ground is computed; pixels are at most this
+// large.
 const NEAR_HORIZON: f32 = 0.1;
 
-// Lower than this sine of the altitude what the air adds bends too much for a grid.
+// Sine of the altitude below which the light added by the air is too curved for interpolation in the grid.
 const GRID_FROM: f32 = 0.07;
 
-// Whether there is a picture of the ground.
+// Whether the ground has a picture.
 override HAS_LANDSCAPE: bool = false;
-// Whether what the air adds is read between the points of a grid.
+// Whether the light added by the air is interpolated between the points of the grid.
 override FROM_GRID: bool = false;
 
 fn horizon_sine(heading: vec2<f32>) -> f32 {
@@ -41,9 +43,9 @@ fn horizon_sine(heading: vec2<f32>) -> f32 {
         return 0.0;
     }
     let azimuth = precise_atan2(heading.y, heading.x);
-    let at = (azimuth / (2.0 * PI) + 1.0) * f32(HORIZON_STEPS);
-    let first = u32(at);
-    return mix(horizon[first % HORIZON_STEPS], horizon[(first + 1u) % HORIZON_STEPS], at - f32(first));
+    let position = (azimuth / (2.0 * PI) + 1.0) * f32(HORIZON_STEPS);
+    let first = u32(position);
+    return mix(horizon[first % HORIZON_STEPS], horizon[(first + 1u) % HORIZON_STEPS], position - f32(first));
 }
 
 fn landscape_texel(index: u32) -> vec4<f32> {
@@ -51,11 +53,11 @@ fn landscape_texel(index: u32) -> vec4<f32> {
     return vec4(word.xyz * word.xyz, word.w);
 }
 
-// One level of the picture of the ground, between its four nearest texels.
+// Interpolates one level of the ground picture between its four nearest texels.
 fn landscape_level(first: u32, size: vec2<u32>, place: vec2<f32>) -> vec4<f32> {
-    let at = place * vec2<f32>(size) - 0.5;
-    let low = floor(at);
-    let part = at - low;
+    let position = place * vec2<f32>(size) - 0.5;
+    let low = floor(position);
+    let part = position - low;
     let width = i32(size.x);
     let x = vec2((i32(low.x) % width + width) % width, (i32(low.x) + 1 + width) % width);
     let y = clamp(vec2(i32(low.y), i32(low.y) + 1), vec2(0), vec2(i32(size.y) - 1)) * width;
@@ -64,7 +66,7 @@ fn landscape_level(first: u32, size: vec2<u32>, place: vec2<f32>) -> vec4<f32> {
     return mix(upper, lower, part.y);
 }
 
-// Reflectance times the hidden share, and that share, of a pixel of an angular size.
+// Reflectance times opacity, and opacity, of the ground picture in a pixel of the given angular size.
 fn landscape_at(sine: f32, heading: vec2<f32>, pixel_rad: f32) -> vec4<f32> {
     let azimuth = precise_atan2(heading.y, heading.x);
     let altitude = precise_atan2(sine, length(heading));
@@ -84,7 +86,8 @@ fn landscape_at(sine: f32, heading: vec2<f32>, pixel_rad: f32) -> vec4<f32> {
     return mix(fine, landscape_level(first + size.x * size.y, max(size / 2u, vec2(1u)), place), min(level, 1.0));
 }
 
-// Whether the cells of the grid around a run of a column's pixels lie high above the ground and where the grid bends too much.
+// Whether the grid cells around a run of a column's pixels are above both the ground and the altitude limit of the
+// grid.
 fn is_clear(column: GridColumn, first_row: u32, rows: u32) -> bool {
     let grid = column.grid;
     let least = max(GRID_FROM, parameters.above_ground);
@@ -111,7 +114,7 @@ fn add_air(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let top = vec2(id.x, tile.first_row + first_row);
     let rows = min(AIR_ROWS, tile.rows - first_row);
-    // Most of a dome: the grid tells all, but for what bodies show.
+    // In most of a dome the grid is sufficient; only directions in which bodies show light need an air mass.
     if FROM_GRID && is_clear(column, top.y, rows) {
         for (var row = 0u; row < rows; row++) {
             let pixel = top + vec2(0u, row);
@@ -171,7 +174,7 @@ fn add_air(@builtin(global_invocation_id) id: vec3<u32>) {
                 ground = parameters.white * seen.xyz / max(seen.w, 1e-6);
             } else {
                 let above = sine - horizon_sine(heading);
-                // Pixels across the horizon show both.
+                // Pixels across the horizon show both ground and sky.
                 let slopes = vec2(
                     dot(world_direction(viewport, right - own), parameters.zenith),
                     dot(world_direction(viewport, next - own), parameters.zenith));

@@ -1,4 +1,4 @@
-// Light that the air adds at the points of a grid over each picture, and the sines of their altitudes.
+// Evaluates the light added by the air at the points of a grid over each picture, and the sines of their altitudes.
 
 #import air/scattered
 #import constants/workgroups

@@ -1,5 +1,6 @@
-// Light that the air adds: what it scatters of its sources, and its own glow. The importer binds `parameters` and `sky`, what the sky shows of 1 lx of each source: nodes of what is smooth, then of
-// what aerosol scatters; src/photometry/sky_light.rs.
+// Light added by the air: scattered light of its sources, and airglow. The importer binds `parameters` and `sky`. `sky`
+// holds sky luminance per lx of each source: nodes of the smooth part, then nodes of aerosol scattering
+// (src/photometry/sky_light.rs).
 
 #import constants/air
 #import shared/air_mass
@@ -64,16 +65,16 @@ fn aerosol_per_sr(cosine: f32) -> f32 {
     return 3.0 / (8.0 * PI) * (1.0 - g * g) * (1.0 + cosine * cosine) / ((2.0 + g * g) * wide * sqrt(wide));
 }
 
-// Between four nodes of a table that begins at `first`.
+// Interpolates between four nodes of a table that begins at `first`.
 fn table_at(first: u32, place: vec2<f32>) -> vec3<f32> {
     let low = min(vec2<u32>(place), vec2(SKY_ALTITUDES, SKY_AZIMUTHS) - 2u);
     let part = place - vec2<f32>(low);
-    let at = first + low.x * SKY_AZIMUTHS + low.y;
-    let near = mix(sky[at].xyz, sky[at + 1u].xyz, part.y);
-    return mix(near, mix(sky[at + SKY_AZIMUTHS].xyz, sky[at + SKY_AZIMUTHS + 1u].xyz, part.y), part.x);
+    let node = first + low.x * SKY_AZIMUTHS + low.y;
+    let near = mix(sky[node].xyz, sky[node + 1u].xyz, part.y);
+    return mix(near, mix(sky[node + SKY_AZIMUTHS].xyz, sky[node + SKY_AZIMUTHS + 1u].xyz, part.y), part.x);
 }
 
-// What the air scatters of a source towards a direction of an altitude, in right angles, and a heading (north, east).
+// Light of a source scattered towards a direction, given its altitude (in right angles) and heading (north, east).
 fn scattered(number: u32, towards: vec3<f32>, altitude: f32, heading: vec2<f32>) -> vec3<f32> {
     let source = parameters.sources[number];
     let across = heading.x * source.heading.y - heading.y * source.heading.x;
@@ -85,7 +86,7 @@ fn scattered(number: u32, towards: vec3<f32>, altitude: f32, heading: vec2<f32>)
     return source.light * (table_at(first, place) + table_at(first + nodes, place) * aerosol_per_sr(cosine));
 }
 
-// What it adds towards a unit direction, world axes, cd/m^2.
+// Light that the air adds in a unit direction, world axes, cd/m^2.
 fn added_light(towards: vec3<f32>) -> vec3<f32> {
     let sine = dot(towards, parameters.zenith);
     let heading = vec2(-dot(towards, parameters.south), dot(towards, parameters.east));

@@ -1,4 +1,5 @@
-// What an asteroid is drawn as, and whether a picture may see it: src/plan/asteroids/classes.rs and views.rs in f32.
+// Selects the form in which an asteroid is drawn, and tests whether a picture may show it:
+// src/plan/asteroids/classes.rs and views.rs in f32.
 
 #import asteroids/instance
 #import constants/asteroid_classes
@@ -28,19 +29,19 @@ struct AsteroidView {
     unused_1: u32,
 }
 
-// Classes: levels of detail from 0 on.
+// Classes. Values from 0 on are levels of detail.
 const CLASS_NONE: u32 = 4294967295u;
 const CLASS_IMPOSTOR: u32 = 4096u;
 const CLASS_POINT: u32 = 4097u;
 
 struct Classes {
-    // The class that takes over, its share, and the class before, which has the rest.
+    // The class that fades in, its share, and the previous class, which has the rest.
     current: u32,
     share: f32,
     before: u32,
 }
 
-// Place relative to the eye in view axes, from the place relative to the camera in world axes.
+// Position relative to the eye in view axes, from the position relative to the camera in world axes.
 fn view_from_camera(view: AsteroidView, place: vec3<f32>) -> vec3<f32> {
     let eye = vec3(view.view_from_world_x.w, view.view_from_world_y.w, view.view_from_world_z.w);
     let relative = place - eye;
@@ -50,7 +51,7 @@ fn view_from_camera(view: AsteroidView, place: vec3<f32>) -> vec3<f32> {
         dot(relative, view.view_from_world_z.xyz));
 }
 
-// Whether a sphere may be seen.
+// Whether the picture may show a sphere.
 fn touches(view: AsteroidView, middle: vec3<f32>, radius: f32) -> bool {
     if view.kind == VIEW_FLAT {
         let inside_x = vec2(dot(view.edges_x.xy, middle.xz), dot(view.edges_x.zw, middle.xz));
@@ -60,7 +61,7 @@ fn touches(view: AsteroidView, middle: vec3<f32>, radius: f32) -> bool {
     return length(middle.xy) * view.cone_cosine + middle.z * view.cone_sine <= radius;
 }
 
-// Whether a sphere may be seen on a face of the cube around view axes.
+// Whether a face of the cube around the view axes may show a sphere.
 fn touches_face(face: u32, middle: vec3<f32>, radius: f32) -> bool {
     var forwards = FACE_FORWARD;
     var ups = FACE_UP;
@@ -70,13 +71,13 @@ fn touches_face(face: u32, middle: vec3<f32>, radius: f32) -> bool {
     return reach >= abs(dot(middle, up)) && reach >= abs(dot(middle, cross(forward, up)));
 }
 
-// Place of a direction in the tables.
+// Position of a direction in the tables.
 fn table_place(view: AsteroidView, middle: vec3<f32>, distance: f32) -> f32 {
     let along = select(-middle.z, middle.y, view.kind == VIEW_LONGITUDE);
     return sqrt(clamp(0.5 * (1.0 - along / distance), 0.0, 1.0));
 }
 
-// Finer side of a pixel there, rad.
+// Smaller side of a pixel at a position in the table, rad.
 fn pixel_at(view: AsteroidView, place: f32) -> f32 {
     let x = place * f32(TABLE_STEPS);
     let i = min(u32(x), TABLE_STEPS - 1u);
@@ -89,7 +90,8 @@ fn bend_beside(view: AsteroidView, place: f32) -> f32 {
     return max(tables[view.first_entry + i].y, tables[view.first_entry + i + 1u].y);
 }
 
-// Whether the edges of an asteroid, `edge` mean radii long, bend by more than half a pixel.
+// Whether the image of an asteroid's edges, `edge` mean radii long, departs from straight lines by more than half a
+// pixel.
 fn bends(view: AsteroidView, place: f32, edge: f32, bound: f32, radius: f32, distance: f32) -> bool {
     let size = bound * radius / distance;
     if size >= 0.5 {
@@ -100,13 +102,13 @@ fn bends(view: AsteroidView, place: f32, edge: f32, bound: f32, radius: f32, dis
     return edge_rad * edge_rad * 0.125 * bend * view.quality > 0.5;
 }
 
-// Distance from which on an impostor is allowed; `per_pixel`: 1 over the pixel, times the quality.
+// Distance at which impostors begin. `per_pixel`: quality divided by the angle of a pixel.
 fn impostor_start(view: AsteroidView, bound: f32, per_pixel: f32) -> f32 {
     let disparity = sqrt(2.0 * view.impostor_eyes * bound * per_pixel);
     return max(max(disparity, view.impostor_linear * bound * per_pixel), bound * pow(per_pixel, view.impostor_exponent));
 }
 
-// The classes of an asteroid: `levels` of detail whose errors stand from `first_kind` on.
+// Classes of an asteroid whose `levels` meshes have their errors in `lods` from `first_kind` on.
 fn classes_of(view: AsteroidView, shape: AsteroidShape, radius: f32, distance: f32, pixel: f32) -> Classes {
     var classes = Classes(0u, 1.0, CLASS_NONE);
     if view.finest_only != 0u {

@@ -1,8 +1,8 @@
-// Culling and detail: every asteroid of every group that may hold anything larger than points, for all planes at once.
-// A workgroup takes a group and goes through the planes it is linked to. Run twice: the first time it counts, per plane
-// and kind of list, how many entries the group has; after asteroids/cull_offsets.wgsl has turned counts into places, the
-// second time writes the entries. Places follow from counts in the order of groups and asteroids, so lists are the same
-// from run to run. The twin is src/plan/asteroids/cpu_cull.rs.
+// Culling and level of detail: processes every asteroid of every group that may contain more than points, for all
+// planes at once. A workgroup takes a group and loops over the planes linked to it. The shader runs twice. The first
+// run counts the entries of the group per plane and kind of list. Then asteroids/cull_offsets.wgsl turns the counts
+// into offsets, and the second run writes the entries. Offsets follow from counts in the order of groups and asteroids,
+// so the lists are reproducible. The twin is src/plan/asteroids/cpu_cull.rs.
 
 #import asteroids/class
 #import asteroids/instance
@@ -35,25 +35,27 @@ struct AsteroidLink {
 @group(1) @binding(5) var<storage, read> bases: array<u32>;
 
 override WORKGROUP: u32;
-// Whether this is the second time.
+// Whether this is the second run.
 override WRITES: bool = false;
 
 const NOWHERE: u32 = 4294967295u;
 
 var<workgroup> local_counts: array<atomic<u32>, MAX_LOCAL>;
-// Of every asteroid what the first eye's picture has: the local kinds of its one or two lists in 16 bits each, and its share of the first.
+// Result of the first eye for each asteroid: local kinds of its one or two lists, 16 bits each, and its share of the
+// first list.
 var<workgroup> class_kinds: array<u32, GROUP>;
 var<workgroup> class_fades: array<f32, GROUP>;
-// The same in the plane at hand, or NOWHERE; how often it stands in its lists; its first place in each.
+// The same for the current plane (NOWHERE: not drawn); number of entries per list; offset of its first entry in each
+// list.
 var<workgroup> local_kinds: array<u32, GROUP>;
 var<workgroup> local_fades: array<f32, GROUP>;
 var<workgroup> local_copies: array<u32, GROUP>;
 var<workgroup> local_places: array<vec2<u32>, GROUP>;
-// Whether the second eye sees another asteroid than the first one.
+// Whether the second eye sees different asteroids than the first.
 var<workgroup> differs: atomic<u32>;
 
-// What one plane shows of one asteroid.
-struct Shown {
+// Lists of one plane that contain an asteroid.
+struct ListMembership {
     seen: bool,
     // Local kinds of its lists in 16 bits each, 65535 for none.
     kinds: u32,
@@ -72,7 +74,8 @@ fn kind_of(class_number: u32, shape: AsteroidShape, field: AsteroidField) -> u32
     return shape.first_kind + class_number - field.first_kind;
 }
 
-// Longest edge of what is drawn, mean radii; the diagonal of an impostor's square is no edge of its outline.
+// Longest edge of the drawn shape, mean radii. The diagonal of an impostor's square does not count, since it is not
+// part of the outline.
 fn edge_of(class_number: u32, shape: AsteroidShape) -> f32 {
     if class_number >= CLASS_IMPOSTOR {
         return 2.0 * shape.bound;
@@ -80,17 +83,18 @@ fn edge_of(class_number: u32, shape: AsteroidShape) -> f32 {
     return lods[shape.first_kind + class_number].y;
 }
 
-// Place of an asteroid relative to the eye, view axes.
+// Centre of an asteroid relative to the eye, view axes.
 fn middle_of(index: u32, item: AsteroidItem, field: AsteroidField, view: AsteroidView) -> vec3<f32> {
     let word = INSTANCE_WORDS * (item.first + index);
     let offset = bitcast<vec3<f32>>(vec3(instances[word], instances[word + 1u], instances[word + 2u]));
     return view_from_camera(view, place_of(item, field, offset));
 }
 
-// What a plane shows of an asteroid. `all`: its kinds also where the picture does not see it.
-fn show(
-    index: u32, item: AsteroidItem, field: AsteroidField, view: AsteroidView, plane: AsteroidPlane, link: AsteroidLink, all: bool) -> Shown {
-    var shown = Shown(false, NOWHERE, WHOLE, false);
+// Finds the lists of a plane that contain an asteroid. With `all`, kinds are computed even if the picture does not show
+// it.
+fn find_lists(
+    index: u32, item: AsteroidItem, field: AsteroidField, view: AsteroidView, plane: AsteroidPlane, link: AsteroidLink, all: bool) -> ListMembership {
+    var found = ListMembership(false, NOWHERE, WHOLE, false);
     let radius_and_shape = instances[INSTANCE_WORDS * (item.first + index) + 3u];
     let shape = shapes[shape_of(field, radius_and_shape)];
     let radius = radius_of(field, radius_and_shape);
@@ -99,7 +103,7 @@ fn show(
     let distance = length(middle);
     let seen = touches(view, middle, bound);
     if !(seen || all) || !(distance > 0.0) || !(radius > 0.0) {
-        return shown;
+        return found;
     }
     let place = table_place(view, middle, distance);
     let classes = classes_of(view, shape, radius, distance, pixel_at(view, place));
@@ -111,21 +115,21 @@ fn show(
         }
         through_faces = bends(view, place, edge, shape.bound, radius, distance);
     }
-    shown.seen = seen && plane.face == WHOLE_PICTURE;
+    found.seen = seen && plane.face == WHOLE_PICTURE;
     if through_faces == (plane.face == WHOLE_PICTURE) {
-        return shown;
+        return found;
     }
     if plane.face != WHOLE_PICTURE && !touches_face(plane.face, middle, bound) {
-        return shown;
+        return found;
     }
-    shown.kinds = kind_of(classes.current, shape, field) | 0xffff0000u;
+    found.kinds = kind_of(classes.current, shape, field) | 0xffff0000u;
     if classes.before != CLASS_NONE {
-        // Never 0, which has no sign.
-        shown.fade = max(classes.share, LEAST_SHARE);
-        shown.kinds = (shown.kinds & 65535u) | (kind_of(classes.before, shape, field) << 16u);
+        // Never 0, since 0 has no sign.
+        found.fade = max(classes.share, LEAST_SHARE);
+        found.kinds = (found.kinds & 65535u) | (kind_of(classes.before, shape, field) << 16u);
     }
-    shown.twice = view.kind == VIEW_LONGITUDE && plane.face == WHOLE_PICTURE && abs(middle.x) <= bound && middle.z > -bound;
-    return shown;
+    found.twice = view.kind == VIEW_LONGITUDE && plane.face == WHOLE_PICTURE && abs(middle.x) <= bound && middle.z > -bound;
+    return found;
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -137,7 +141,7 @@ fn cull(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     let item = items[item_index];
     let field = fields[item.field];
     let local_kind_count = field.kinds + 2u;
-    // The view whose classes are held.
+    // View whose classes are stored.
     var classes_of_view = NOWHERE;
     for (var l = 0u; l < item.link_count; l++) {
         let link = links[item.first_link + l];
@@ -150,46 +154,47 @@ fn cull(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
             atomicStore(&differs, 0u);
         }
         workgroupBarrier();
-        // The eyes of a pair see an asteroid in the same class, from nearly the same distance: it is found once for both.
+        // Both eyes of a pair see an asteroid in the same class, from nearly the same distance, so the class is
+        // computed once.
         let follows = view.class_view == classes_of_view;
         let first_of_pair = item.link_count > l + 1u && views[planes[links[item.first_link + l + 1u].plane].view].class_view == plane.view
             && planes[links[item.first_link + l + 1u].plane].view != plane.view;
         for (var i = local; i < item.count; i += WORKGROUP) {
-            var shown = Shown(false, NOWHERE, WHOLE, false);
+            var found = ListMembership(false, NOWHERE, WHOLE, false);
             if follows {
                 let radius_and_shape = instances[INSTANCE_WORDS * (item.first + i) + 3u];
                 let bound = shapes[shape_of(field, radius_and_shape)].bound * radius_of(field, radius_and_shape);
-                shown.seen = touches(view, middle_of(i, item, field, view), bound);
-                if shown.seen {
-                    shown.kinds = class_kinds[i];
-                    shown.fade = class_fades[i];
+                found.seen = touches(view, middle_of(i, item, field, view), bound);
+                if found.seen {
+                    found.kinds = class_kinds[i];
+                    found.fade = class_fades[i];
                 }
-                if WRITES && shown.kinds != local_kinds[i] {
+                if WRITES && found.kinds != local_kinds[i] {
                     atomicStore(&differs, 1u);
                 }
             } else {
-                shown = show(i, item, field, view, plane, link, first_of_pair);
+                found = find_lists(i, item, field, view, plane, link, first_of_pair);
                 if first_of_pair {
-                    class_kinds[i] = shown.kinds;
-                    class_fades[i] = shown.fade;
-                    if !shown.seen {
-                        shown.kinds = NOWHERE;
+                    class_kinds[i] = found.kinds;
+                    class_fades[i] = found.fade;
+                    if !found.seen {
+                        found.kinds = NOWHERE;
                     }
                 }
             }
-            let copies = select(1u, 2u, shown.twice);
+            let copies = select(1u, 2u, found.twice);
             if WRITES {
-                local_kinds[i] = shown.kinds;
-                local_fades[i] = shown.fade;
+                local_kinds[i] = found.kinds;
+                local_fades[i] = found.fade;
                 local_copies[i] = copies;
             } else {
-                if (shown.kinds & 65535u) != 65535u {
-                    atomicAdd(&local_counts[shown.kinds & 65535u], copies);
+                if (found.kinds & 65535u) != 65535u {
+                    atomicAdd(&local_counts[found.kinds & 65535u], copies);
                 }
-                if (shown.kinds >> 16u) != 65535u {
-                    atomicAdd(&local_counts[shown.kinds >> 16u], copies);
+                if (found.kinds >> 16u) != 65535u {
+                    atomicAdd(&local_counts[found.kinds >> 16u], copies);
                 }
-                if shown.seen {
+                if found.seen {
                     atomicAdd(&local_counts[field.kinds + 1u], 1u);
                 }
             }
@@ -197,7 +202,7 @@ fn cull(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
         classes_of_view = select(NOWHERE, plane.view, first_of_pair);
         workgroupBarrier();
         if WRITES {
-            // One thread hands out places, in the order of the asteroids. Mostly both eyes have the same.
+            // One thread assigns offsets in the order of the asteroids. Usually both eyes have the same offsets.
             if local == 0u && !(follows && atomicLoad(&differs) == 0u) {
                 for (var i = 0u; i < item.count; i++) {
                     let kinds = local_kinds[i];
@@ -218,7 +223,7 @@ fn cull(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
                 if kinds == NOWHERE {
                     continue;
                 }
-                // What fades in has its share, what it takes over from the rest.
+                // The class that fades in has its share; the previous class has the rest.
                 let share = local_fades[i];
                 for (var side = 0u; side < 2u; side++) {
                     let kind = select(kinds & 65535u, kinds >> 16u, side == 1u);
@@ -227,15 +232,15 @@ fn cull(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
                     }
                     let global_kind = select(field.first_kind + kind, field.impostor_kind, kind == field.kinds);
                     let column = plane.first_count + global_kind * plane.columns + link.column;
-                    var at = bases[link.plane * parameters.kinds + global_kind] + counts[column]
+                    var slot = bases[link.plane * parameters.kinds + global_kind] + counts[column]
                         + select(local_places[i].x, local_places[i].y, side == 1u);
                     let fade = select(share, -share, side == 1u);
-                    // What does not fit is known from the counts, and an error.
-                    if at < parameters.capacity {
-                        entries[at] = AsteroidEntry(item.first + i, item_index, fade);
+                    // Entries that do not fit are dropped here; the counts reveal them, and the frame is an error.
+                    if slot < parameters.capacity {
+                        entries[slot] = AsteroidEntry(item.first + i, item_index, fade);
                     }
-                    if local_copies[i] > 1u && at + 1u < parameters.capacity {
-                        entries[at + 1u] = AsteroidEntry(item.first + i, item_index | SEAM_BIT, fade);
+                    if local_copies[i] > 1u && slot + 1u < parameters.capacity {
+                        entries[slot + 1u] = AsteroidEntry(item.first + i, item_index | SEAM_BIT, fade);
                     }
                 }
             }

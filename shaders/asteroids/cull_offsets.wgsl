@@ -1,22 +1,22 @@
-// Where every list begins, and the arguments of its draw. One workgroup. Lists that would end beyond the room there is
-// draw nothing; totals[0], the length of all lists together, tells.
+// Computes the start of every list and the arguments of its draw, in one workgroup. A list that would end beyond the
+// capacity is drawn empty; totals[0], the total length of all lists, reveals this.
 
 #import asteroids/lists
 #import constants/asteroid_lists
 
 @group(0) @binding(0) var<uniform> parameters: AsteroidCullParameters;
 @group(0) @binding(1) var<storage, read_write> totals: array<u32>;
-// Of every mesh: number of indices, first index, first vertex.
+// Per mesh: number of indices, first index, first vertex.
 @group(0) @binding(2) var<storage, read> meshes: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> bases: array<u32>;
-// Five words per list; of impostors the first four are those of a draw without indices. Of those that are splatted: workgroups along x, y
-// and z, number of entries, first entry.
+// Five words per list. Impostors drawn as squares: the first four words are those of a non-indexed draw. Splatted
+// impostors: workgroups along x, y and z, number of entries, first entry.
 @group(0) @binding(4) var<storage, read_write> arguments: array<u32>;
 
 const PLACE_THREADS: u32 = 64u;
 var<workgroup> sums: array<u32, PLACE_THREADS>;
 
-// Entries of a list; the last kind of a plane is a count alone.
+// Number of entries of a list. The last kind of a plane is only a count.
 fn entries_of(bucket: u32) -> u32 {
     return select(totals[1u + bucket], 0u, bucket % parameters.kinds == parameters.kinds - 1u);
 }
@@ -48,7 +48,7 @@ fn place_lists(@builtin(local_invocation_index) local: u32) {
         }
         arguments[5u * i] = first.x;
         arguments[5u * i + 1u] = drawn;
-        // Indexed: first index and first vertex. Otherwise first vertex and first instance, both 0.
+        // Indexed draws: first index and first vertex. Other draws: first vertex and first instance, both 0.
         arguments[5u * i + 2u] = first.y;
         arguments[5u * i + 3u] = first.z;
         arguments[5u * i + 4u] = 0u;

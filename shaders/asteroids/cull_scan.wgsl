@@ -1,4 +1,4 @@
-// Turns the counts of every list, group by group, into places within the list, and writes its total. A workgroup takes
+// Turns the counts of every list, group by group, into offsets within the list, and writes its total. A workgroup takes
 // a list.
 
 #import asteroids/lists
@@ -19,7 +19,7 @@ fn scan(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     }
     let plane = planes[bucket / parameters.kinds];
     let first = plane.first_count + (bucket % parameters.kinds) * plane.columns;
-    // Every thread takes a run of columns.
+    // Each thread takes a run of columns.
     let run = (plane.columns + SCAN_THREADS - 1u) / SCAN_THREADS;
     let begin = min(local * run, plane.columns);
     let end = min(begin + run, plane.columns);

@@ -44,13 +44,14 @@ struct AsteroidShape {
     unused_0: u32,
 }
 
-// From the field's axes to world axes.
+// Rotates a vector from the field's axes to world axes.
 fn world_from_field(field: AsteroidField, v: vec3<f32>) -> vec3<f32> {
     return vec3(
         dot(field.world_from_field_x.xyz, v), dot(field.world_from_field_y.xyz, v), dot(field.world_from_field_z.xyz, v));
 }
 
-// Place of an instance minus camera, world axes, m. The large parts cancel first, then what rounding left of the origin is added.
+// Position of an instance minus camera, world axes, m. The large parts cancel first; then the rounding error of the
+// origin is added.
 fn place_of(item: AsteroidItem, field: AsteroidField, offset: vec3<f32>) -> vec3<f32> {
     return (item.origin + world_from_field(field, offset)) + item.origin_low;
 }
@@ -60,13 +61,13 @@ fn radius_of(field: AsteroidField, radius_and_shape: u32) -> f32 {
     return f32(radius_and_shape & 65535u) * field.world_from_field_x.w;
 }
 
-// Index of the shape among all fields'.
+// Index of the shape among the shapes of all fields.
 fn shape_of(field: AsteroidField, radius_and_shape: u32) -> u32 {
     return field.first_shape + min((radius_and_shape >> 16u) & 255u, field.shape_count - 1u);
 }
 
-// Spin axis in whole numbers, of any length: an octahedral pair. The sign of z decides which frame stands around it, so it must not
-// be rounded.
+// Spin axis in integers, of any length, from an octahedral pair. The sign of z selects the frame around the axis, so it
+// must not be rounded.
 fn whole_axis(packed: u32) -> vec3<i32> {
     let pair = max(vec2(bitcast<i32>(packed << 16u), bitcast<i32>(packed)) >> vec2(16u), vec2(-AXIS_PARTS));
     let height = AXIS_PARTS - abs(pair.x) - abs(pair.y);
@@ -74,8 +75,8 @@ fn whole_axis(packed: u32) -> vec3<i32> {
     return vec3(select(pair, folded, height < 0), height);
 }
 
-// Rotation from a shape's axes to the field's: turned around +z, which then points along the spin axis. The basis around the axis is
-// that of Duff et al., Building an Orthonormal Basis, Revisited, JCGT 6(1), 2017.
+// Rotation from a shape's axes to the field's: a rotation about +z, which is then mapped to the spin axis. The basis
+// around the axis is that of Duff et al., Building an Orthonormal Basis, Revisited, JCGT 6(1), 2017.
 fn field_from_shape(field: AsteroidField, packed_axis: u32, spin: u32) -> mat3x3<f32> {
     let whole = whole_axis(packed_axis);
     let axis = normalize(vec3<f32>(whole));
@@ -84,7 +85,7 @@ fn field_from_shape(field: AsteroidField, packed_axis: u32, spin: u32) -> mat3x3
     let b = axis.x * axis.y * a;
     let first = vec3(1.0 + side * axis.x * axis.x * a, side * b, -side * axis.x);
     let second = vec3(b, side + axis.y * axis.y * a, -axis.y);
-    // Whole turns fall out of the product of 32 bits.
+    // Whole rotations vanish in the 32-bit product.
     let rate = u32(bitcast<i32>(spin) >> 16u);
     let turn = (spin << 16u) + rate * field.time_parts;
     let angle = f32(bitcast<i32>(turn)) * (3.14159265358979 / 2147483648.0);

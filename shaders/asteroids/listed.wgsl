@@ -1,8 +1,8 @@
-// Drawing asteroids out of the lists that culling left, onto a picture or a face of the cube behind it. What meshes and
-// impostors share: where an asteroid stands, how it is turned and lit, where a place lands on the target, how it fades.
+// Draws asteroids from the lists written by culling, onto a picture or a face of the cube behind it. Shared by meshes
+// and impostors: position, rotation and lighting of an asteroid, projection onto the target, and fading.
 //
-// Depth is near / distance, greater is nearer: on flat pictures and faces by the distance along the axis, which hardware divides by, on
-// others by the distance from the eye.
+// Depth is near / distance, so greater is nearer. On flat pictures and faces, distance is measured along the axis, by
+// which hardware divides; on other pictures, from the eye.
 
 #import asteroids/instance
 #import asteroids/lists
@@ -45,17 +45,17 @@ struct AsteroidBucket {
 @group(0) @binding(6) var<storage, read> bases: array<u32>;
 @group(0) @binding(7) var<storage, read> shapes: array<AsteroidShape>;
 
-// An asteroid, in view axes.
+// Asteroid in view axes.
 struct Asteroid {
-    // Its middle relative to the eye, m.
+    // Centre relative to the eye, m.
     centre: vec3<f32>,
     // Mean radius, m.
     radius: f32,
-    // Index of the shape within its field's set, and of the set's first one.
+    // Index of the shape within its field's set, and index of the set's first shape.
     shape: u32,
     first_shape: u32,
     view_from_shape: mat3x3<f32>,
-    // To the sun, unit vector.
+    // Unit vector towards the sun.
     sun: vec3<f32>,
     // Geometric albedo times illuminance over pi, in units of the target.
     luminance: vec3<f32>,
@@ -63,8 +63,8 @@ struct Asteroid {
     fade: f32,
 }
 
-// Where the asteroid that was loaded last stands on an equirectangular picture, so that its vertices stay together: longitude of its
-// middle over 2 pi, and the shift of its image, pixels.
+// Image position of the last loaded asteroid on an equirectangular picture, which keeps its vertices together:
+// longitude of its centre over 2 pi, and shift of its image, pixels.
 var<private> seam_turn: f32;
 var<private> seam_shift: f32;
 
@@ -75,7 +75,7 @@ fn view_from_world(v: vec3<f32>) -> vec3<f32> {
         dot(asteroid_target.viewport.view_from_world_z.xyz, v));
 }
 
-// Entry of the bucket of the draw.
+// Entry of the draw's bucket.
 fn slot_of(instance_index: u32) -> u32 {
     return bases[asteroid_target.plane * asteroid_target.kinds + bucket.kind] + instance_index;
 }
@@ -107,7 +107,7 @@ fn load_asteroid(slot: u32) -> Asteroid {
     return asteroid;
 }
 
-// Pixel coordinates of a place relative to the eye, view axes, m; z = 0 where there is no image.
+// Pixel coordinates of a position relative to the eye, view axes, m; z = 0 if it has no image.
 fn pixel_of(place: vec3<f32>) -> vec3<f32> {
     let viewport = asteroid_target.viewport;
     var image = pixel_from_direction(viewport, place);
@@ -123,34 +123,34 @@ fn depth_of_place(place: vec3<f32>) -> f32 {
     return asteroid_target.near / select(length(place), -place.z, on_plane);
 }
 
-// Clip coordinates of a place relative to the eye, view axes, m.
+// Clip coordinates of a position relative to the eye, view axes, m.
 fn clip_from_view(place: vec3<f32>) -> vec4<f32> {
     let viewport = asteroid_target.viewport;
     let size = vec2(f32(viewport.size.x), f32(asteroid_target.rows));
     let row = f32(asteroid_target.first_row);
     if viewport.kind <= KIND_CUBE_FACE {
-        // Perspective: pixel coordinates times w, so that hardware clips and interpolates as a plane demands.
+        // Perspective: pixel coordinates times w, so that hardware clips and interpolates correctly for a plane.
         let w = -place.z;
         let pixel_w = (viewport.plane_offset - vec2(0.0, row)) * w + viewport.plane_scale * place.xy;
         return vec4(2.0 * pixel_w.x / size.x - w, w - 2.0 * pixel_w.y / size.y, asteroid_target.near, w);
     }
     let image = pixel_of(place);
     if image.z == 0.0 {
-        // No image: beyond the far plane, which nothing passes.
+        // No image: beyond the far plane, where everything is clipped.
         return vec4(0.0, 0.0, -1.0, 1.0);
     }
     let ndc = 2.0 * (image.xy - vec2(0.0, row)) / size - 1.0;
     return vec4(ndc.x, -ndc.y, depth_of_place(place), 1.0);
 }
 
-// Whether a fading asteroid leaves a sample out; `pixel`: the sample's place on the target. 2: none; w: all but a share w; -w: a share w, the
-// others. By an ordered pattern of 8 x 8 samples that stays in its place.
+// Whether a fading asteroid omits a sample at the target position `pixel`. Fade of at least 1: omits none; w: draws a
+// share w; -w: omits that share. The ordered pattern of 8 x 8 samples is fixed on the target.
 fn faded(fade: f32, pixel: vec2<u32>) -> bool {
     if fade >= 1.0 {
         return false;
     }
-    let at = pixel + vec2(0u, asteroid_target.first_row * asteroid_target.samples);
-    let mixed = vec2(at.x ^ at.y, at.y);
+    let position = pixel + vec2(0u, asteroid_target.first_row * asteroid_target.samples);
+    let mixed = vec2(position.x ^ position.y, position.y);
     var order = 0u;
     for (var bit = 0u; bit < 3u; bit++) {
         order = (order << 2u) | (((mixed.x >> bit) & 1u) << 1u) | ((mixed.y >> bit) & 1u);

@@ -1,4 +1,4 @@
-// Places the corners of asteroids' meshes.
+// Vertex shader of asteroid meshes.
 
 #import asteroids/listed
 #import asteroids/mesh_corner

@@ -1,5 +1,5 @@
-// The light of an asteroid as a whole: the phase functions of src/photometry/reflection.rs, and projected areas from a
-// table. The importer binds `areas`.
+// Total light of an asteroid: the phase functions of src/photometry/reflection.rs, and projected areas from a table.
+// The importer binds `areas`.
 
 #import asteroids/instance
 #import constants/asteroid_points
@@ -7,7 +7,7 @@
 #import shared/math
 #import shared/reflection
 
-// Light of a sphere at a phase angle over that at full phase.
+// Light of a sphere at a phase angle, relative to full phase.
 fn phase_function(law: u32, phase: f32) -> f32 {
     let d = max(PI - phase, 0.0);
     if law == LAW_LAMBERT {
@@ -22,7 +22,7 @@ fn phase_function(law: u32, phase: f32) -> f32 {
     }
     let cosine = precise_cos(x);
     let sine = precise_sin(x);
-    // tan(x / 2); at full phase the logarithm grows without bound and its factor vanishes faster.
+    // tan(x / 2). At full phase the logarithm diverges, but its factor vanishes faster.
     let half_tangent = sine / (1.0 + cosine);
     if half_tangent >= 0.999999 {
         return 1.0;
@@ -30,13 +30,13 @@ fn phase_function(law: u32, phase: f32) -> f32 {
     return 1.0 - cosine * cosine / sine * log((1.0 + half_tangent) / (1.0 - half_tangent));
 }
 
-// Projected area of a shape towards a direction in its axes (unit vector), over pi mean radii squared.
+// Projected area of a shape towards a direction in its axes (unit vector), in units of pi mean radii squared.
 fn area_towards(shape: u32, direction: vec3<f32>) -> f32 {
     let flat = direction.xy / (abs(direction.x) + abs(direction.y) + abs(direction.z));
     let folded = (1.0 - abs(flat.yx)) * select(vec2(-1.0), vec2(1.0), flat >= vec2(0.0));
-    let at = clamp((select(flat, folded, direction.z < 0.0) * 0.5 + 0.5) * f32(AREA_NODES - 1u), vec2(0.0), vec2(f32(AREA_NODES - 1u)));
-    let node = min(vec2<u32>(at), vec2(AREA_NODES - 2u));
-    let f = at - vec2<f32>(node);
+    let position = clamp((select(flat, folded, direction.z < 0.0) * 0.5 + 0.5) * f32(AREA_NODES - 1u), vec2(0.0), vec2(f32(AREA_NODES - 1u)));
+    let node = min(vec2<u32>(position), vec2(AREA_NODES - 2u));
+    let f = position - vec2<f32>(node);
     let first = shape * AREA_NODES * AREA_NODES + node.y * AREA_NODES + node.x;
     let upper = areas[first] * (1.0 - f.x) + areas[first + 1u] * f.x;
     let lower = areas[first + AREA_NODES] * (1.0 - f.x) + areas[first + AREA_NODES + 1u] * f.x;

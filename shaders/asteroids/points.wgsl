@@ -1,7 +1,7 @@
-// Asteroids that are drawn as points, splatted in illuminance as stars are. A workgroup takes a group and goes through
-// the tiles of the batch whose pictures may see it. The light is that of a sphere, p E (r / D)^2 times the phase
-// function, times the shape's projected area towards the eye over pi r^2, which a table holds, times the share of its
-// classes that is the point's.
+// Splats asteroids drawn as points in illuminance, like stars. A workgroup takes a group and loops over the tiles of
+// the batch whose pictures may show it. The light is that of a sphere, p E (r / D)^2 times the phase function, times
+// the shape's projected area towards the eye over pi r^2 (from a table), times the share of its classes that belongs to
+// the point.
 
 #import asteroids/class
 #import asteroids/instance
@@ -36,9 +36,9 @@ struct AsteroidPointParameters {
 @group(1) @binding(3) var<storage, read> lods: array<vec2<f32>>;
 @group(1) @binding(4) var<storage, read> views: array<AsteroidView>;
 @group(1) @binding(5) var<storage, read> tables: array<vec2<f32>>;
-// Projected areas over pi, shape by shape.
+// Projected areas divided by pi, shape by shape.
 @group(1) @binding(6) var<storage, read> areas: array<f32>;
-// By viewport the points seen; MAX_VIEWPORTS on, asteroids seen of groups that hold nothing but points.
+// Visible points per viewport; from MAX_VIEWPORTS on, visible asteroids of point-only groups.
 @group(1) @binding(7) var<storage, read_write> drawn_points: array<atomic<u32>>;
 
 override WORKGROUP: u32;
@@ -84,7 +84,7 @@ fn splat_asteroids(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
             if classes.current != CLASS_POINT {
                 continue;
             }
-            // Counted by the tile that has its row, or the row next to it.
+            // Counted by the tile that contains its row, or the nearest row.
             let row = select(0, clamp(i32(clamp(projected.y, -1.0, size.y)), 0, last_row), projected.z > 0.0);
             drawn += select(0u, 1u, row >= i32(tile.first_row) && row < i32(tile.first_row + tile.rows));
             let margin = viewport.gaussian_reach_px + 1.5;
@@ -92,7 +92,7 @@ fn splat_asteroids(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
                 || any(projected.xy > vec2(size.x, first_row + f32(tile.rows)) + margin) {
                 continue;
             }
-            // Back to the field's axes, and to those of the shape.
+            // Rotate back to the field's axes and then to those of the shape.
             let to_eye = -direction / distance;
             let world = to_eye.x * view.view_from_world_x.xyz + to_eye.y * view.view_from_world_y.xyz
                 + to_eye.z * view.view_from_world_z.xyz;
@@ -109,7 +109,8 @@ fn splat_asteroids(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
             if !(illuminance > 0.0) {
                 continue;
             }
-            // Its own mesh or impostor, with which it shares its light, is not before it; distances of pixels are rounded down.
+            // Its own mesh or impostor, with which it shares its light, does not hide it; distances of pixels are
+            // rounded down.
             let foremost = (distance - shapes[shape_index].bound * radius) * 0.9999;
             let visible = visible_share(tile, viewport, direction, projected.xy, foremost);
             if visible > 0.0 {

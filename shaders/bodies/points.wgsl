@@ -1,6 +1,7 @@
-// The point pass: bodies too small for a disc, and groups of asteroids too small to be told apart, splatted in illuminance as stars are.
+// The point pass: splats bodies too small for a disc, and groups of asteroids too small to be resolved, in illuminance
+// like stars.
 //
-// One invocation takes one point, into all tiles that may see it.
+// One invocation takes one point and splats it into all tiles that may show it.
 
 #import constants/rec709
 #import constants/units
@@ -56,7 +57,7 @@ fn splat_points(@builtin(global_invocation_id) id: vec3<u32>) {
         let viewport = viewports[tile.viewport];
         target_tile = vec3(tile.first_pixel, viewport.size.x, tile.first_flag);
         let relative = point.offset - PARSEC_M * eye_of(viewport);
-        // Squares of metres overflow from 600 pc on.
+        // Squares of metres overflow f32 beyond 600 pc.
         let largest = max(abs(relative.x), max(abs(relative.y), abs(relative.z)));
         if !(largest > 0.0) {
             continue;

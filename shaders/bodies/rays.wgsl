@@ -67,7 +67,7 @@ struct BodySun {
 @group(0) @binding(5) var<storage, read> body_runs: array<vec2<u32>>;
 @group(0) @binding(6) var<storage, read> suns: array<BodySun>;
 @group(0) @binding(7) var<storage, read> texels: array<u32>;
-// First column and row, within the tile, of the blocks of pixels that are drawn; the others are dark.
+// First column and row, within the tile, of the blocks of pixels that are drawn; other blocks are dark.
 @group(0) @binding(8) var<storage, read> blocks: array<vec2<u32>>;
 @group(1) @binding(0) var colour: texture_2d<f32>;
 @group(1) @binding(1) var depth: texture_depth_2d;
@@ -77,20 +77,21 @@ struct BodySun {
 // Whether there are layers of asteroids.
 override HAS_LAYERS: bool = false;
 
-// Parts of a pixel on the limb, along a side, at least and at most.
+// Minimum and maximum number of parts along a side of a pixel on the limb.
 const LEAST_LIMB_PARTS: f32 = 4.0;
 const MOST_LIMB_PARTS: f32 = 12.0;
-// Half the diagonal of a part, in semi-axes, for which a part is looked at in its middle alone.
+// Half the diagonal of a part, in semi-axes, up to which one ray through its centre is sufficient.
 const SMALL_PART: f32 = 0.05;
-// Parts of a pixel along a side where the limb of a body lies before another one.
+// Parts along a side of a pixel in which the limb of one body crosses another body.
 const CROSSED_PARTS: u32 = 12u;
-// Width of the parts of a pixel of a corona, in parts of the distance from the sun's middle: the steepest part of its light is then right to 2 %.
+// Width of the parts of a corona pixel, relative to the distance from the sun's centre. With it, the steepest part of
+// the light is accurate to 2 %.
 const CORONA_STEP: f32 = 0.04;
-// And so many of them along a side at most.
+// Maximum number of these parts along a side.
 const MOST_CORONA_PARTS: f32 = 24.0;
-// Bodies that one pixel may show.
+// Maximum number of bodies that one pixel can show.
 const MOST_HITS: u32 = 4u;
-// So many halves of the diagonal of a pixel from the limb a body is looked at more closely.
+// Distance from the limb, in half diagonals of a pixel, within which a body is sampled more finely.
 const STEEP_REACHES: f32 = 6.0;
 
 fn texel(index: u32) -> vec3<f32> {
@@ -99,11 +100,11 @@ fn texel(index: u32) -> vec3<f32> {
     return root * root;
 }
 
-// One level of a texture, between its four nearest texels. Longitude wraps.
+// Interpolates one level of a texture between its four nearest texels. Longitude wraps.
 fn level_texel(first: u32, size: vec2<u32>, place: vec2<f32>) -> vec3<f32> {
-    let at = place * vec2<f32>(size) - 0.5;
-    let low = floor(at);
-    let part = at - low;
+    let position = place * vec2<f32>(size) - 0.5;
+    let low = floor(position);
+    let part = position - low;
     let width = i32(size.x);
     let x = vec2((i32(low.x) % width + width) % width, (i32(low.x) + 1 + width) % width);
     let y = clamp(vec2(i32(low.y), i32(low.y) + 1), vec2(0), vec2(i32(size.y) - 1));
@@ -112,7 +113,7 @@ fn level_texel(first: u32, size: vec2<u32>, place: vec2<f32>) -> vec3<f32> {
     return mix(top, bottom, part.y);
 }
 
-// Factor on the albedo at a point of the unit sphere, seen with texels of `footprint` rad.
+// Factor on the albedo at a point of the unit sphere, for a pixel of angular size `footprint`, rad.
 fn surface_factor(body: ViewBody, point: vec3<f32>, footprint: f32) -> vec3<f32> {
     if body.texture == NO_TEXTURE {
         return vec3(1.0);
@@ -120,7 +121,7 @@ fn surface_factor(body: ViewBody, point: vec3<f32>, footprint: f32) -> vec3<f32>
     let place = vec2(
         precise_atan2(point.y, point.x) / (2.0 * PI) + 0.5,
         precise_atan2(length(point.xy), point.z) / PI);
-    // Each level has half the texels of the one before along each side, down to one.
+    // Each level has half as many texels along each side as the previous one, at least one.
     var size = body.texture_size;
     var first = body.texture;
     var level = clamp(log2(max(footprint * f32(size.x) / (2.0 * PI), 1.0)), 0.0, 31.0);
@@ -136,14 +137,15 @@ fn surface_factor(body: ViewBody, point: vec3<f32>, footprint: f32) -> vec3<f32>
     return mix(fine, level_texel(first + size.x * size.y, max(size / 2u, vec2(1u)), place), level);
 }
 
-// Half of the angle of a circle of radius `own` within another one of radius `other` whose middle is `apart` from it: its sine and cosine, and itself.
+// Sine, cosine and value of half the angle of the arc of a circle of radius `own` inside another circle of radius
+// `other`, whose centre is at the distance `apart`.
 fn half_angle(own: f32, other: f32, apart: f32) -> vec3<f32> {
     let cosine = clamp((apart * apart + own * own - other * other) / (2.0 * apart * own), -1.0, 1.0);
     let sine = sqrt(1.0 - cosine * cosine);
     return vec3(sine, cosine, precise_atan2(sine, cosine));
 }
 
-// Share of a sun's light that arrives in a point of the unit sphere: see src/scene/bodies/shadow.rs.
+// Share of a sun's light that reaches a point of the unit sphere: see src/scene/bodies/shadow.rs.
 fn open_share(sun: BodySun, point: vec3<f32>) -> vec3<f32> {
     if sun.occluder_radius <= 0.0 {
         return vec3(1.0);
@@ -157,15 +159,16 @@ fn open_share(sun: BodySun, point: vec3<f32>) -> vec3<f32> {
         let share = own / sun.sun_radius;
         hidden = select(share * share, 1.0, own >= sun.sun_radius);
     } else if apart < own + sun.sun_radius {
-        let of_sun = half_angle(sun.sun_radius, own, apart);
-        let of_own = half_angle(own, sun.sun_radius, apart);
+        let sun_arc = half_angle(sun.sun_radius, own, apart);
+        let own_arc = half_angle(own, sun.sun_radius, apart);
         let ratio = own / sun.sun_radius;
-        hidden = (of_sun.z - of_sun.x * of_sun.y + ratio * ratio * (of_own.z - of_own.x * of_own.y)) / PI;
+        hidden = (sun_arc.z - sun_arc.x * sun_arc.y + ratio * ratio * (own_arc.z - own_arc.x * own_arc.y)) / PI;
     }
     return 1.0 - hidden * (1.0 - sun.refracted);
 }
 
-// Share of the light of the first sun that rings let through to a point of the unit sphere, blurred over a part of the radius.
+// Share of the first sun's light that passes the rings towards a point of the unit sphere, blurred over a part of the
+// radius.
 fn through_rings(body: ViewBody, point: vec3<f32>, blur: f32) -> f32 {
     let along = normalize(body.to_sun / vec3(1.0, 1.0, body.flattening));
     let steps = -point.z / along.z;
@@ -185,7 +188,7 @@ fn through_rings(body: ViewBody, point: vec3<f32>, blur: f32) -> f32 {
     return 1.0 - hidden;
 }
 
-// Luminance of a body where a ray enters it.
+// Luminance of a body at the entry point of a ray.
 fn luminance_at(body: ViewBody, passage: Passage, entry: vec4<f32>, footprint: f32) -> vec3<f32> {
     let normal = normalize(
         entry.x * body.unit_from_view_x + entry.y * body.unit_from_view_y + entry.z * body.unit_from_view_z);
@@ -205,7 +208,7 @@ fn luminance_at(body: ViewBody, passage: Passage, entry: vec4<f32>, footprint: f
     return luminance;
 }
 
-// Share of a unit square in which a plane with this value at the middle and these slopes is positive.
+// Share of a unit square in which a linear function with this central value and these slopes is positive.
 fn positive_share(middle: f32, slopes: vec2<f32>) -> f32 {
     let half = 0.5 * vec2(max(abs(slopes.x), abs(slopes.y)), min(abs(slopes.x), abs(slopes.y)));
     let size = abs(middle);
@@ -221,7 +224,8 @@ fn positive_share(middle: f32, slopes: vec2<f32>) -> f32 {
     return select(1.0 - share, share, middle >= 0.0);
 }
 
-// A body as the eye sees it that looks along a ray. All of a pixel is seen by one eye, so that limbs are as smooth as elsewhere.
+// Body as seen by the eye that looks along a ray. One eye is used for the whole pixel, so that limbs are as smooth as
+// elsewhere.
 fn body_for(viewport: Viewport, number: u32, ray: vec3<f32>) -> ViewBody {
     if viewport.viewing_circle_m == 0.0 {
         return view_bodies[number];
@@ -229,7 +233,7 @@ fn body_for(viewport: Viewport, number: u32, ray: vec3<f32>) -> ViewBody {
     return seen_from(view_bodies[number], eye_on_circle(viewport, normalize(ray)));
 }
 
-// Direction of a point of the picture; beside a round one, that of `otherwise`.
+// Direction of a point of the picture; outside a round picture, `otherwise`.
 fn ray_of(viewport: Viewport, pixel: vec2<f32>, otherwise: vec3<f32>) -> vec3<f32> {
     if viewport.kind <= KIND_CUBE_FACE {
         return vec3((pixel - viewport.plane_offset) / viewport.plane_scale, -1.0);
@@ -238,13 +242,13 @@ fn ray_of(viewport: Viewport, pixel: vec2<f32>, otherwise: vec3<f32>) -> vec3<f3
     return select(otherwise, direction.xyz, direction.w > 0.0);
 }
 
-// Half of a pixel's diagonal in units of the ray through its middle, with a third more for pixels that are not square.
+// Half the diagonal of a pixel in units of the ray through its centre, plus a third for pixels that are not square.
 fn extent_of(viewport: Viewport, corner: vec2<f32>, ray: vec3<f32>) -> f32 {
     return 1.35 * max(length(ray_of(viewport, corner, ray) - ray), length(ray_of(viewport, corner + 1.0, ray) - ray));
 }
 
-// What a body shows in a pixel: luminance times coverage, and coverage.
-struct Shown {
+// Contribution of a body to a pixel: luminance times coverage, and coverage.
+struct Contribution {
     light: vec3<f32>,
     coverage: f32,
     distance_m: f32,
@@ -252,37 +256,37 @@ struct Shown {
     rings: bool,
 }
 
-// `extent`: half of a pixel's diagonal in units of the ray.
-fn body_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec3<f32>, extent: f32) -> Shown {
-    var shown: Shown;
+// Contribution of a body to a pixel. `extent`: half the diagonal of the pixel in units of the ray.
+fn body_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec3<f32>, extent: f32) -> Contribution {
+    var contribution: Contribution;
     let middle = passage_of(body, ray);
     let scale = body.distance_m * body.inverse_smallest * length(body.unit_centre) * inverseSqrt(max(dot(middle.along, middle.along), 1e-30));
     let reach = extent * scale;
     if middle.s > 1.0 + reach {
-        return shown;
+        return contribution;
     }
     let footprint = 1.4 * extent * body.distance_m * body.inverse_smallest;
     let entry = entry_of(body, middle);
-    shown.distance_m = entry.w;
-    shown.limb = middle.s >= 1.0 - reach;
-    // Towards the limb the cosines change with the root of the distance from it.
+    contribution.distance_m = entry.w;
+    contribution.limb = middle.s >= 1.0 - reach;
+    // Near the limb, cosines vary with the square root of the distance from it.
     let steep = middle.s >= 1.0 - STEEP_REACHES * reach;
-    let parts = u32(clamp(ceil(reach / SMALL_PART), select(select(1.0, 2.0, steep), LEAST_LIMB_PARTS, shown.limb), MOST_LIMB_PARTS));
+    let parts = u32(clamp(ceil(reach / SMALL_PART), select(select(1.0, 2.0, steep), LEAST_LIMB_PARTS, contribution.limb), MOST_LIMB_PARTS));
     if parts == 1u {
-        shown.coverage = 1.0;
-        shown.light = luminance_at(body, middle, entry, footprint);
-        return shown;
+        contribution.coverage = 1.0;
+        contribution.light = luminance_at(body, middle, entry, footprint);
+        return contribution;
     }
     let step = 1.0 / f32(parts);
     var whole = 0.0;
     for (var i = 0u; i < parts * parts; i++) {
-        let at = corner + (vec2(f32(i % parts), f32(i / parts)) + 0.5) * step;
-        let own = ray_of(viewport, at, ray);
-        let right = ray_of(viewport, at + vec2(0.5 * step, 0.0), own);
-        let left = ray_of(viewport, at - vec2(0.5 * step, 0.0), own);
-        let down = ray_of(viewport, at + vec2(0.0, 0.5 * step), own);
-        let up = ray_of(viewport, at - vec2(0.0, 0.5 * step), own);
-        // Towards a pole the parts of a pixel cover ever less of the sky.
+        let position = corner + (vec2(f32(i % parts), f32(i / parts)) + 0.5) * step;
+        let own = ray_of(viewport, position, ray);
+        let right = ray_of(viewport, position + vec2(0.5 * step, 0.0), own);
+        let left = ray_of(viewport, position - vec2(0.5 * step, 0.0), own);
+        let down = ray_of(viewport, position + vec2(0.0, 0.5 * step), own);
+        let up = ray_of(viewport, position - vec2(0.0, 0.5 * step), own);
+        // Near a pole, the parts of a pixel cover less and less sky.
         let weight = length(cross(right - left, down - up));
         var passage = passage_of(body, own);
         var share = 1.0;
@@ -290,7 +294,7 @@ fn body_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec
             let slopes = vec2(
                 passage_of(body, right).s - passage_of(body, left).s, passage_of(body, down).s - passage_of(body, up).s);
             share = positive_share(1.0 - passage.s, slopes);
-            // What is covered lies between these distances from the limb; at this one the root has its mean.
+            // The covered part is between these distances from the limb; the root has its mean at this distance.
             let half = 0.5 * length(slopes);
             let near = max(1.0 - passage.s - half, 0.0);
             let far = max(1.0 - passage.s + half, near + 1e-6);
@@ -302,17 +306,18 @@ fn body_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec
         }
         whole += weight;
         if share > 0.0 {
-            shown.light += weight * share * luminance_at(body, passage, entry_of(body, passage), footprint * step);
-            shown.coverage += weight * share;
+            contribution.light += weight * share * luminance_at(body, passage, entry_of(body, passage), footprint * step);
+            contribution.coverage += weight * share;
         }
     }
-    shown.light /= whole;
-    // Not more than all of it, and all of it only where it is.
-    shown.coverage = min(shown.coverage / whole, 1.0);
-    return shown;
+    contribution.light /= whole;
+    // At most 1, and exactly 1 only if the whole pixel is covered.
+    contribution.coverage = min(contribution.coverage / whole, 1.0);
+    return contribution;
 }
 
-// Where a ray meets the plane of a body's equator: xy in equatorial radii, its distance from the eye in m, and whether it is ahead.
+// Intersection of a ray with a body's equatorial plane: xy in equatorial radii, distance from the eye in m, and whether
+// it is in front of the eye.
 fn on_equator(body: ViewBody, ray: vec3<f32>) -> vec4<f32> {
     let passage = passage_of(body, ray);
     let parts = -passage.beside.z / passage.along.z;
@@ -321,27 +326,27 @@ fn on_equator(body: ViewBody, ray: vec3<f32>) -> vec4<f32> {
     return vec4(place.xy, body.distance_m * (1.0 + parts) * length(passage.ray), select(0.0, 1.0, ahead));
 }
 
-// What the rings of a body show in a pixel.
-fn rings_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec3<f32>) -> Shown {
-    var shown: Shown;
-    shown.rings = true;
+// Contribution of a body's rings to a pixel.
+fn rings_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec3<f32>) -> Contribution {
+    var contribution: Contribution;
+    contribution.rings = true;
     let own = on_equator(body, ray);
     let right = on_equator(body, ray_of(viewport, corner + vec2(1.0, 0.5), ray));
     let down = on_equator(body, ray_of(viewport, corner + vec2(0.5, 1.0), ray));
     if own.w * right.w * down.w == 0.0 {
-        return shown;
+        return contribution;
     }
     let radius = length(own.xy);
-    // Half of a pixel along the radius.
+    // Half the size of a pixel along the radius.
     let half = clamp(abs(length(right.xy) - radius) + abs(length(down.xy) - radius), 1e-5, 1.0);
     if radius + half < RING_INNER || radius - half > RING_OUTER {
-        return shown;
+        return contribution;
     }
     let passage = passage_of(body, ray);
     let in_world = passage.along * vec3(1.0, 1.0, body.flattening);
     let mu_eye = max(abs(in_world.z) * inverseSqrt(dot(in_world, in_world)), 1e-3);
     let mu_sun = max(abs(body.to_sun.z), 1e-3);
-    // From above, rays come down.
+    // Rays that come from above go down.
     let is_lit = -in_world.z * body.to_sun.z > 0.0;
     var zones = RING_ZONES;
     var inner = RING_INNER;
@@ -349,21 +354,22 @@ fn rings_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: ve
     for (var i = 0u; i < 4u; i++) {
         let zone = zones[i];
         let within = (clamp(radius + half, inner, zone.x) - clamp(radius - half, inner, zone.x)) / (2.0 * half);
-        shown.coverage += within * (1.0 - exp(-zone.y / mu_eye));
+        contribution.coverage += within * (1.0 - exp(-zone.y / mu_eye));
         reflected += within * zone.z * mu_sun / (4.0 * (mu_eye + mu_sun)) * (1.0 - exp(-zone.y * (1.0 / mu_eye + 1.0 / mu_sun)));
         inner = zone.x;
     }
-    // The shadow of the globe, whose edge is blurred over the pixel.
+    // Shadow of the globe, with its edge blurred over the pixel.
     let to_sun = normalize(body.to_sun / vec3(1.0, 1.0, body.flattening));
     let towards = dot(vec3(own.xy, 0.0), to_sun);
     let beside = sqrt(max(radius * radius - towards * towards, 0.0));
     let open = select(clamp(0.5 + (beside - 1.0) / (2.0 * half), 0.0, 1.0), 1.0, towards >= 0.0);
-    shown.light = body.around_light * select(0.0, reflected * open, is_lit);
-    shown.distance_m = own.z;
-    return shown;
+    contribution.light = body.around_light * select(0.0, reflected * open, is_lit);
+    contribution.distance_m = own.z;
+    return contribution;
 }
 
-// Luminance of a corona over the mean one of the disc, at a distance from the sun's middle in radii: see src/photometry/corona.rs.
+// Luminance of a corona relative to the disc's mean, at a distance from the sun's centre in radii: see
+// src/photometry/corona.rs.
 fn corona_over_disc(s: f32) -> f32 {
     if s < 1.0 || s >= CORONA_OUTER {
         return 0.0;
@@ -376,7 +382,7 @@ fn corona_over_disc(s: f32) -> f32 {
     return (1.0 - t * t * (3.0 - 2.0 * t)) * (CORONA_PARTS.x * q2 * sqrt(q) + CORONA_PARTS.y * q4 * q2 * q + CORONA_PARTS.z * q8 * q8 * q);
 }
 
-// Mean luminance of a body's corona over a pixel, without what stands before it.
+// Mean luminance of a body's corona over a pixel, without occlusion.
 fn corona_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec3<f32>, extent: f32) -> vec3<f32> {
     let s = passage_of(body, ray).s;
     let reach = extent * body.distance_m * body.inverse_smallest;
@@ -386,33 +392,34 @@ fn corona_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: v
     let parts = u32(clamp(ceil(2.0 * reach / (CORONA_STEP * max(s, 1.0))), 1.0, MOST_CORONA_PARTS));
     var sum = 0.0;
     for (var i = 0u; i < parts * parts; i++) {
-        let at = corner + (vec2(f32(i % parts), f32(i / parts)) + 0.5) / f32(parts);
-        sum += corona_over_disc(passage_of(body, ray_of(viewport, at, ray)).s);
+        let position = corner + (vec2(f32(i % parts), f32(i / parts)) + 0.5) / f32(parts);
+        sum += corona_over_disc(passage_of(body, ray_of(viewport, position, ray)).s);
     }
     return body.around_light * (sum / f32(parts * parts));
 }
 
-// Puts what a body or its rings show among what a pixel shows, the nearest first; of more than fit the farthest is left out.
-fn insert_hit(hits: ptr<function, array<Shown, MOST_HITS>>, count: u32, shown: Shown) -> u32 {
-    var at = min(count, MOST_HITS - 1u);
-    if count == MOST_HITS && (*hits)[at].distance_m <= shown.distance_m {
+// Inserts a body or its rings into the list of a pixel, sorted from near to far. If the list is full, the farthest is
+// dropped.
+fn insert_hit(hits: ptr<function, array<Contribution, MOST_HITS>>, count: u32, contribution: Contribution) -> u32 {
+    var index = min(count, MOST_HITS - 1u);
+    if count == MOST_HITS && (*hits)[index].distance_m <= contribution.distance_m {
         return count;
     }
-    while at > 0u && (*hits)[at - 1u].distance_m > shown.distance_m {
-        (*hits)[at] = (*hits)[at - 1u];
-        at--;
+    while index > 0u && (*hits)[index - 1u].distance_m > contribution.distance_m {
+        (*hits)[index] = (*hits)[index - 1u];
+        index--;
     }
-    (*hits)[at] = shown;
+    (*hits)[index] = contribution;
     return min(count + 1u, MOST_HITS);
 }
 
-// What the layers hold at a sample: luminance and distance; w = 0: nothing.
+// Luminance and distance of the layers at a sample; w = 0: empty.
 fn layers_at(viewport: Viewport, texel: vec2<u32>, ray: vec3<f32>) -> vec4<f32> {
     var found = vec4(0.0);
     let unit = normalize(ray);
     let own = textureLoad(depth, texel, 0);
     if own > 0.0 {
-        // Flat pictures have the distance along the axis of view.
+        // Flat pictures store the distance along the view axis.
         let along = select(1.0, -unit.z, viewport.kind <= KIND_CUBE_FACE);
         found = vec4(textureLoad(colour, texel, 0).xyz * parameters.luminance_scale, parameters.near_m / own / along);
     }
@@ -425,25 +432,25 @@ fn layers_at(viewport: Viewport, texel: vec2<u32>, ray: vec3<f32>) -> vec4<f32> 
             let right = cross(forwards[face], ups[face]);
             let tangents = vec2(dot(unit, right), -dot(unit, ups[face])) / along;
             let size = i32(parameters.face_size);
-            let at = clamp(vec2<i32>(floor((0.5 + 0.5 * tangents) * f32(size))), vec2(0), vec2(size - 1));
-            let other = textureLoad(faces_depth, at, face, 0);
+            let face_texel = clamp(vec2<i32>(floor((0.5 + 0.5 * tangents) * f32(size))), vec2(0), vec2(size - 1));
+            let other = textureLoad(faces_depth, face_texel, face, 0);
             let distance_m = parameters.near_m / max(other, 1e-38) / along;
             if other > 0.0 && (found.w == 0.0 || distance_m < found.w) {
-                found = vec4(textureLoad(faces_colour, at, face, 0).xyz * parameters.luminance_scale, distance_m);
+                found = vec4(textureLoad(faces_colour, face_texel, face, 0).xyz * parameters.luminance_scale, distance_m);
             }
         }
     }
     return found;
 }
 
-// Light of a pixel of which several bodies cover parts, each of its parts by what is nearest, and how far it is covered.
+// Light and coverage of a pixel that several bodies partly cover: each part of the pixel shows the nearest body.
 fn nearest_of_parts(viewport: Viewport, run: vec2<u32>, corner: vec2<f32>, ray: vec3<f32>, extent: f32) -> vec4<f32> {
     var sum = vec4(0.0);
     for (var i = 0u; i < CROSSED_PARTS * CROSSED_PARTS; i++) {
-        let at = corner + (vec2(f32(i % CROSSED_PARTS), f32(i / CROSSED_PARTS)) + 0.5) / f32(CROSSED_PARTS);
-        let own = ray_of(viewport, at, ray);
+        let position = corner + (vec2(f32(i % CROSSED_PARTS), f32(i / CROSSED_PARTS)) + 0.5) / f32(CROSSED_PARTS);
+        let own = ray_of(viewport, position, ray);
         var nearest = 3e38;
-        var shown = vec4(0.0);
+        var front = vec4(0.0);
         var corona = vec3(0.0);
         for (var b = run.x; b < run.x + run.y; b++) {
             let body = body_for(viewport, b, ray);
@@ -456,17 +463,17 @@ fn nearest_of_parts(viewport: Viewport, run: vec2<u32>, corner: vec2<f32>, ray: 
                 if entry.w < nearest {
                     nearest = entry.w;
                     let footprint = extent / f32(CROSSED_PARTS) * body.distance_m * body.inverse_smallest;
-                    shown = body.part * vec4(luminance_at(body, passage, entry, footprint), 1.0);
+                    front = body.part * vec4(luminance_at(body, passage, entry, footprint), 1.0);
                 }
             }
         }
-        sum += shown + vec4((1.0 - shown.w) * corona, 0.0);
+        sum += front + vec4((1.0 - front.w) * corona, 0.0);
     }
     return sum / f32(CROSSED_PARTS * CROSSED_PARTS);
 }
 
-// The first body from a number on that may be seen in the pixel around a unit vector, or the end: most pixels show none, and a loop that ends at once costs a software driver nothing, which a
-// branch does not save it.
+// First body, from an index on, that may be visible in the pixel around a unit vector, or the end index. Most pixels
+// show none; a loop that ends at once costs a software driver nothing, whereas a branch would.
 fn next_near(from_body: u32, end: u32, unit: vec3<f32>) -> u32 {
     var b = from_body;
     while b < end {
@@ -520,7 +527,7 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
         }
         if covered > 0.0 {
             if run.y > 0u {
-                // Bodies too, sample by sample.
+                // Include bodies, sample by sample.
                 light = vec3(0.0);
                 nearest = 3e38;
                 var covered_share = 0.0;
@@ -536,10 +543,10 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
                             let entry = entry_of(body, passage);
                             if found.w == 0.0 || entry.w < found.w {
                                 let footprint = extent / f32(samples) * body.distance_m * body.inverse_smallest;
-                                // A body that is half a point lets half of what is behind it through.
+                                // A body drawn half as a point lets half of the light behind it pass.
                                 let part = body.part;
-                                let shown = luminance_at(body, passage, entry, footprint);
-                                found = vec4(mix(found.xyz, shown, part), entry.w);
+                                let contribution = luminance_at(body, passage, entry, footprint);
+                                found = vec4(mix(found.xyz, contribution, part), entry.w);
                                 share = mix(share, 1.0, part);
                             }
                         }
@@ -559,11 +566,11 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
         }
     }
 
-    // Bodies alone, the nearest first, by where the ray meets them.
-    var hits: array<Shown, MOST_HITS>;
+    // Bodies only, sorted from near to far along the ray.
+    var hits: array<Contribution, MOST_HITS>;
     var count = 0u;
     var flags = 0u;
-    // A corona covers nothing; what is nearer than its sun covers it.
+    // A corona hides nothing; bodies nearer than its sun hide it.
     var corona = vec3(0.0);
     var corona_m = 3e38;
     let unit = normalize(ray);
@@ -571,14 +578,14 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
     for (var b = next_near(run.x, end, unit); b < end; b = next_near(b + 1u, end, unit)) {
         let body = body_for(viewport, b, ray);
         let extent = extent_of(viewport, corner, ray);
-        var shown = body_in_pixel(viewport, body, corner, ray, extent);
-        if shown.coverage > 0.0 || shown.limb {
-            if shown.limb || body.part < 1.0 {
+        var contribution = body_in_pixel(viewport, body, corner, ray, extent);
+        if contribution.coverage > 0.0 || contribution.limb {
+            if contribution.limb || body.part < 1.0 {
                 flags |= COVER_LIMB;
             }
-            shown.light *= body.part;
-            shown.coverage *= body.part;
-            count = insert_hit(&hits, count, shown);
+            contribution.light *= body.part;
+            contribution.coverage *= body.part;
+            count = insert_hit(&hits, count, contribution);
         }
         if body.around == AROUND_CORONA {
             corona += corona_in_pixel(viewport, body, corner, ray, extent);
@@ -606,10 +613,11 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
         }
     }
     light += before_corona * corona;
-    // The limb of a body before another one: what is covered of both is no product of shares. In an eclipse one disc lies within the other.
+    // If the limb of a body crosses another body, the covered area is not a product of shares: in an eclipse one disc
+    // is inside the other.
     let partly = count > 0u && !hits[0].rings && hits[0].coverage > 0.0 && hits[0].coverage < 1.0;
     let crossed = count > 1u && !hits[1].rings && hits[1].coverage > 0.0;
-    // So is that of one before a corona, which is brightest where the limb of its sun is.
+    // The same applies to a body in front of a corona, which is brightest at the limb of its sun.
     if partly && (crossed || (before_corona < 1.0 && any(corona > vec3(0.0)))) {
         let sampled = nearest_of_parts(viewport, run, corner, ray, extent_of(viewport, corner, ray));
         light = sampled.xyz;

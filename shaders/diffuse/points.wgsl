@@ -1,4 +1,5 @@
-// Light of no single star, through the air, at the points of a grid over each picture, and whether it bends too much to be read between the points of the cell to the right and below.
+// Evaluates diffuse light, attenuated by air, at the points of a grid over each picture. Also marks whether the light
+// of the cell to the right and below is too rough for interpolation between its points.
 
 #import constants/diffuse
 #import constants/workgroups
@@ -23,11 +24,11 @@ struct DiffusePointParameters {
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
 @group(0) @binding(2) var<storage, read> point_grids: array<PointGrid>;
 @group(0) @binding(3) var<storage, read> diffuse_texels: array<u32>;
-// By block of texels: src/catalogue/diffuse.rs.
+// Roughness per block of texels: src/catalogue/diffuse.rs.
 @group(0) @binding(4) var<storage, read> roughness: array<f32>;
 @group(0) @binding(5) var<storage, read_write> grid_points: array<vec4<f32>>;
 
-// Lower than this sine of the altitude of its corner what the air takes of the light in a cell bends too much.
+// Sine of the altitude of a cell's corner below which the extinction in the cell is too curved for interpolation.
 const LEAST_SINE: f32 = 0.12;
 
 @compute @workgroup_size(VEIL_SIDE, VEIL_SIDE)
@@ -47,7 +48,7 @@ fn place_diffuse(@builtin(global_invocation_id) place: vec3<u32>) {
     let direction = picture_direction(arriving);
     let light = passed * diffuse_luminance(parameters.light, arriving, direction);
     var is_rough = parameters.air.present != 0u && dot(towards, parameters.air.zenith) < LEAST_SINE;
-    // The blocks of the map know what is as far around them as a cell reaches from its corner.
+    // The roughness of a block also covers its surroundings, as far as a cell extends from its corner.
     let map = parameters.light.map;
     let texel = vec2<u32>(max(0.5 * f32(map.side) + direction.offset * map.texels_per_rad, vec2(0.0)));
     let blocks = (map.side + ROUGHNESS_BLOCK - 1u) / ROUGHNESS_BLOCK;

@@ -1,5 +1,5 @@
-// Reads what shared/accumulate_u64.wgsl has summed, and writes luminance in its place. The 64-bit words are read as pairs of 32
-// bits, low first, which is as WGSL stores them and cheaper to take apart.
+// Reads the sums of shared/accumulate_u64.wgsl, and replaces them by luminance. The 64-bit words are read as pairs of
+// 32 bits, low word first; this is WGSL's memory layout and cheaper to unpack.
 
 #import shared/pixel_grid
 
@@ -10,18 +10,18 @@
 @group(0) @binding(9) var<storage, read> bright_high_words: array<vec2<u32>>;
 
 fn fields(word: vec2<u32>) -> vec3<f32> {
-    // As signed numbers: CPUs have one instruction for these.
+    // Converted as signed integers, for which CPUs have a single instruction.
     return vec3<f32>(
         vec3<i32>(vec3(word.x & 0x1fffffu, (word.x >> 21u) | ((word.y & 0x3ffu) << 11u), (word.y >> 10u) & 0x1fffffu)),
     );
 }
 
-// Whether the block of that flag may have high words.
+// Whether the block of this flag may have high words.
 fn has_high_words(flag: u32) -> bool {
     return counters[flag] != 0u;
 }
 
-// Units of the three channels of a pixel. High words are left at zero, where the next frame finds them.
+// Units of a pixel's three channels. High words are reset to zero for the next frame.
 fn sums(pixel: u32, high: bool) -> vec3<f32> {
     var units = fields(pixels[pixel]);
     if high {

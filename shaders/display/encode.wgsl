@@ -1,5 +1,5 @@
-// Luminance to 8 bits of a display. Operator and options are constants of the pipeline, so that what is not asked for
-// is not there. The f64 twin is src/photometry/tone_map.rs.
+// Converts luminance to 8-bit display values. Operator and options are constants of the pipeline, so unused code is
+// removed. The f64 twin is src/photometry/tone_map.rs.
 
 #import constants/display
 #import constants/rec709
@@ -31,33 +31,33 @@ struct Display {
 }
 
 fn filmic(value: vec3<f32>) -> vec3<f32> {
-    // Beyond 1e4 the curve is within 2e-5 of 1, and the products stay finite.
+    // Above 1e4 the curve is within 2e-5 of 1, and the products stay finite.
     let x = min(value, vec3(1e4));
     return x * (6.2 * x + 0.5) / (x * (6.2 * x + 1.7) + 0.06);
 }
 
 fn aces(value: vec3<f32>) -> vec3<f32> {
-    // At 1 from 7.24 on.
+    // The curve reaches 1 at 7.24.
     let x = min(value, vec3(1e4));
     return min(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), vec3(1.0));
 }
 
-// What Reinhard's operator multiplies a colour of luminance y over white by.
+// Factor by which Reinhard's operator scales a colour of luminance y relative to white.
 fn reinhard_scale(y: f32, white: f32) -> f32 {
     return (1.0 + y / (white * white)) / (1.0 + y);
 }
 
-// Light, black where it is no number. Told by the bits: compilers may take it that comparisons see numbers only.
+// Replaces NaN by black. Tests bits, since compilers may assume that comparisons never see NaN.
 fn without_nan(luminance: vec3<f32>) -> vec3<f32> {
     return select(luminance, vec3(0.0), (bitcast<vec3<u32>>(luminance) & vec3(0x7fffffffu)) > vec3(0x7f800000u));
 }
 
-// Light that colours can be made of: nothing below 0, nothing infinite.
+// Clamps light to finite, non-negative values.
 fn bounded(light: vec3<f32>) -> vec3<f32> {
     return clamp(light, vec3(0.0), vec3(BRIGHTEST));
 }
 
-// Light in cd/m^2 as rods and cones see it: src/photometry/tone_map/scotopic.rs.
+// Appearance of light (cd/m^2) to rods and cones: src/photometry/tone_map/scotopic.rs.
 fn seen_at_night(light: vec3<f32>, amount: f32) -> vec3<f32> {
     let y = dot(light, LUMINANCE_WEIGHTS);
     let xyz = vec3(
@@ -68,72 +68,72 @@ fn seen_at_night(light: vec3<f32>, amount: f32) -> vec3<f32> {
     if !(y > 0.0 && xyz.x > 0.0) {
         return light;
     }
-    // Scotopic over photopic luminance, over that of white; shown at x = y = 0.25.
+    // Scotopic over photopic luminance, relative to white; displayed at x = y = 0.25.
     let ratio = (1.33 * (1.0 + (xyz.y + xyz.z) / xyz.x) - 1.68) / 2.5732779;
     let rods = y * ratio * vec3(0.7063652, 0.9898340, 1.9655961);
     let cones = clamp(0.767 + 0.3334 * 0.30102999566 * log2(y), 0.0, 1.0);
     return light + amount * (1.0 - cones) * (rods - light);
 }
 
-// The colour of luminance `y` that has the hue of `value`, as saturated as it is as far as no channel exceeds 1.
+// Colour of luminance `y` with the hue of `value`, as saturated as possible with no channel above 1.
 fn at_luminance(value: vec3<f32>, y: f32) -> vec3<f32> {
     let own = dot(value, LUMINANCE_WEIGHTS);
     if !(own > 0.0 && y > 0.0) {
         return vec3(0.0);
     }
-    let of_unit_luminance = value * (1.0 / own);
-    let most = max(of_unit_luminance.x, max(of_unit_luminance.y, of_unit_luminance.z));
+    let unit_colour = value * (1.0 / own);
+    let most = max(unit_colour.x, max(unit_colour.y, unit_colour.z));
     var purity = 1.0;
     if y * most > 1.0 {
         purity = clamp((1.0 - y) / (y * (most - 1.0)), 0.0, 1.0);
     }
-    return y * (1.0 + purity * (of_unit_luminance - 1.0));
+    return y * (1.0 + purity * (unit_colour - 1.0));
 }
 
-// Display values, encoded, of light in cd/m^2.
-fn encoded_display(luminance: vec3<f32>, display_per_cd_m2: f32, shown: Display) -> vec3<f32> {
+// Encoded display values of light in cd/m^2.
+fn encoded_display(luminance: vec3<f32>, display_per_cd_m2: f32, settings: Display) -> vec3<f32> {
     var light = bounded(without_nan(luminance));
     if SCOTOPIC {
-        light = bounded(seen_at_night(light, shown.scotopic));
+        light = bounded(seen_at_night(light, settings.scotopic));
     }
     var value = min(light * display_per_cd_m2, vec3(BRIGHTEST));
     if TONE_OPERATOR == OPERATOR_CALIBRATED {
-        // The display adds its black to everything.
-        value = bounded((light - shown.black_cd_m2) / (shown.peak_cd_m2 - shown.black_cd_m2));
+        // The display adds its black level to everything.
+        value = bounded((light - settings.black_cd_m2) / (settings.peak_cd_m2 - settings.black_cd_m2));
     }
     var scale = 1.0;
     var encoded = vec3(0.0);
     if TONE_OPERATOR == OPERATOR_FILMIC {
-        // The curve has the display's gamma in it.
+        // The curve includes the display's gamma.
         encoded = filmic(value);
     } else if TONE_OPERATOR == OPERATOR_ACES {
         encoded = srgb_from_linear(aces(value));
     } else {
         if TONE_OPERATOR == OPERATOR_REINHARD {
-            scale = reinhard_scale(dot(value, LUMINANCE_WEIGHTS), shown.white);
+            scale = reinhard_scale(dot(value, LUMINANCE_WEIGHTS), settings.white);
         }
         encoded = srgb_from_linear(scale * value);
     }
     if DESATURATES {
         let linear = linear_from_srgb(encoded);
-        // Curves by channel have no luminance of their own but what comes out of them.
+        // For per-channel curves, the luminance is that of their result.
         let by_channel = TONE_OPERATOR == OPERATOR_FILMIC || TONE_OPERATOR == OPERATOR_ACES;
         let wanted = dot(select(scale * value, linear, by_channel), LUMINANCE_WEIGHTS);
         let kept = at_luminance(value, min(wanted, 1.0));
-        encoded = srgb_from_linear(linear + shown.desaturation * (kept - linear));
+        encoded = srgb_from_linear(linear + settings.desaturation * (kept - linear));
     }
     return encoded;
 }
 
-// R, G, B, A bytes of a pixel from its light in cd/m^2.
-fn display_word(luminance: vec3<f32>, display_per_cd_m2: f32, shown: Display, column: u32, row: u32) -> u32 {
-    let encoded = encoded_display(luminance, display_per_cd_m2, shown);
+// R, G, B, A bytes of a pixel, from its light in cd/m^2.
+fn display_word(luminance: vec3<f32>, display_per_cd_m2: f32, settings: Display, column: u32, row: u32) -> u32 {
+    let encoded = encoded_display(luminance, display_per_cd_m2, settings);
     var threshold = 0.5;
-    if shown.dither != 0u {
-        // One threshold for the three channels, from the place in the image alone: no colour noise, no flicker.
+    if settings.dither != 0u {
+        // One threshold for all three channels, computed from the pixel position only: no colour noise, no flicker.
         threshold = f32(hash(column + 65536u * row) >> 8u) / 16777216.0;
     }
-    // Whole numbers below 2^23 are the last bits of their sum with it.
+    // Integers below 2^23 are the low bits of their sum with 2^23.
     let bytes = bitcast<vec3<u32>>(floor(min(encoded * 255.0 + threshold, vec3(255.0))) + 8388608.0) & vec3(255u);
     return BLACK | bytes.x | (bytes.y << 8u) | (bytes.z << 16u);
 }

@@ -1,6 +1,6 @@
-// The exposure pass: one workgroup sums the partial sums of illuminance of all tiles, in an order that never changes,
-// and chooses one exposure for all views. The mean luminance is sum(L Omega) / sum(Omega) over the pixels whose light
-// is finite. The f64 twin is src/photometry/exposure.rs.
+// The exposure pass: one workgroup sums the partial sums of illuminance of all tiles in a fixed order, and computes one
+// exposure for all views. The mean luminance is sum(L Omega) / sum(Omega) over the pixels with finite light. The f64
+// twin is src/photometry/exposure.rs.
 
 #import display/exposed
 
@@ -19,7 +19,7 @@ struct ExposureParameters {
 }
 
 @group(0) @binding(0) var<uniform> parameters: ExposureParameters;
-// Illuminance that counts, and solid angle that does not.
+// Metered illuminance, and solid angle excluded from metering.
 @group(0) @binding(1) var<storage, read> partial_sums: array<vec2<f32>>;
 @group(0) @binding(2) var<storage, read_write> exposure: Exposure;
 
@@ -35,7 +35,7 @@ fn choose_exposure(@builtin(local_invocation_index) local: u32) {
     for (var i = local; i < parameters.partial_count; i += EXPOSURE_THREADS) {
         let partial = partial_sums[i];
         left_out += partial.y;
-        // Sixteen finite pixels whose sum is not must not take the frame with them.
+        // A non-finite sum, even of finite pixels, must not spoil the frame.
         let counts = (bitcast<u32>(partial.x) & 0x7f800000u) != 0x7f800000u;
         let term = select(0.0, partial.x, counts) - rounded;
         let next = sum + term;
@@ -50,7 +50,7 @@ fn choose_exposure(@builtin(local_invocation_index) local: u32) {
         }
     }
     if local == 0u {
-        // A pixel that does not count as light does not count as solid angle either.
+        // Pixels excluded from the light are also excluded from the solid angle.
         let counted = parameters.total_solid_angle_sr - sums[0].y;
         var mean = 0.0;
         if counted > 0.0 {

@@ -1,5 +1,5 @@
-// The present pass: pixels of a tile into a texture that leaves the renderer, a headset's for example. The texture
-// takes linear light; one with sRGB codes encodes it itself. The corners come from shared/whole_target.wgsl.
+// The present pass: draws pixels of a tile into a texture that leaves the renderer, for example a headset's. The output
+// is linear light; an sRGB texture encodes it. The vertices come from shared/whole_target.wgsl.
 
 #import display/encode
 #import source = display/present_codes | display/present_light

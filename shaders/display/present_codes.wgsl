@@ -1,5 +1,5 @@
-// Linear light of the display image: the codes that the display image holds, dither included, come out again where the
-// target encodes.
+// Linear light of the display image. A target that encodes sRGB restores the codes of the display image, including
+// dither.
 
 #import display/encode
 

@@ -1,7 +1,7 @@
-// The resolve pass: sums of illuminance become luminance. Each pixel's fixed-point sum, in units of `lx_per_unit`, is
-// divided by the pixel's solid angle. Where HDR is wanted, R, G, B in cd/m^2 and the solid angle in sr take the place
-// of the sums; where the exposure is known already, the display image is written at once. The pixel's illuminance,
-// which is its luminance times its solid angle, is summed for the exposure.
+// The resolve pass: converts sums of illuminance to luminance. Each pixel's fixed-point sum, in units of `lx_per_unit`,
+// is divided by the pixel's solid angle. If HDR output is requested, R, G, B in cd/m^2 and the solid angle in sr
+// replace the sums; if the exposure is known, the display image is written too. The pixel's illuminance (luminance
+// times solid angle) is summed for the exposure.
 
 #import constants/pixel_grid
 #import constants/rec709
@@ -42,39 +42,40 @@ struct ResolveParameters {
 @group(0) @binding(4) var<storage, read_write> partial_sums: array<vec2<f32>>;
 @group(0) @binding(6) var<storage, read_write> display: array<u32>;
 
-// What bodies and asteroids show: see shared/cover.wgsl.
+// Surfaces of bodies and asteroids: see shared/cover.wgsl.
 @group(0) @binding(10) var<storage, read> geometry: array<vec4<u32>>;
 
-// The smooth part of scattered light.
+// Smooth part of scattered light.
 @group(0) @binding(11) var<storage, read> point_grids: array<PointGrid>;
 @group(0) @binding(12) var<storage, read> grid_points: array<vec4<f32>>;
 
-// The map of faint light.
+// Map of faint light.
 @group(0) @binding(13) var<storage, read> sky_texels: array<u32>;
 
-// Light of no single star.
+// Diffuse light.
 @group(0) @binding(14) var<storage, read> diffuse_texels: array<u32>;
-// The same through the air at the points of grids, and whether the cell to the right and below is rough: shaders/diffuse/points.wgsl.
+// Diffuse light after extinction at the points of grids, and whether the cell to the right and below is rough:
+// shaders/diffuse/points.wgsl.
 @group(0) @binding(15) var<storage, read> diffuse_grids: array<PointGrid>;
 @group(0) @binding(16) var<storage, read> diffuse_points: array<vec4<f32>>;
 
 override WRITE_HDR: bool = true;
 override WRITE_DISPLAY: bool = false;
-// Whether dark pixels are written too, with their solid angle: where the HDR image leaves the GPU. Otherwise they keep their zero
-// sums, which is what says that they are dark: see shared/pixel_grid.wgsl.
+// Whether dark pixels are written with their solid angle, for HDR images that are read back. Otherwise they keep their
+// zero sums, which mark them as dark: see shared/pixel_grid.wgsl.
 override WRITE_DARK: bool = true;
-// Whether there is anything but stars.
+// Whether the scene has surfaces in addition to stars.
 override HAS_GEOMETRY: bool = false;
-// Whether scattered light is added: its smooth part, since the rest is part of the sums.
+// Whether the smooth part of scattered light is added; the rest is part of the sums.
 override HAS_VEIL: bool = false;
-// Whether the stars of the map of faint light are added.
+// Whether the map of faint light is added.
 override HAS_SKY: bool = false;
-// Whether there is air around the camera.
+// Whether the camera is in air.
 override HAS_AIR: bool = false;
 
-// What a column of a picture's pixels has between two rows of points.
+// Values of a column of pixels between two rows of grid points.
 struct DiffuseCell {
-    // Number of the run of rows; below 0 for none.
+    // Index of the row of points above; negative: no values.
     held: f32,
     is_rough: bool,
     top: vec3<f32>,
@@ -110,7 +111,8 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     if HAS_VEIL {
         veil = grid_column(point_grids[tile.viewport], x);
     }
-    // Without such light its pictures have no size: known only once the stars are there, and shaders are made before.
+    // A map side of 0 means no diffuse light. This is a run-time value because shaders are created before the stars are
+    // loaded.
     let has_diffuse = parameters.diffuse.map.side > 0u;
     let reads_points = parameters.diffuse_is_smooth != 0u;
     var diffuse_grid = PointGrid(0u, 0u, 0u, 1u);
@@ -127,18 +129,18 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         if parameters.lx_per_bright_unit > 0.0 {
             illuminance += bright_sums(index) * parameters.lx_per_bright_unit;
         }
-        var shown = vec3(0.0);
+        var surface_light = vec3(0.0);
         var free = 1.0;
         if HAS_GEOMETRY {
             let before = geometry[index];
-            shown = bitcast<vec3<f32>>(before.xyz);
+            surface_light = bitcast<vec3<f32>>(before.xyz);
             free = 1.0 - coverage_of(before.w);
         }
         var scattered = vec3(0.0);
         if HAS_VEIL {
             scattered = grid_in_row(&veil, image_row);
         }
-        let lit = HAS_VEIL || HAS_SKY || has_diffuse || any(illuminance > vec3(0.0)) || any(shown > vec3(0.0));
+        let lit = HAS_VEIL || HAS_SKY || has_diffuse || any(illuminance > vec3(0.0)) || any(surface_light > vec3(0.0));
         if !(lit || WRITE_DARK || WRITE_DISPLAY) {
             continue;
         }
@@ -147,17 +149,17 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             luminance.w = solid_angle(viewport, vec2(i32(x), i32(image_row)));
         }
         if lit && luminance.w > 0.0 {
-            var surface = shown + scattered;
+            var surface = surface_light + scattered;
             var reads_diffuse = has_diffuse;
             if reads_points {
-                let at = (f32(image_row) + 0.5) / f32(diffuse_grid.spacing);
-                let above = floor(at);
+                let grid_row = (f32(image_row) + 0.5) / f32(diffuse_grid.spacing);
+                let above = floor(grid_row);
                 if above != cell.held {
                     cell = diffuse_cell(diffuse_grid, x, above);
                 }
                 if !cell.is_rough {
                     reads_diffuse = false;
-                    surface += free * mix(cell.top, cell.bottom, at - above);
+                    surface += free * mix(cell.top, cell.bottom, grid_row - above);
                 }
             }
             if HAS_SKY || reads_diffuse {
@@ -193,6 +195,6 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             display[index] = word;
         }
     }
-    // Whole numbers times a unit: no pixel is left out, because none is not finite.
+    // Sums are integers times a unit, so no pixel is non-finite or excluded.
     partial_sums[tile.first_partial + group.y * viewport.size.x + x] = vec2(sum, 0.0);
 }

@@ -1,5 +1,5 @@
-// The tone-mapping pass: luminance to 8 bits of a display. The f64 twin is src/photometry/tone_map.rs. It runs where
-// the exposure is not known before the pixels are; otherwise the resolve pass writes the display image itself.
+// The tone-mapping pass: converts luminance to 8-bit display values. It runs if the exposure is not known in advance;
+// otherwise the resolve pass writes the display image. The f64 twin is src/photometry/tone_map.rs.
 
 #import constants/pixel_grid
 #import display/encode

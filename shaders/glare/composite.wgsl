@@ -1,6 +1,6 @@
-// The glare pass over pixels: a share of every pixel's light is scattered, and what is scattered towards it comes
-// instead. The picture stands where the resolve pass has left it, whole, and stays there; its illuminance is summed
-// anew for the exposure. What is scattered towards eight pixels of a column comes from the chosen source.
+// The glare pass over pixels: a share of every pixel's light is scattered away, and light scattered towards the pixel
+// is added. The picture is read and written in place after the resolve pass; its illuminance is summed again for the
+// exposure. The chosen source provides the light scattered towards eight pixels of a column.
 
 #import constants/glare_composite
 #import constants/pixel_grid
@@ -26,8 +26,8 @@ struct GlareParameters {
 @group(0) @binding(3) var<storage, read_write> pixels: array<vec2<f32>>;
 @group(0) @binding(4) var<storage, read_write> partial_sums: array<vec2<f32>>;
 
-// Runs of ROWS rows of one workgroup, one invocation of a column each. A GPU wants a full wave; a software driver is best served
-// by one step of its SIMD.
+// Runs of ROWS rows per workgroup, with one invocation per column. A GPU is fastest with a full wave, a software driver
+// with one SIMD step.
 override ROW_GROUPS: u32;
 
 @compute @workgroup_size(BLOCK_COLUMNS, ROW_GROUPS)

@@ -1,4 +1,5 @@
-// Light of eight pixels of a column, from the top: one channel in two vectors, so that a source is read once for all of them.
+// Light of eight pixels of a column, from the top. Each channel is stored in two vectors, so that one read of a source
+// serves all pixels.
 struct Light8 {
     red: array<vec4<f32>, 2>,
     green: array<vec4<f32>, 2>,

@@ -1,6 +1,6 @@
-// The overlay pass: lines and text onto display images. One workgroup for each block of pixels that has something to draw; each pixel
-// goes through the items of its block in their order. Items of one stroke count as one thing: the largest coverage is what is mixed in, in
-// linear light. Bodies and asteroids hide what is farther away than they are, as far as they cover the pixel.
+// The overlay pass: draws lines and text onto display images. One workgroup per block of pixels with items; each pixel
+// loops over the items of its block in order. The items of one stroke are drawn as one shape: their greatest coverage
+// is blended in linear light. Bodies and asteroids hide items behind them in proportion to their coverage of the pixel.
 // The f64 twin is src/reference/overlay/draw.rs.
 
 #import constants/overlay
@@ -57,10 +57,10 @@ struct OverlayBlock {
 @group(0) @binding(7) var<storage, read> entries: array<u32>;
 @group(0) @binding(8) var<storage, read> blocks: array<OverlayBlock>;
 
-// Whether there is anything but stars.
+// Whether the scene has surfaces in addition to stars.
 override HAS_GEOMETRY: bool = false;
 
-// Coverage of a pixel by an item, and 1 over the distance of what covers it.
+// Coverage of a pixel by an item, and inverse distance of the item.
 fn item_coverage(item: OverlayItem, pixel: vec2<u32>) -> vec2<f32> {
     if item.shape == SHAPE_LINE {
         let along = item.end - item.begin;
@@ -71,15 +71,15 @@ fn item_coverage(item: OverlayItem, pixel: vec2<u32>) -> vec2<f32> {
     }
     let corner = vec2<i32>(item.begin);
     let size = vec2<i32>(item.end) - corner;
-    let at = vec2<i32>(pixel) - corner;
-    if any(at < vec2(0)) || any(at >= size) {
+    let within = vec2<i32>(pixel) - corner;
+    if any(within < vec2(0)) || any(within >= size) {
         return vec2(0.0);
     }
     var coverage = 1.0;
     if item.shape == SHAPE_CHECKERS {
         coverage = f32(1u - ((pixel.x + pixel.y) & 1u));
     } else if item.shape == SHAPE_GLYPH {
-        let texel = item.first_texel + u32(at.y * size.x + at.x);
+        let texel = item.first_texel + u32(within.y * size.x + within.x);
         coverage = f32((texels[texel / 4u] >> (8u * (texel % 4u))) & 0xffu) / 255.0;
     }
     return vec2(coverage, item.nearness.x);

@@ -1,6 +1,6 @@
-// Fixed-point sums of R, G and B in four 32-bit words per pixel, for adapters without 64-bit atomics: 32 low bits of each,
-// and a word of carries (11 bits for R, 11 for G, 10 for B). R and G lie in one buffer, B and the carries in
-// another.
+// Fixed-point sums of R, G and B in four 32-bit words per pixel, for adapters without 64-bit atomics: the low 32 bits
+// of each channel, and a word of carries (11 bits for R, 11 for G, 10 for B). R and G are in one buffer, B and the
+// carries in another.
 
 #import constants/counters
 #import constants/fixed_point
@@ -8,7 +8,7 @@
 @group(0) @binding(4) var<storage, read_write> pixels: array<atomic<u32>>;
 @group(0) @binding(6) var<storage, read_write> high_words: array<atomic<u32>>;
 
-// Nothing here depends on the tile: see shared/accumulate_u64.wgsl.
+// Not used here; it exists for shared/accumulate_u64.wgsl.
 var<private> target_tile: vec3<u32>;
 
 fn add_channel(pixel: u32, channel: u32, value: f32) -> u32 {
@@ -26,7 +26,7 @@ fn add_channel(pixel: u32, channel: u32, value: f32) -> u32 {
     return u32(high) + select(0u, 1u, before + low < before);
 }
 
-// Adds `units` (whole numbers) to a pixel; more than a channel can hold is counted as an overflow and not added.
+// Adds `units` (integers) to a pixel. A value that exceeds a channel is counted as an overflow and not added.
 fn accumulate(pixel: u32, units: vec3<f32>) {
     if any(units >= vec3(CHANNEL_UNITS)) {
         atomicAdd(&counters[COUNTER_OVERFLOWS], 1u);

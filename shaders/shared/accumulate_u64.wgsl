@@ -1,12 +1,13 @@
-// Fixed-point sums of R, G and B in two 64-bit words per pixel: 21 low bits of each in the first, 21 high bits in the
-// second. The first words of all pixels lie in one buffer, the second words in another: a faint star costs one atomic add
-// per pixel, and its neighbours lie in the same line of the cache. Adding is order-free, so the same frame gives the same bits.
+// Fixed-point sums of R, G and B in two 64-bit words per pixel: the low 21 bits of each channel in the first word, the
+// high 21 bits in the second. The first words of all pixels are in one buffer, the second words in another, so a faint
+// star costs one atomic addition per pixel, and neighbouring pixels share a cache line. Addition does not depend on the
+// order, so the same frame gives the same bits.
 //
-// Few stars reach the second words. Where one does, it raises the flag of the pixel's block, and the resolve pass reads
-// the second words of raised blocks alone and leaves zeros there for the next frame.
+// Few stars reach the second words. A star that does raises the flag of the pixel's block. The resolve pass reads
+// second words of flagged blocks only, and resets them to zero for the next frame.
 //
-// When a low field overflows, its carry runs into the next field: one unit of G per 2^21 units of R (relative 4.8e-7), the
-// same whatever the order. The carry is added to the high field by the thread whose add caused it.
+// When a low field overflows, its carry runs into the next field: one unit of G per 2^21 units of R (relative 4.8e-7),
+// in any order. The thread whose addition causes the carry adds it to the high field.
 
 #requires u64
 #import constants/counters
@@ -17,10 +18,10 @@
 @group(0) @binding(4) var<storage, read_write> pixels: array<atomic<u64>>;
 @group(0) @binding(6) var<storage, read_write> high_words: array<atomic<u64>>;
 
-// First pixel, width and first flag of the tile that is drawn into.
+// First pixel, width and first flag of the target tile.
 var<private> target_tile: vec3<u32>;
 
-// Tells the resolve pass that the block of this pixel has second words.
+// Marks the block of this pixel as having second words.
 fn raise_flag(pixel: u32) {
     let row = (pixel - target_tile.x) / target_tile.y;
     let column = pixel - target_tile.x - row * target_tile.y;
@@ -36,7 +37,7 @@ fn packed_fields(fields: vec3<u32>) -> u64 {
     return u64(low) | (u64(high) << 32u);
 }
 
-// Adds `units` (whole numbers) to a pixel; more than a channel can hold is counted as an overflow and not added.
+// Adds `units` (integers) to a pixel. A value that exceeds a channel is counted as an overflow and not added.
 fn accumulate(pixel: u32, units: vec3<f32>) {
     if any(units >= vec3(CHANNEL_UNITS)) {
         atomicAdd(&counters[COUNTER_OVERFLOWS], 1u);

@@ -1,4 +1,4 @@
-// What air takes of light that comes through it: src/photometry/atmosphere.rs.
+// Extinction of light in air: src/photometry/atmosphere.rs.
 
 // The air around an eye.
 struct AirAbove {
@@ -12,13 +12,13 @@ struct AirAbove {
     density: f32,
 }
 
-// At an altitude, by its sine; below the horizon those of the horizon.
+// Air mass from the sine of the altitude; below the horizon the value at the horizon.
 fn air_mass(sine: f32) -> f32 {
     let held = max(sine, 0.0);
     return 1.0 / (held + 0.025 * exp(-11.0 * held));
 }
 
-// Share of light from a unit direction, world axes, that arrives through some air.
+// Share of light from a unit direction, world axes, that passes the air.
 fn through_air(air: AirAbove, direction: vec3<f32>) -> vec3<f32> {
     return exp2(air.extinction * air_mass(dot(direction, air.zenith)));
 }

@@ -1,5 +1,5 @@
-// Light of no single star from all over the sky (src/catalogue/diffuse.rs), read towards a direction, as a moving observer sees it. The importer binds
-// `diffuse_texels`. The f64 twin is src/reference/diffuse/mod.rs.
+// Diffuse light from the whole sky (src/catalogue/diffuse.rs) in a direction, as a moving observer sees it. The
+// importer binds `diffuse_texels`. The f64 twin is src/reference/diffuse/mod.rs.
 
 #import constants/diffuse
 #import shared/sky_place
@@ -16,18 +16,18 @@ struct DiffuseLight {
     beta: f32,
 }
 
-// Luminance towards a unit direction as it is seen, world axes, cd/m^2. `at_rest`: the same direction in the pictures.
+// Luminance in the apparent unit direction `seen`, world axes, cd/m^2. `at_rest`: the same direction in the pictures.
 fn diffuse_luminance(light: DiffuseLight, seen: vec3<f32>, at_rest: PictureDirection) -> vec3<f32> {
     var direction = at_rest;
     var shifted = vec3(1.0);
     if MOVES {
-        // Back to the axes at rest: the velocity is the opposite one.
+        // Transform back to the frame at rest, whose velocity is the opposite.
         let cosine = dot(seen, light.velocity);
         let gamma = inverseSqrt(1.0 - light.beta * light.beta);
         let behind = gamma * (1.0 - light.beta * cosine);
         let along = (cosine - light.beta) * gamma / behind;
         direction = picture_direction(normalize((seen - light.velocity * cosine) / behind + light.velocity * along));
-        // A black body stays one, of a temperature that the Doppler factor multiplies: its own is 1 / behind.
+        // A black body stays a black body; its temperature is multiplied by the Doppler factor 1 / behind.
         shifted = (exp(DIFFUSE_EXPONENTS) - 1.0) / (exp(min(DIFFUSE_EXPONENTS * behind, vec3(87.0))) - 1.0);
     }
     let place = sky_place(light.map, direction);

@@ -44,7 +44,7 @@ struct ViewBody {
     reach: f32,
 }
 
-// A body whose `centre` is a unit vector, as an eye sees it that stands beside, view axes, m.
+// Moves the eye to a position relative to the old one, view axes, m, for a body whose `centre` is a unit vector.
 fn seen_from(body: ViewBody, eye: vec3<f32>) -> ViewBody {
     var seen = body;
     let place = body.centre - eye / body.distance_m;
@@ -58,14 +58,14 @@ fn seen_from(body: ViewBody, eye: vec3<f32>) -> ViewBody {
     return seen;
 }
 
-// Where a ray passes a body.
+// Passage of a ray by a body.
 struct Passage {
-    // Unit vector of the ray times the length of the ray given: view axes.
+    // The ray, view axes: a unit vector, or with z = -1 for flat pictures.
     ray: vec3<f32>,
     // e and c + e in the body's axes.
     beside: vec3<f32>,
     along: vec3<f32>,
-    // Distance from the middle, in semi-axes; behind the eye very large.
+    // Distance from the centre, in semi-axes; very large behind the eye.
     s: f32,
 }
 
@@ -88,25 +88,25 @@ fn passage_of(body: ViewBody, direction: vec3<f32>) -> Passage {
     passage.beside = in_body_axes(body, passage.ray - body.centre);
     passage.along = body.unit_centre + passage.beside;
     let ahead = dot(body.unit_centre, passage.along);
-    // The eye stands outside: what it sees lies ahead.
+    // The eye is outside the body, so visible points are in front of it.
     if ahead > 0.0 {
         passage.s = length(cross(body.unit_centre, passage.beside)) * inverseSqrt(dot(passage.along, passage.along));
     }
     return passage;
 }
 
-// Where a ray that passes within s <= 1 enters: xyz the point in the body's axes and semi-axes, w its distance from the eye, m. Beyond the limb
-// the limb's point next to it.
+// Entry point of a ray that passes within s <= 1: xyz in the body's axes and semi-axes, w: distance from the eye, m.
+// Beyond the limb: the nearest point of the limb.
 fn entry_of(body: ViewBody, passage: Passage) -> vec4<f32> {
     let a = dot(passage.along, passage.along);
     let half = sqrt(max(1.0 - passage.s * passage.s, 0.0) / a);
-    // In parts of the middle's distance, from there on.
+    // Offset from the centre's distance, as a fraction of that distance.
     let nearer = -dot(passage.beside, passage.along) / a - half;
     let point = nearer * passage.along + passage.beside;
     return vec4(normalize(point), body.distance_m * (1.0 + nearer) * length(passage.ray));
 }
 
-// Whether a body lies before what is seen in a direction at a distance.
+// Whether a body hides an object in a direction at a distance.
 fn hides(body: ViewBody, direction: vec3<f32>, distance_m: f32) -> bool {
     let passage = passage_of(body, direction);
     return passage.s <= 1.0 && entry_of(body, passage).w < distance_m;

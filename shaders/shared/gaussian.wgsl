@@ -19,7 +19,7 @@ struct Gaussian {
     last: vec2<i32>,
 }
 
-// Larger and smaller angle that a pixel covers around a direction (unit vector), rad.
+// Larger and smaller angle that a pixel subtends around a direction (unit vector), rad.
 fn pixel_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
 #when shared/tabulated
     if viewport.kind == KIND_TABULATED {
@@ -34,7 +34,7 @@ fn pixel_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
             return vec2(max(step.x, step.y) * cosine, min(step.x, step.y) * cosine * cosine);
         }
         case KIND_CUBE_FACE: {
-            // That of the face on which the star stands, so that all faces draw the same star.
+            // Use the face that contains the star, so that all faces draw the same star.
             let along = max(abs(direction.x), max(abs(direction.y), abs(direction.z)));
             return vec2(step.x * along, step.x * along * along);
         }
@@ -43,8 +43,8 @@ fn pixel_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
             return vec2(max(sides.x, sides.y), min(sides.x, sides.y));
         }
         default: {
-            // cos(theta/2), and the radial and tangential derivatives of the mapping. Beyond the rim those at the rim hold, and
-            // where a mapping ends in an infinite derivative, the angle that its last pixel covers.
+            // cos(theta/2), and the radial and tangential derivatives of the mapping. Beyond the rim the values at the
+            // rim apply. If a mapping ends in an infinite derivative, the angle of its last pixel is used.
             let half = sqrt(max(0.5 * (1.0 + cosine), 0.0));
             var radial = viewport.rim;
             var across = viewport.rim;
@@ -73,10 +73,10 @@ fn pixel_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
     }
 }
 
-// Square of the chord between the star and the centre of a pixel of the unbounded plane, without cancellation where there is a
-// closed form.
-fn chord_squared(viewport: Viewport, gaussian: Gaussian, at: vec2<i32>) -> f32 {
-    let offset = vec2<f32>(at) + 0.5 - gaussian.pixel;
+// Squared chord between the star and the centre of a pixel of the unbounded plane, in a closed form without
+// cancellation if there is one.
+fn chord_squared(viewport: Viewport, gaussian: Gaussian, position: vec2<i32>) -> f32 {
+    let offset = vec2<f32>(position) + 0.5 - gaussian.pixel;
     switch viewport.kind {
         case KIND_PERSPECTIVE, KIND_CUBE_FACE: {
             let scale = 1.0 / viewport.plane_scale;
@@ -92,53 +92,53 @@ fn chord_squared(viewport: Viewport, gaussian: Gaussian, at: vec2<i32>) -> f32 {
         case KIND_EQUIRECTANGULAR: {
             let size = vec2<f32>(viewport.size);
             let star_angle = gaussian.pixel.y / size.y * PI;
-            let pixel_angle = (f32(at.y) + 0.5) / size.y * PI;
+            let pixel_angle = (f32(position.y) + 0.5) / size.y * PI;
             let half = precise_sin(0.5 * offset.y / size.y * PI);
             let turn = precise_sin(offset.x / size.x * PI);
             return 4.0 * (half * half + precise_sin(star_angle) * precise_sin(pixel_angle) * turn * turn);
         }
         default: {
-            let difference = direction_from_pixel(viewport, vec2<f32>(at) + 0.5).xyz - gaussian.direction;
+            let difference = direction_from_pixel(viewport, vec2<f32>(position) + 0.5).xyz - gaussian.direction;
             return dot(difference, difference);
         }
     }
 }
 
 // Pixel of the picture; columns of an equirectangular picture wrap.
-fn gaussian_pixel(viewport: Viewport, at: vec2<i32>) -> vec2<i32> {
+fn gaussian_pixel(viewport: Viewport, position: vec2<i32>) -> vec2<i32> {
     if viewport.kind == KIND_EQUIRECTANGULAR {
         let width = i32(viewport.size.x);
-        return vec2((at.x % width + width) % width, at.y);
+        return vec2((position.x % width + width) % width, position.y);
     }
-    return at;
+    return position;
 }
 
 // Density times solid angle, before division by the norm.
-fn gaussian_weight(viewport: Viewport, gaussian: Gaussian, at: vec2<i32>) -> f32 {
-    let pixel = gaussian_pixel(viewport, at);
+fn gaussian_weight(viewport: Viewport, gaussian: Gaussian, position: vec2<i32>) -> f32 {
+    let pixel = gaussian_pixel(viewport, position);
     if !contains(viewport, pixel) {
         return 0.0;
     }
-    let squared = chord_squared(viewport, gaussian, at);
+    let squared = chord_squared(viewport, gaussian, position);
     if squared > gaussian.cut_squared {
         return 0.0;
     }
     return exp(-squared * gaussian.inverse) * solid_angle(viewport, pixel);
 }
 
-// How far a kernel of a given radius (rad) reaches on a flat plane, pixels: no farther than the picture is wide.
+// Reach of a kernel of radius `cut` (rad) on a flat plane, pixels; at most the width of the picture.
 fn flat_gaussian_reach(viewport: Viewport, direction: vec3<f32>, cut: f32) -> f32 {
     var reach = f32(max(viewport.size.x, viewport.size.y));
     let most = reach;
     let outwards = precise_atan2(length(direction.xy), -direction.z) + cut;
-    // Outwards a flat plane has more and more pixels.
+    // The density of pixels of a flat plane grows outwards.
     if outwards < 1.56 {
         reach = (tan(outwards) - tan(outwards - cut)) * max(abs(viewport.plane_scale.x), abs(viewport.plane_scale.y));
     }
     return min(reach, most) + 0.5;
 }
 
-// The same in any projection; `shorter` is the smaller angle that a pixel covers, rad.
+// Reach in any projection, pixels. `shorter` is the smaller angle that a pixel subtends, rad.
 fn gaussian_reach(viewport: Viewport, direction: vec3<f32>, shorter: f32, cut: f32) -> f32 {
     if viewport.kind <= KIND_CUBE_FACE {
         return flat_gaussian_reach(viewport, direction, cut);
@@ -152,13 +152,13 @@ fn gaussian_reach(viewport: Viewport, direction: vec3<f32>, shorter: f32, cut: f
     let outwards = precise_atan2(length(direction.xy), -direction.z) + cut;
     var reach = 1.3 * cut / shorter;
     if outwards > 0.97 * PI {
-        // Around the antipode lies the whole rim.
+        // All of the rim is around the antipode.
         reach = most;
     }
     return min(reach, most) + 0.5;
 }
 
-// The kernel around the image `pixel` of a star; `sigma` and `cut` in rad.
+// Kernel around the image `pixel` of a star; `sigma` and `cut` in rad.
 fn gaussian_around(viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, reach: f32, sigma: f32, cut: f32) -> Gaussian {
     var gaussian: Gaussian;
     gaussian.direction = direction;
@@ -170,7 +170,8 @@ fn gaussian_around(viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, r
         let rows = ceil(cut / PI * f32(size.y)) + 1.0;
         gaussian.first.y = max(i32(floor(pixel.y - rows)), 0);
         gaussian.last.y = min(i32(floor(pixel.y + rows)), size.y - 1);
-        // Longitudes that a circle around the star spans; all of them where it holds a pole or comes near one.
+        // Range of longitudes of a circle around the star; all longitudes if the circle contains a pole or comes close
+        // to one.
         let sine = length(direction.xz);
         var columns = size.x;
         if sin(min(cut, 1.5)) < 0.99 * sine && cut < 1.5 {
@@ -190,7 +191,7 @@ fn gaussian_around(viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, r
     return gaussian;
 }
 
-// The kernel as it reaches into another face of the cube, rendered or not: nothing where it does not.
+// Part of the kernel on another face of the cube, rendered or not; empty if the kernel does not reach it.
 fn gaussian_on_face(viewport: Viewport, gaussian: Gaussian, face: u32, cut: f32) -> Gaussian {
     var on_face = gaussian;
     on_face.direction = face_from_face(face, viewport.face, gaussian.direction);
@@ -207,9 +208,9 @@ fn gaussian_on_face(viewport: Viewport, gaussian: Gaussian, face: u32, cut: f32)
     return on_face;
 }
 
-// Over how many pictures the weights are to be summed for the norm. The norm is the sum over the pixels where the kernel lies inside of
-// the picture (1) or other pictures go on beyond its border (the faces of a cube: 6); elsewhere (0) the integral, so that what lies outside
-// is missing and no more.
+// Number of pictures over which the weights are summed for the norm. The norm is a sum over pixels if the kernel is
+// inside the picture (1) or if other pictures continue beyond its border (the faces of a cube: 6). Otherwise (0) it is
+// the integral, so that only the light outside the picture is lost.
 fn gaussian_pictures(viewport: Viewport, gaussian: Gaussian, reach: f32) -> u32 {
     let size = vec2<i32>(viewport.size);
     var whole = viewport.kind == KIND_EQUIRECTANGULAR || viewport.full_sphere != 0u;

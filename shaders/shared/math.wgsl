@@ -1,5 +1,5 @@
-// Functions whose built-in forms are too coarse on some drivers: the polynomials are Cephes' for single precision, with
-// errors of a few units in the last place.
+// Functions whose built-in forms are too inaccurate on some drivers. The polynomials are those of Cephes for single
+// precision, with errors of a few units in the last place.
 
 #import constants/temperatures
 
@@ -14,7 +14,7 @@ fn precise_atan2(y: f32, x: f32) -> f32 {
         return 0.0;
     }
     let smallest = min(ax, ay);
-    // tan(pi/8): above it, the angle is measured from pi/4.
+    // Above tan(pi/8) the angle is measured from pi/4.
     let folded = smallest > 0.414213562 * largest;
     let t = select(smallest / largest, (smallest - largest) / (smallest + largest), folded);
     let z = t * t;
@@ -25,7 +25,7 @@ fn precise_atan2(y: f32, x: f32) -> f32 {
     return select(angle, -angle, y < 0.0);
 }
 
-// sin(x) for 0 <= x <= pi/2; pi/2 in two parts, so that the difference keeps its digits.
+// sin(x) for 0 <= x <= pi/2. pi/2 is split into two parts, so that the difference keeps its precision.
 fn sin_quarter(x: f32) -> f32 {
     let upper = x > 0.25 * PI;
     let u = select(x, (1.5703125 - x) + 4.83826794897e-4, upper);
@@ -54,7 +54,7 @@ fn hash(value: u32) -> u32 {
     return (word >> 22u) ^ word;
 }
 
-// Place of a temperature (K) on the scale, held within it.
+// Step of a temperature (K) on the scale, clamped to its range.
 fn step_of_temperature(kelvin: f32) -> f32 {
     return clamp(log2(max(kelvin, 1.0) / COLDEST_K) * (LAST_STEP / TEMPERATURE_OCTAVES), 0.0, LAST_STEP);
 }

@@ -1,4 +1,4 @@
-// Whether bodies and asteroids stand before a point of light.
+// Occlusion of points of light by bodies and asteroids.
 
 #import shared/cover
 #import shared/ellipsoid
@@ -7,25 +7,25 @@
 
 @group(2) @binding(0) var<storage, read> geometry: array<vec4<u32>>;
 @group(2) @binding(1) var<storage, read> view_bodies: array<ViewBody>;
-// First body of each viewport, and how many it has.
+// First body and number of bodies of each viewport.
 @group(2) @binding(2) var<storage, read> body_runs: array<vec2<u32>>;
 
-// Whether there is anything but stars.
+// Whether the scene has surfaces in addition to stars.
 override HAS_GEOMETRY: bool = false;
-// What is at infinity, m.
+// Distance of objects at infinity, m.
 const INFINITELY_FAR_M: f32 = 3e38;
 
-// Share of a point of light that is seen, whose image is at `pixel` and which is `distance_m` away: bodies hide it or not, exactly; of
-// asteroids the pixel tells.
+// Visible share of a point of light at the distance `distance_m` whose image is at `pixel`. Occlusion by bodies is
+// exact, 0 or 1; occlusion by asteroids is the coverage of the pixel.
 fn visible_share(tile: Tile, viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, distance_m: f32) -> f32 {
-    let at = settle(viewport, vec2<i32>(floor(pixel)));
-    let row = at.y - i32(tile.first_row);
+    let own_pixel = settle(viewport, vec2<i32>(floor(pixel)));
+    let row = own_pixel.y - i32(tile.first_row);
     var word = COVER_LIMB;
-    if at.x >= 0 {
-        // What lies in another tile is asked of the bodies; of asteroids the next row of this one tells.
+    if own_pixel.x >= 0 {
+        // In another tile, occlusion is tested against the bodies; for asteroids the nearest row of this tile is used.
         let inside = row >= 0 && row < i32(tile.rows);
         let held = clamp(row, 0, i32(tile.rows) - 1);
-        let own = geometry[tile.first_pixel + u32(held) * viewport.size.x + u32(at.x)].w;
+        let own = geometry[tile.first_pixel + u32(held) * viewport.size.x + u32(own_pixel.x)].w;
         if inside {
             word = own;
             if word == 0u || distance_of(word) >= distance_m {

@@ -1,7 +1,7 @@
-// What `auto` draws of stars so bright that the B-spline would be seen to flicker: along each axis a mixture of the
+// Kernel of `auto` for stars so bright that the B-spline would flicker visibly: along each axis a mixture of the
 // B-spline and a Gaussian of 0.757 pixels, sampled at the centres of seven pixels. Both keep the centroid and the
-// width; the brighter the star, the more of the Gaussian, so that nothing jumps where it takes the B-spline's place.
-// The f64 twin is `bright_kernel` in src/photometry/kernel.rs.
+// width. The share of the Gaussian grows with brightness, so there is no jump at the transition from the B-spline. The
+// f64 twin is `bright_kernel` in src/photometry/kernel.rs.
 
 #import constants/kernels
 #import shared/projection
@@ -11,7 +11,7 @@
 const PLANE_GAUSSIAN_INVERSE: f32 = 0.872526;
 const PLANE_GAUSSIAN_PEAK: f32 = 0.527005;
 
-// Share of the Gaussian for a star of that illuminance over the solid angle of a pixel.
+// Share of the Gaussian for a star whose illuminance per solid angle of a pixel is `peak`.
 fn gaussian_part(viewport: Viewport, peak: f32) -> f32 {
     let brighter = peak / max(viewport.gaussian_from_cd_m2, 1e-30);
     return smoothstep(0.0, 1.0, log2(max(brighter, 1e-30)) / log2(PLANE_GAUSSIAN_GROWTH));
@@ -30,7 +30,7 @@ fn plane_density(x: f32, pixel: f32, part: f32) -> f32 {
     return mix(spline, PLANE_GAUSSIAN_PEAK * exp(-PLANE_GAUSSIAN_INVERSE * offset * offset), part);
 }
 
-// Sums along one axis: of all weights, and of those within 0 .. n.
+// Sums of weights along one axis: of all weights, and of those within 0 .. n.
 fn plane_sums(viewport: Viewport, x: f32, n: u32, part: f32) -> vec2<f32> {
     let first = plane_first(x);
     let pixels = turns(viewport, PLANE_GAUSSIAN_PIXELS);
@@ -43,7 +43,7 @@ fn plane_sums(viewport: Viewport, x: f32, n: u32, part: f32) -> vec2<f32> {
     return sums;
 }
 
-// Share of the kernel that lies inside any of the six faces of the cube.
+// Share of the kernel inside any of the six faces of the cube.
 fn plane_weight_on_cube(viewport: Viewport, direction: vec3<f32>, part: f32) -> f32 {
     var total = 0.0;
     let faces = u32(turns(viewport, 6));
@@ -58,7 +58,7 @@ fn plane_weight_on_cube(viewport: Viewport, direction: vec3<f32>, part: f32) -> 
     return total;
 }
 
-// Share of the kernel that lies inside a round or tabulated picture.
+// Share of the kernel inside a round or tabulated picture.
 fn plane_weight_in_circle(viewport: Viewport, pixel: vec2<f32>, part: f32) -> f32 {
     let first = vec2(plane_first(pixel.x), plane_first(pixel.y));
     var total = 0.0;
@@ -66,10 +66,10 @@ fn plane_weight_in_circle(viewport: Viewport, pixel: vec2<f32>, part: f32) -> f3
     let pixels = turns(viewport, PLANE_GAUSSIAN_PIXELS);
     for (var j = 0; j < pixels; j++) {
         for (var i = 0; i < pixels; i++) {
-            let at = first + vec2(f32(i), f32(j));
-            let density = plane_density(pixel.x, at.x, part) * plane_density(pixel.y, at.y, part);
+            let position = first + vec2(f32(i), f32(j));
+            let density = plane_density(pixel.x, position.x, part) * plane_density(pixel.y, position.y, part);
             total += density;
-            inside += select(0.0, density, contains(viewport, vec2<i32>(at)));
+            inside += select(0.0, density, contains(viewport, vec2<i32>(position)));
         }
     }
     return inside / total;

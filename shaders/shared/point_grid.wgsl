@@ -1,4 +1,5 @@
-// Light that is smooth from pixel to pixel: a grid of points over a picture, read between them. The importer binds `grid_points`.
+// Light that is smooth from pixel to pixel: evaluated at a grid of points over a picture, and interpolated. The
+// importer binds `grid_points`.
 
 // The grid of a viewport.
 struct PointGrid {
@@ -10,13 +11,13 @@ struct PointGrid {
     spacing: u32,
 }
 
-// The column of a picture's pixels that is being read.
+// Column of a picture's pixels that is being read.
 struct GridColumn {
     grid: PointGrid,
-    // Points left of it, and how far it stands from them.
+    // Column of grid points to the left, and fraction of the way to the next one.
     left: u32,
     share: f32,
-    // The run of rows that `top` and `bottom` hold; below 0 for none.
+    // Row of points for which `top` and `bottom` are stored; negative: none.
     held: f32,
     top: vec3<f32>,
     bottom: vec3<f32>,
@@ -38,13 +39,14 @@ fn between_points(column: GridColumn, row: u32) -> vec3<f32> {
 
 // Luminance in a row of the picture, cd/m^2.
 fn grid_in_row(column: ptr<function, GridColumn>, y: u32) -> vec3<f32> {
-    // A product and no division of whole numbers, which CPUs do one by one: exact, since it is a half from the next whole number.
-    let at = (f32(y) + 0.5) / f32((*column).grid.spacing);
-    let above = floor(at);
+    // A multiplication instead of an integer division, which CPUs do one lane at a time. It is exact, since the value
+    // is half a step away from the next integer.
+    let grid_row = (f32(y) + 0.5) / f32((*column).grid.spacing);
+    let above = floor(grid_row);
     if above != (*column).held {
         (*column).held = above;
         (*column).top = between_points(*column, u32(above));
         (*column).bottom = between_points(*column, u32(above) + 1u);
     }
-    return mix((*column).top, (*column).bottom, at - above);
+    return mix((*column).top, (*column).bottom, grid_row - above);
 }

@@ -1,4 +1,4 @@
-// The projections in f32: the same functions, under the same names, as src/view/projection/ has in f64.
+// Projections in f32, with the same functions and names as src/view/projection/ in f64.
 
 #import constants/faces
 #import constants/projections
@@ -6,17 +6,18 @@
 #import tabulated = shared/tabulated_off | shared/tabulated
 #import shared/viewport
 
-// Continuous pixel coordinates of the image of a direction in view space (any length but 0) on a flat plane; z = 1 where there is one.
+// Continuous pixel coordinates, on a flat plane, of the image of a direction in view space (any length but 0); z = 1 if
+// it exists.
 fn flat_pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
     if direction.z >= 0.0 {
         return vec3(0.0);
     }
     let pixel = viewport.plane_offset + direction.xy * viewport.plane_scale / -direction.z;
-    // A direction in the plane of the eye has its image beyond all numbers.
+    // The image of a direction almost in the eye's plane is too far away to be represented.
     return vec3(pixel, select(0.0, 1.0, all(abs(pixel) < vec2(1e9))));
 }
 
-// The same in any projection.
+// Continuous pixel coordinates in any projection.
 fn pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
 #when shared/tabulated
     if viewport.kind == KIND_TABULATED {
@@ -45,7 +46,7 @@ fn pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
                     rho = precise_atan2(across, -direction.z) / viewport.rim;
                 }
                 case KIND_EQUISOLID: {
-                    // sin(theta/2), on each half of the sphere in the form that does not cancel.
+                    // sin(theta/2), on each hemisphere in the form that does not cancel.
                     let distance = length(direction);
                     rho = select(
                         across * inverseSqrt(2.0 * distance * (distance - direction.z)),
@@ -59,7 +60,7 @@ fn pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
                     rho = across / length(direction) / viewport.rim;
                 }
                 default: {
-                    // tan(theta/2), likewise.
+                    // tan(theta/2), also in the form that does not cancel.
                     let distance = length(direction);
                     rho = select(across / (distance - direction.z), (distance + direction.z) / max(across, 1e-30), direction.z > 0.0)
                         / viewport.rim;
@@ -71,7 +72,7 @@ fn pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
     }
 }
 
-// Unit direction in view space of a pixel coordinate of the picture; w = 0 outside of it.
+// Unit direction in view space of a pixel coordinate of the picture; w = 0 outside it.
 fn direction_from_pixel(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
     if any(pixel < vec2(0.0)) || any(pixel > vec2<f32>(viewport.size)) {
         return vec4(0.0);
@@ -87,8 +88,8 @@ fn direction_from_pixel(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
     return vec4(direction_of_point(viewport, pixel), 1.0);
 }
 
-// Unit direction in view space of a point of the plane, also beyond the picture as far as the mapping goes on there, and beyond that the
-// direction where it ends.
+// Unit direction in view space of a point of the plane. Beyond the picture the mapping is continued as far as it is
+// defined; beyond that, the direction at its end is returned.
 fn direction_of_point(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
 #when shared/tabulated
     if viewport.kind == KIND_TABULATED {
@@ -101,7 +102,7 @@ fn direction_of_point(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
         }
         case KIND_EQUIRECTANGULAR: {
             let size = vec2<f32>(viewport.size);
-            // A little beyond the date line the sine's polynomial still holds.
+            // The polynomial of the sine is still accurate slightly beyond the date line.
             let longitude = (pixel.x / size.x - 0.5) * 2.0 * PI;
             let colatitude = clamp(pixel.y / size.y, 0.0, 1.0) * PI;
             let across = precise_sin(colatitude);
@@ -142,7 +143,7 @@ fn direction_of_point(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
     }
 }
 
-// Twice the pixel centre's offset from the image's centre: whole numbers, so that what follows is exact.
+// Twice the offset of the pixel's centre from the image's centre: integers, so that further computation is exact.
 fn doubled_offset(viewport: Viewport, pixel: vec2<i32>) -> vec2<i32> {
     return 2 * pixel + vec2(1) - vec2<i32>(viewport.size);
 }
@@ -151,7 +152,7 @@ fn is_fisheye(viewport: Viewport) -> bool {
     return viewport.kind >= KIND_EQUIDISTANT && viewport.kind <= KIND_STEREOGRAPHIC;
 }
 
-// Whether a pixel lies inside the picture: for round pictures, whether its centre does.
+// Whether a pixel is inside the picture. For round pictures its centre decides.
 fn contains(viewport: Viewport, pixel: vec2<i32>) -> bool {
 #when shared/tabulated
     if viewport.kind == KIND_TABULATED {
@@ -169,14 +170,14 @@ fn contains(viewport: Viewport, pixel: vec2<i32>) -> bool {
     return true;
 }
 
-// Solid angle per unit area of the plane (of tangents, or of the unit circle). `p` in units of the plane, `rho_complement`
-// = 1 - |p|^2 for fisheye pictures.
+// Solid angle per unit area of the plane (of tangents, or of the unit circle). `p` in units of the plane;
+// `rho_complement` = 1 - |p|^2 for fisheye pictures.
 fn solid_angle_density(viewport: Viewport, p: vec2<f32>, rho_complement: f32) -> f32 {
     switch viewport.kind {
         case KIND_EQUIDISTANT: {
             let rho = length(p);
             let theta = viewport.rim * rho;
-            // Near the antipode sin(theta) = sin(pi - theta), with pi - theta from what does not cancel.
+            // Near the antipode use sin(theta) = sin(pi - theta), with pi - theta computed without cancellation.
             let from_antipode = viewport.rim_complement + viewport.rim * rho_complement / (1.0 + rho);
             let sine = sin_quarter(abs(select(theta, from_antipode, theta > 0.5 * PI)));
             let sinc = select(sine / theta, 1.0 - theta * theta / 6.0, theta < 1e-3);
@@ -202,8 +203,8 @@ fn solid_angle_density(viewport: Viewport, p: vec2<f32>, rho_complement: f32) ->
     }
 }
 
-// Solid angle of a pixel of a flat plane in sr: the density and its second-order term over the pixel, h^2 (f_xx + f_yy) / 24
-// with f = (1 + x^2 + y^2)^(-3/2).
+// Solid angle of a pixel of a flat plane, sr: the density and its second-order term over the pixel, h^2 (f_xx + f_yy) /
+// 24 with f = (1 + x^2 + y^2)^(-3/2).
 fn flat_solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
     let inverse_scale = 1.0 / viewport.plane_scale;
     let t = (vec2<f32>(pixel) + 0.5 - viewport.plane_offset) * inverse_scale;
@@ -215,12 +216,12 @@ fn flat_solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
     return area * cosine * cosine_squared * (1.0 + dot(inverse_scale * inverse_scale, curvature) * (1.0 / 24.0));
 }
 
-// Whether flat_solid_angle is good enough for the pixels of a viewport.
+// Whether flat_solid_angle is accurate enough for the pixels of a viewport.
 fn is_flat(viewport: Viewport) -> bool {
     return viewport.kind <= KIND_CUBE_FACE && viewport.quadrature == 0u;
 }
 
-// Solid angle of a pixel in sr; 0 outside of the picture. The pixel lies inside of the image.
+// Solid angle of a pixel, sr; 0 outside the picture. The pixel must be inside the image.
 fn solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
 #when shared/tabulated
     if viewport.kind == KIND_TABULATED {
@@ -249,9 +250,9 @@ fn solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
         }
         let complement = f32(n * n - squared) / f32(n * n);
         let p = vec2<f32>(doubled) / f32(n);
-        // Towards the orthographic rim the density grows without bound: nine points within 64 pixels of it. In the last
-        // pixel and a half some of them would lie outside, there and at the rim of the full sphere: the value at the
-        // centre stands for the pixel.
+        // Towards the orthographic rim the density grows without bound: average nine points within 64 pixels of it.
+        // Within 1.5 pixels of the rim, also that of the full sphere, some points would be outside, so the value at the
+        // centre is used.
         let orthographic = viewport.kind == KIND_ORTHOGRAPHIC;
         let steep = orthographic && squared > max(n - 128, 0) * max(n - 128, 0);
         let at_rim = (orthographic || viewport.full_sphere != 0u) && squared > (n - 3) * (n - 3);
@@ -265,7 +266,7 @@ fn solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
     return area * averaged_density(viewport, t, step);
 }
 
-// Gauss-Legendre mean of the density over a pixel, three points each way.
+// Gauss-Legendre mean of the density over a pixel, three points in each direction.
 fn averaged_density(viewport: Viewport, centre: vec2<f32>, step: vec2<f32>) -> f32 {
     var sum = 0.0;
     let end = turns(viewport, 2);
@@ -279,7 +280,7 @@ fn averaged_density(viewport: Viewport, centre: vec2<f32>, step: vec2<f32>) -> f
     return sum;
 }
 
-// Face that a direction (any length but 0) points at.
+// Cube face that contains a direction (any length but 0).
 fn cube_face_of(direction: vec3<f32>) -> u32 {
     let size = abs(direction);
     if size.z >= size.x && size.z >= size.y {
@@ -291,7 +292,7 @@ fn cube_face_of(direction: vec3<f32>) -> u32 {
     return select(1u, 2u, direction.x < 0.0);
 }
 
-// Rotation of a direction from the axes of one cube face to those of another.
+// Rotates a direction from the axes of one cube face to those of another.
 fn face_from_face(other: u32, own: u32, direction: vec3<f32>) -> vec3<f32> {
     var forwards = FACE_FORWARD;
     var ups = FACE_UP;

@@ -7,13 +7,14 @@ fn refraction_fraction(c: array<f32, 5>, sine: f32) -> f32 {
     return c[0] / (sine + c[1] / (sine + c[2] / (sine + c[3] / (sine + c[4]))));
 }
 
-// Tangent of the refraction over the cosine of the altitude, by the sine of the altitude as it is seen.
+// Tangent of the refraction divided by the cosine of the altitude, from the sine of the apparent altitude.
 fn refraction_of_seen(density: f32, sine: f32) -> f32 {
     let kept = clamp((sine - REFRACTION_GONE) / (REFRACTION_WHOLE - REFRACTION_GONE), 0.0, 1.0);
     return density * kept * refraction_fraction(REFRACTION_OF_SEEN, max(sine, REFRACTION_LOWEST_SEEN));
 }
 
-// The same by the sine of the altitude without air, and over its cosine. Two steps: 0.1 arcsec above the horizon in air of the sea, 3 in air of half of its density.
+// The same from the sine of the true altitude, divided by the cosine of that altitude. Error after two steps: 0.1
+// arcsec above the horizon in air at sea level, 3 arcsec in air of half that density.
 fn refraction_of_arriving(density: f32, sine: f32) -> f32 {
     let cosine_squared = max(1.0 - sine * sine, 0.0);
     var found = density * refraction_fraction(REFRACTION_OF_ARRIVING, max(sine, REFRACTION_LOWEST_ARRIVING));
@@ -25,13 +26,13 @@ fn refraction_of_arriving(density: f32, sine: f32) -> f32 {
     return found;
 }
 
-// Where one sees what arrives from a unit direction, world axes.
+// Apparent direction of light from a true unit direction, world axes.
 fn refracted(air: AirAbove, arriving: vec3<f32>) -> vec3<f32> {
     let sine = dot(arriving, air.zenith);
     return normalize(arriving + refraction_of_arriving(air.density, sine) * (air.zenith - sine * arriving));
 }
 
-// Where what is seen in a unit direction arrives from.
+// True direction of light seen in an apparent unit direction.
 fn arriving_from(air: AirAbove, seen: vec3<f32>) -> vec3<f32> {
     let sine = dot(seen, air.zenith);
     return normalize(seen - refraction_of_seen(air.density, sine) * (air.zenith - sine * seen));

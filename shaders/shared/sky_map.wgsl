@@ -1,9 +1,9 @@
-// The map of faint light, read towards a direction. The importer binds `sky_texels`.
+// Reads the map of faint light in a direction. The importer binds `sky_texels`.
 
 #import shared/sky_place
 #import shared/sky_texel
 
-// Luminance in a direction, cd/m^2, between four texels.
+// Luminance in a direction, cd/m^2, interpolated between four texels.
 fn sky_luminance(map: SkyMap, direction: PictureDirection) -> vec3<f32> {
     let place = sky_place(map, direction);
     let start = place.first;

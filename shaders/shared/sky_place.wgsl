@@ -1,4 +1,5 @@
-// Six round pictures of the sky, read towards a direction. The pictures' axes are those of `world_from_face` in src/sky_pictures.rs.
+// Six round pictures of the sky, read in a direction. The pictures' axes are those of `world_from_face` in
+// src/sky_pictures.rs.
 
 #import shared/math
 
@@ -12,28 +13,28 @@ struct SkyMap {
     unused_0: u32,
 }
 
-// A place between four texels.
+// Position between four texels.
 struct TexelPlace {
-    // Index of the upper left one.
+    // Index of the upper left texel.
     first: u32,
-    // Share of the right ones and of the lower ones.
+    // Weights of the right texels and of the lower texels.
     share: vec2<f32>,
 }
 
-// A direction as pictures of any size have it.
+// Direction in terms of a picture of any size.
 struct PictureDirection {
-    // Number of the picture.
+    // Index of the picture.
     number: u32,
-    // To the right and down from its middle, rad.
+    // Offset to the right and down from the picture's centre, rad.
     offset: vec2<f32>,
 }
 
-// Of a unit direction, world axes.
+// Converts a unit direction, world axes.
 fn picture_direction(towards: vec3<f32>) -> PictureDirection {
     let sizes = abs(towards);
     let first = sizes.x >= sizes.y && sizes.x >= sizes.z;
     let second = !first && sizes.y >= sizes.z;
-    // Along the axis, along the one after it, along the one before it.
+    // Components along the axis, along the next axis, and along the previous axis.
     let along = select(select(towards.zxy, towards.yzx, second), towards, first);
     let behind = along.x < 0.0;
     let number = select(select(2u, 1u, second), 0u, first) + select(0u, 3u, behind);
@@ -43,9 +44,9 @@ fn picture_direction(towards: vec3<f32>) -> PictureDirection {
     return PictureDirection(number, vec2(right, -along.y) * select(angle / across, 1.0, across < 1e-6));
 }
 
-// The place of a direction in the pictures of a map.
+// Texel position of a direction in the pictures of a map.
 fn sky_place(map: SkyMap, direction: PictureDirection) -> TexelPlace {
-    // Middles of texels are halves.
+    // Centres of texels are at half-integers.
     let place = 0.5 * f32(map.side) - 0.5 + direction.offset * map.texels_per_rad;
     let corner = floor(place);
     let first = (direction.number * map.side + u32(i32(corner.y))) * map.side + u32(i32(corner.x));

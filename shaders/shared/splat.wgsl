@@ -21,7 +21,7 @@ fn kernel_weights(x: f32, first: f32, tent: bool) -> vec3<f32> {
     return select(spline, vec3(1.0 - f, f, 0.0), tent);
 }
 
-// Sum of the weights that lie within 0 .. n along one axis.
+// Sum of the weights within 0 .. n along one axis.
 fn weight_inside(x: f32, n: u32, tent: bool) -> f32 {
     let first = kernel_first(x, tent);
     let weights = kernel_weights(x, first, tent);
@@ -30,7 +30,7 @@ fn weight_inside(x: f32, n: u32, tent: bool) -> f32 {
     return dot(weights, select(vec3(0.0), vec3(1.0), inside));
 }
 
-// Share of the kernel that lies inside any of the six faces of the cube.
+// Share of the kernel inside any of the six faces of the cube.
 fn weight_on_cube(viewport: Viewport, direction: vec3<f32>, tent: bool) -> f32 {
     var total = 0.0;
     let faces = u32(turns(viewport, 6));
@@ -43,7 +43,7 @@ fn weight_on_cube(viewport: Viewport, direction: vec3<f32>, tent: bool) -> f32 {
     return total;
 }
 
-// Share of the kernel that lies inside a round or tabulated picture.
+// Share of the kernel inside a round or tabulated picture.
 fn weight_in_circle(viewport: Viewport, pixel: vec2<f32>, tent: bool) -> f32 {
     let first = vec2(kernel_first(pixel.x, tent), kernel_first(pixel.y, tent));
     let weights_x = kernel_weights(pixel.x, first.x, tent);
@@ -60,7 +60,7 @@ fn weight_in_circle(viewport: Viewport, pixel: vec2<f32>, tent: bool) -> f32 {
     return total;
 }
 
-// Where a pixel of the unbounded plane lies in the picture: wraps, reflects, or falls outside (x < 0).
+// Maps a pixel of the unbounded plane to the picture: wraps, reflects, or returns x < 0 if it is outside.
 fn settle(viewport: Viewport, pixel: vec2<i32>) -> vec2<i32> {
     if viewport.kind == KIND_EQUIRECTANGULAR {
         let size = vec2<i32>(viewport.size);
@@ -79,15 +79,16 @@ fn settle(viewport: Viewport, pixel: vec2<i32>) -> vec2<i32> {
     return select(vec2(-1), pixel, contains(viewport, pixel));
 }
 
-// Thresholds for rounding without bias, one per channel: a fraction above the threshold counts as a whole unit. From the
-// star's number alone, so that the same frame gives the same bits.
+// Thresholds for unbiased rounding, one per channel: a fraction above the threshold counts as a whole unit. They depend
+// only on the star's number, so the same frame gives the same bits.
 fn rounding_threshold(number: u32) -> vec3<f32> {
     let random = hash(number);
     return (vec3(f32(random & 1023u), f32((random >> 10u) & 1023u), f32((random >> 20u) & 1023u)) + 0.5) * (1.0 / 1024.0);
 }
 
-// Splats a star as a Gaussian that is round in view space. Its weights are summed for the norm, picture by picture, and then drawn, in
-// the same loop: a software driver takes long to compile what computes a weight, and has it once.
+// Splats a star as a Gaussian that is round in view space. One loop first sums the weights for the norm, picture by
+// picture, and then draws, because software drivers are slow to compile the code of a weight, and this way it occurs
+// once.
 fn splat_round(tile: Tile, viewport: Viewport, towards: vec3<f32>, pixel: vec2<f32>, light: vec3<f32>, threshold: vec3<f32>) {
     let direction = normalize(towards);
     let extent = pixel_extent(viewport, direction);
@@ -120,7 +121,8 @@ fn splat_round(tile: Tile, viewport: Viewport, towards: vec3<f32>, pixel: vec2<f
                 if draws && weight > 0.0 {
                     let column = gaussian_pixel(viewport, vec2(x, y)).x;
                     let index = tile.first_pixel + u32((y - row_0) * i32(viewport.size.x) + column);
-                    // Many pixels get a fraction of a unit: with one threshold for all of them the sum would be rounded as they are.
+                    // Many pixels receive a fraction of a unit. A single threshold for all of them would round their
+                    // sum with a bias.
                     let tap = f32((y - own.first.y) * columns + x - own.first.x);
                     accumulate(index, floor(light * (weight / norm) + fract(threshold + tap * 0.61803399)));
                 }
@@ -152,34 +154,35 @@ fn splat_plane(
     for (var j = 0; j < pixels; j++) {
         let row_light = light * (scale * plane_density(pixel.y, first.y + f32(j), part));
         for (var k = 0; k < pixels; k++) {
-            let at = settle(viewport, first_pixel + vec2(k, j));
-            if at.x >= 0 && at.y >= row_0 && at.y < row_1 {
+            let position = settle(viewport, first_pixel + vec2(k, j));
+            if position.x >= 0 && position.y >= row_0 && position.y < row_1 {
                 let weight = plane_density(pixel.x, first.x + f32(k), part);
-                accumulate(tile.first_pixel + u32((at.y - row_0) * size.x + at.x), floor(row_light * weight + threshold));
+                accumulate(tile.first_pixel + u32((position.y - row_0) * size.x + position.x), floor(row_light * weight + threshold));
             }
         }
     }
 }
 
-// Whether a star counts as drawn in a tile: by the pixel that holds its image.
+// Whether a star counts as drawn in a tile, decided by the pixel that contains its image.
 fn holds_image(tile: Tile, viewport: Viewport, pixel: vec2<f32>) -> bool {
     let centre = vec2<i32>(floor(pixel));
     var own = settle(viewport, centre);
     if viewport.full_sphere != 0u {
-        // Every star is in this picture, also one whose pixel's centre lies just over the rim.
+        // This picture contains every star, even if the centre of the star's pixel is slightly beyond the rim.
         own = clamp(centre, vec2(0), vec2<i32>(viewport.size) - 1);
     }
     return own.x >= 0 && own.y >= i32(tile.first_row) && own.y < i32(tile.first_row + tile.rows);
 }
 
-// Luminance of a pixel that holds all light of `illuminance` lx from `direction` (any length): what kernels are chosen by.
+// Luminance of a pixel that contains all light of `illuminance` lx from `direction` (any length). Kernels are chosen by
+// this value.
 fn peak_luminance(viewport: Viewport, direction: vec3<f32>, illuminance: f32) -> f32 {
     let extent = pixel_extent(viewport, normalize(direction));
     return illuminance / (extent.x * extent.y);
 }
 
-// Splats light in `direction`, whose image is at `pixel`, into a tile, with the kernel of light of that peak luminance. `scale` is the light
-// in units of the sums for a colour of luminance 1, `number` decides how it is rounded.
+// Splats light in `direction`, whose image is at `pixel`, into a tile, with the kernel for the luminance `peak`.
+// `scale` is the light in units of the sums for a colour of luminance 1; `number` determines the rounding.
 fn splat(
     tile: Tile, viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, peak: f32, colour: vec3<f32>, scale: f32, number: u32) {
     let row_0 = i32(tile.first_row);
@@ -201,7 +204,7 @@ fn splat(
     let last_pixel = first_pixel + vec2(n - 1);
     let weights_x = kernel_weights(pixel.x, first.x, tent);
     let weights_y = kernel_weights(pixel.y, first.y, tent);
-    // Inside of the picture, and of this tile's rows: nothing of the kernel falls over a border.
+    // Whether the whole kernel is inside the picture, and inside this tile's rows.
     var in_picture = all(first_pixel >= vec2(0)) && all(last_pixel < size);
     if is_fisheye(viewport) {
         let doubled = 2.0 * (pixel - viewport.plane_offset);
@@ -216,7 +219,7 @@ fn splat(
     let inside = in_picture && first_pixel.y >= row_0 && last_pixel.y < row_1;
     var share = 1.0;
     if !in_picture {
-        // Pictures that go on beyond this border keep the star's light whole.
+        // Pictures that continue beyond this border preserve the star's light.
         if viewport.kind == KIND_CUBE_FACE {
             share = weight_on_cube(viewport, direction, tent);
         } else if viewport.full_sphere != 0u {
@@ -227,15 +230,15 @@ fn splat(
     for (var j = 0; j < n; j++) {
         let row_light = light * weights_y[j];
         for (var k = 0; k < n; k++) {
-            var at = first_pixel + vec2(k, j);
+            var position = first_pixel + vec2(k, j);
             if !inside {
-                at = settle(viewport, at);
-                if at.x < 0 || at.y < row_0 || at.y >= row_1 {
+                position = settle(viewport, position);
+                if position.x < 0 || position.y < row_0 || position.y >= row_1 {
                     continue;
                 }
             }
             let units = floor(row_light * weights_x[k] + threshold);
-            accumulate(tile.first_pixel + u32((at.y - row_0) * size.x + at.x), units);
+            accumulate(tile.first_pixel + u32((position.y - row_0) * size.x + position.x), units);
         }
     }
 }

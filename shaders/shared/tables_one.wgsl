@@ -1,8 +1,9 @@
-// The tables of all viewports, in groups of four words, in one buffer: `viewport.face` is the number of the first group of its own.
+// Tables of all viewports in one buffer, in groups of four words. `viewport.face` is the index of a table's first
+// group.
 
 @group(3) @binding(0) var<storage, read> mapping_tables: array<vec4<u32>>;
 
-// A group of words.
-fn mapping_table(at: u32) -> vec4<u32> {
-    return mapping_tables[at];
+// Returns a group of words.
+fn mapping_table(index: u32) -> vec4<u32> {
+    return mapping_tables[index];
 }

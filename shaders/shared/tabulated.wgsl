@@ -1,12 +1,13 @@
-// Tabulated projections: directions at the centres of pixels, and where to begin the search for the pixel of a direction. Made, checked
-// and described in src/view/projection/tabulated/, whose search.rs and nodes.rs are the same in f64.
+// Tabulated projections: directions at the centres of pixels, and start points of the search for the pixel of a
+// direction. Tables are built, checked and described in src/view/projection/tabulated/, whose search.rs and nodes.rs do
+// the same in f64.
 
 #import constants/tabulated
 #import shared/math
 #import shared/viewport
 #import tables = shared/tables_one | shared/tables_two
 
-// Direction at a node, and its pixel's solid angle in sr: 0 outside of the picture. All 0 where there is no direction.
+// Direction at a node, and solid angle of its pixel in sr, 0 outside the picture. All 0 if the node has no direction.
 fn tabulated_node(viewport: Viewport, node: vec2<i32>) -> vec4<f32> {
     let counts = vec2<i32>(viewport.size) + 2 * TABLE_FRINGE;
     if any(node < vec2(0)) || any(node >= counts) {
@@ -15,7 +16,7 @@ fn tabulated_node(viewport: Viewport, node: vec2<i32>) -> vec4<f32> {
     return bitcast<vec4<f32>>(mapping_table(viewport.face + TABLE_HEADER + u32(node.y * counts.x + node.x)));
 }
 
-// Solid angle of a pixel, sr; 0 outside of the picture, also outside of the image.
+// Solid angle of a pixel, sr; 0 outside the picture or the image.
 fn tabulated_solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
     if any(pixel < vec2(0)) || any(pixel >= vec2<i32>(viewport.size)) {
         return 0.0;
@@ -23,7 +24,7 @@ fn tabulated_solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
     return tabulated_node(viewport, pixel + TABLE_FRINGE).w;
 }
 
-// Whether all pixels of a rectangle lie in the picture.
+// Whether all pixels of a rectangle are in the picture.
 fn tabulated_holds(viewport: Viewport, first: vec2<i32>, last: vec2<i32>) -> bool {
     for (var y = first.y; y <= last.y; y++) {
         for (var x = first.x; x <= last.x; x++) {
@@ -35,7 +36,7 @@ fn tabulated_holds(viewport: Viewport, first: vec2<i32>, last: vec2<i32>) -> boo
     return true;
 }
 
-// Directions at the four nodes around a place, row by row.
+// Directions at the four nodes around a position, row by row.
 struct TableQuad {
     directions: array<vec3<f32>, 4>,
     exists: bool,
@@ -60,7 +61,8 @@ fn linear_in_quad(quad: TableQuad, part: vec2<f32>) -> vec3<f32> {
         mix(quad.directions[0], quad.directions[1], part.x), mix(quad.directions[2], quad.directions[3], part.x), part.y);
 }
 
-// Weights of a cubic convolution (Keys 1981, with a = -1/2) at a part of the way between the second node and the third.
+// Weights of a cubic convolution (Keys 1981, with a = -1/2) at a fraction of the way between the second and the third
+// node.
 fn cubic_weights(part: f32) -> vec4<f32> {
     let rest = 1.0 - part;
     return vec4(
@@ -70,7 +72,7 @@ fn cubic_weights(part: f32) -> vec4<f32> {
         -0.5 * rest * part * part);
 }
 
-// Direction at a place by cubic convolution, of nearly unit length; w = 0 where a node is missing.
+// Direction at a position by cubic convolution, of approximately unit length; w = 0 if a node is missing.
 fn cubic_in_table(viewport: Viewport, place: vec2<f32>) -> vec4<f32> {
     let first = floor(place);
     let across = cubic_weights(place.x - first.x);
@@ -89,7 +91,7 @@ fn cubic_in_table(viewport: Viewport, place: vec2<f32>) -> vec4<f32> {
     return vec4(sum, 1.0);
 }
 
-// Unit direction of a pixel coordinate, also a little beyond the picture; w = 0 where the table has none.
+// Unit direction of a pixel coordinate, including a fringe beyond the picture; w = 0 if the table has none.
 fn tabulated_at(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
     let place = pixel - 0.5 + f32(TABLE_FRINGE);
     if all(place == floor(place)) {
@@ -107,7 +109,7 @@ fn tabulated_at(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
     return vec4(0.0);
 }
 
-// Unit direction of a pixel coordinate of the image; w = 0 outside of the picture.
+// Unit direction of a pixel coordinate of the image; w = 0 outside the picture.
 fn tabulated_direction(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
     let holder = min(vec2<i32>(pixel), vec2<i32>(viewport.size) - 1);
     let own = tabulated_node(viewport, holder + TABLE_FRINGE);
@@ -118,10 +120,10 @@ fn tabulated_direction(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
     return select(vec4(own.xyz, 1.0), found, found.w > 0.0);
 }
 
-// How the directions of a table change from a node to its neighbours towards the middle of the picture.
+// Differences between the direction of a node and those of its neighbours towards the centre of the picture.
 struct TableSteps {
     own: vec3<f32>,
-    // Towards which column and row the neighbours lie, 1 or -1 each, and what is added to the direction.
+    // Column and row step to the neighbours, 1 or -1 each, and the differences in direction.
     sides: vec2<i32>,
     across: vec3<f32>,
     down: vec3<f32>,
@@ -137,25 +139,26 @@ fn steps_from(viewport: Viewport, node: vec2<i32>) -> TableSteps {
     return TableSteps(own, sides, across - own, down - own, exists);
 }
 
-// Larger and smaller singular value of a linear map of the plane into space, by its columns.
+// Larger and smaller singular value of a linear map from the plane into space, given by its columns.
 fn singular_values(a: vec3<f32>, b: vec3<f32>) -> vec2<f32> {
     let squares = vec2(dot(a, a), dot(b, b));
     let larger = sqrt(0.5 * (squares.x + squares.y + length(vec2(squares.x - squares.y, 2.0 * dot(a, b)))));
     return vec2(larger, length(cross(a, b)) / max(larger, 1e-30));
 }
 
-// Direction of a point of the plane as the table goes on from a pixel (column and row), linearly, of about unit length; w = 0 where it does not know it.
+// Direction of a point of the plane by linear continuation of the table from a pixel (column and row), of approximately
+// unit length; w = 0 if the table has no direction there.
 fn continued_from(viewport: Viewport, pixel: vec2<i32>, to: vec2<f32>) -> vec4<f32> {
     let steps = steps_from(viewport, pixel + TABLE_FRINGE);
     let by = (to - vec2<f32>(pixel) - 0.5) * vec2<f32>(steps.sides);
     return vec4(steps.own + steps.across * by.x + steps.down * by.y, select(0.0, 1.0, steps.exists));
 }
 
-// How far around a point of the plane without a direction one is looked for, in so many steps of so many pixels.
+// Search for a direction around a point without one: number of steps, and pixels per step.
 const LOOK_STEPS: i32 = 5;
 const LOOK_STEP_PX: i32 = 4;
 
-// Unit direction of a point of the plane, also beyond the picture: there as it goes on from a place near by.
+// Unit direction of a point of the plane. Beyond the picture, the table is continued from a nearby position.
 fn tabulated_beyond(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
     let last = vec2<i32>(viewport.size) - 1;
     let own = clamp(vec2<i32>(floor(pixel)), vec2(0), last);
@@ -177,19 +180,21 @@ fn tabulated_beyond(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
             }
         }
     }
-    // Nothing that is seen is near such a point.
+    // No visible object is near such a point.
     return select(vec3(0.0, 0.0, -1.0), normalize(found.xyz), found.w > 0.0);
 }
 
-// Where the search for the image of a unit vector begins.
+// Start of the search for the image of a unit vector.
 struct TableStart {
-    // Column of a node in the lower half and its row in the upper one; NO_START; or PATCH_BIT and the number of a patch's first group.
+    // Column of a node in the lower half, row in the upper half; NO_START; or PATCH_BIT and the index of a patch's
+    // first group.
     word: u32,
-    // Place in the cell, from (0, 0) to (1, 1).
+    // Position in the cell, from (0, 0) to (1, 1).
     part: vec2<f32>,
 }
 
-// The cell of a unit vector: its words, the place in it, and whether there is one. Outside of the grid the first of the place is the angle to it, rad.
+// Cell of a unit vector: its words, the position in it, and whether it exists. Outside the grid, the first component of
+// the position is the angle to the grid, rad.
 struct TableCell {
     words: vec4<u32>,
     part: vec2<f32>,
@@ -220,19 +225,19 @@ fn cell_in_table(viewport: Viewport, direction: vec3<f32>) -> TableCell {
 
 fn start_in_table(viewport: Viewport, direction: vec3<f32>) -> TableStart {
     let cell = cell_in_table(viewport, direction);
-    // A cut goes through the cell: on which side of it the direction lies decides.
+    // A cut divides the cell: the side of the direction selects the word.
     let beyond = dot(unpack2x16snorm(cell.words.z), cell.part - 0.5) <= bitcast<f32>(cell.words.w);
     return TableStart(select(cell.words.x, cell.words.y, cell.words.y != NO_START && beyond), cell.part);
 }
 
-// A place of the picture near a unit vector, without a search.
+// Position of the picture near a unit vector, found without a search.
 struct TableNear {
-    // The least angle from the vector to the picture, rad; 0 where it has an image.
+    // Lower bound of the angle from the vector to the picture, rad; 0 if the vector has an image.
     outside: f32,
-    // The place, pixels, and its direction.
+    // The position, pixels, and its direction.
     pixel: vec2<f32>,
     direction: vec3<f32>,
-    // The smaller angle that a pixel covers there, rad; 0 where no place is known.
+    // Smaller angle that a pixel subtends there, rad; 0 if no position is known.
     shorter: f32,
 }
 
@@ -244,7 +249,7 @@ fn near_in_table(viewport: Viewport, direction: vec3<f32>) -> TableNear {
     let empty = cell.words.x == NO_START;
     var near = TableNear(select(0.0, bitcast<f32>(cell.words.w), empty), vec2(0.0), vec3(0.0), 0.0);
     let word = select(cell.words.x, cell.words.z, empty);
-    // Beside a cut there are two places.
+    // Next to a cut there are two positions.
     if (word & PATCH_BIT) != 0u || (!empty && cell.words.y != NO_START) {
         return near;
     }
@@ -256,20 +261,20 @@ fn near_in_table(viewport: Viewport, direction: vec3<f32>) -> TableNear {
     return near;
 }
 
-// An image that stands in a patch, by the number of its first group.
+// Image interpolated in a patch, given the index of its first group.
 fn image_in_patch(viewport: Viewport, first: u32, part: vec2<f32>) -> vec2<f32> {
     let place = clamp(part, vec2(0.0), vec2(1.0)) * f32(PATCH_STEPS);
     let held = min(floor(place), vec2(f32(PATCH_STEPS) - 1.0));
-    let at = viewport.face + first + u32(held.y) * (PATCH_STEPS + 1u) + u32(held.x);
-    let a = bitcast<vec2<f32>>(mapping_table(at).xy);
-    let b = bitcast<vec2<f32>>(mapping_table(at + 1u).xy);
-    let c = bitcast<vec2<f32>>(mapping_table(at + PATCH_STEPS + 1u).xy);
-    let d = bitcast<vec2<f32>>(mapping_table(at + PATCH_STEPS + 2u).xy);
+    let index = viewport.face + first + u32(held.y) * (PATCH_STEPS + 1u) + u32(held.x);
+    let a = bitcast<vec2<f32>>(mapping_table(index).xy);
+    let b = bitcast<vec2<f32>>(mapping_table(index + 1u).xy);
+    let c = bitcast<vec2<f32>>(mapping_table(index + PATCH_STEPS + 1u).xy);
+    let d = bitcast<vec2<f32>>(mapping_table(index + PATCH_STEPS + 2u).xy);
     let inside = place - held;
     return mix(mix(a, b, inside.x), mix(c, d, inside.x), inside.y);
 }
 
-// Continuous pixel coordinates of the image of a direction (any length but 0); z = 1 where there is one.
+// Continuous pixel coordinates of the image of a direction (any length but 0); z = 1 if it exists.
 fn tabulated_pixel(viewport: Viewport, towards: vec3<f32>) -> vec3<f32> {
     let direction = normalize(towards);
     let start = start_in_table(viewport, direction);
@@ -282,7 +287,8 @@ fn tabulated_pixel(viewport: Viewport, towards: vec3<f32>) -> vec3<f32> {
     var place = vec2(f32(start.word & 0xffffu), f32(start.word >> 16u)) + 0.5;
     var held = place;
     var near = false;
-    // Where the way leads out of the table there is no image; but if the picture shows everything, it ends there.
+    // If the search leaves the table, there is no image; but if the picture shows the full sphere, the last position is
+    // the image.
     let exists = f32(viewport.full_sphere);
     for (var i = 0u; i < MOST_STEPS; i++) {
         let quad = table_quad(viewport, place);
@@ -293,13 +299,14 @@ fn tabulated_pixel(viewport: Viewport, towards: vec3<f32>) -> vec3<f32> {
         let part = place - floor(place);
         let along_x = mix(quad.directions[1] - quad.directions[0], quad.directions[3] - quad.directions[2], part.y);
         let along_y = mix(quad.directions[2] - quad.directions[0], quad.directions[3] - quad.directions[1], part.x);
-        var at = linear_in_quad(quad, part);
+        var current = linear_in_quad(quad, part);
         if near {
             let cubic = cubic_in_table(viewport, place);
-            at = select(at, cubic.xyz, cubic.w > 0.0);
+            current = select(current, cubic.xyz, cubic.w > 0.0);
         }
-        // at + x along_x + y along_y is to be parallel to the direction: Cramer's rule, without what lies along it.
-        let missing = direction - normalize(at);
+        // Solve for at + x along_x + y along_y parallel to the direction: Cramer's rule, ignoring the component along
+        // it.
+        let missing = direction - normalize(current);
         let across = cross(along_y, direction);
         let determinant = dot(along_x, across);
         if determinant == 0.0 {
@@ -316,7 +323,8 @@ fn tabulated_pixel(viewport: Viewport, towards: vec3<f32>) -> vec3<f32> {
     return vec3(place + 0.5 - f32(TABLE_FRINGE), 1.0);
 }
 
-// Larger and smaller angle that a pixel covers around a direction (unit vector), rad: singular values of the derivative.
+// Larger and smaller angle that a pixel subtends around a direction (unit vector), rad: singular values of the
+// derivative.
 fn tabulated_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
     let pixel = tabulated_pixel(viewport, direction).xy;
     let middle = tabulated_at(viewport, pixel);
@@ -325,7 +333,7 @@ fn tabulated_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
         let half = select(vec2(0.0, 0.5), vec2(0.5, 0.0), axis == 0);
         let ahead = tabulated_at(viewport, pixel + half);
         let behind = tabulated_at(viewport, pixel - half);
-        // At a border to the side that there is.
+        // At a border only the existing side is used.
         along[axis] = (ahead.xyz - middle.xyz) * ahead.w * (2.0 - behind.w) + (middle.xyz - behind.xyz) * behind.w * (2.0 - ahead.w);
     }
     return singular_values(along[0], along[1]);

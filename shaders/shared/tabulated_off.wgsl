@@ -1,1 +1,1 @@
-// In place of shared/tabulated: no picture is tabulated.
+// Replaces shared/tabulated if no picture is tabulated.

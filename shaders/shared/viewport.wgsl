@@ -39,21 +39,23 @@ struct Viewport {
     viewing_circle_m: f32,
 }
 
-// Whether loops of few turns stay loops. A GPU is best served by code that is written out; a software driver takes seconds to compile that.
+// Whether short loops stay loops. GPUs are fastest with unrolled loops; software drivers need seconds to compile them.
 override ROLLED: bool = false;
 
-// So many turns of a loop; where it is to stay one, in a form that the driver cannot know. Every viewport has pixels.
+// Number of iterations of a loop. To keep the loop, the value is hidden from the driver; every viewport has pixels, so
+// it is never 0.
 fn turns(viewport: Viewport, count: i32) -> i32 {
     return select(count, 0, ROLLED && viewport.size.x == 0u);
 }
 
-// A direction from view axes to those of the world: the rows turn the other way, so that their sum is the way back.
+// Rotates a direction from view axes to world axes. The rows are those of the inverse rotation, so their weighted sum
+// is the result.
 fn world_direction(viewport: Viewport, in_view: vec3<f32>) -> vec3<f32> {
     return in_view.x * viewport.view_from_world_x.xyz + in_view.y * viewport.view_from_world_y.xyz
         + in_view.z * viewport.view_from_world_z.xyz;
 }
 
-// A direction from the world's axes to those of the view.
+// Rotates a direction from world axes to view axes.
 fn view_direction(viewport: Viewport, in_world: vec3<f32>) -> vec3<f32> {
     return vec3(
         dot(in_world, viewport.view_from_world_x.xyz),
@@ -61,18 +63,19 @@ fn view_direction(viewport: Viewport, in_world: vec3<f32>) -> vec3<f32> {
         dot(in_world, viewport.view_from_world_z.xyz));
 }
 
-// Where the eye stands, relative to the camera, world axes, pc.
+// Position of the eye relative to the camera, world axes, pc.
 fn eye_of(viewport: Viewport) -> vec3<f32> {
     return vec3(viewport.view_from_world_x.w, viewport.view_from_world_y.w, viewport.view_from_world_z.w);
 }
 
-// Where the eye is that sees a direction (a unit vector, view axes), from its place, view axes, m: see `Viewport::eye_on_circle_m`.
+// Position of the eye that sees a direction (a unit vector, view axes), relative to the centre of its circle, view
+// axes, m: see `Viewport::eye_on_circle_m`.
 fn eye_on_circle(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
     return viewport.viewing_circle_m * vec3(-direction.y, direction.x, 0.0);
 }
 
-// The direction in which the eye on the circle sees what lies in a direction (a unit vector, view axes) and at a distance from its centre. It comes nearer by the
-// factor of radius over distance with every step.
+// Direction in which the eye on the circle sees an object, given its direction (a unit vector, view axes) and distance
+// from the centre. Each iteration reduces the error by the factor radius over distance.
 fn direction_from_circle(viewport: Viewport, direction: vec3<f32>, distance_m: f32) -> vec3<f32> {
     if viewport.viewing_circle_m == 0.0 {
         return direction;

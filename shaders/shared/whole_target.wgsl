@@ -1,4 +1,4 @@
-// One triangle that covers the whole target; the scissor cuts out of it what is drawn.
+// One triangle that covers the whole target; the scissor rectangle limits the drawn part.
 
 @vertex
 fn cover_target(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4<f32> {

@@ -31,7 +31,7 @@ fn pack_texels(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
         let index = tile.first_pixel + row * parameters.side + x;
         let red_green = pixels[index];
         var light = vec3(0.0);
-        // Zero bits say that the pixel is dark: see shared/pixel_grid.wgsl.
+        // Zero bits mark a dark pixel: see shared/pixel_grid.wgsl.
         if any(bitcast<vec2<u32>>(red_green) != vec2(0u)) {
             light = vec3(red_green, pixels[parameters.plane_pixels + index].x) * parameters.units_per_cd_m2;
         }

@@ -11,7 +11,7 @@ const CELL_SKY_WARM: vec3<f32> = vec3<f32>(1.564327, 0.892258, 0.405556);
 const CELL_SKY_WHITE: vec3<f32> = vec3<f32>(1.043055, 0.983607, 1.035608);
 const CELL_SKY_BLUE: vec3<f32> = vec3<f32>(0.826550, 0.994360, 1.566606);
 
-// Face 0 to 5: -z, +x, -x, +z, +y, -y. u and v on the face in [-1, 1].
+// Faces 0 to 5: -z, +x, -x, +z, +y, -y. u and v on the face are in [-1, 1].
 struct CellSkyPlace {
     face: u32,
     uv: vec2<f32>,
@@ -37,7 +37,7 @@ fn cell_sky_place(d: vec3<f32>) -> CellSkyPlace {
     return CellSkyPlace(5u, vec2<f32>(d.x, -d.z) / a.y);
 }
 
-// Unit direction of a place on a face.
+// Unit direction of a position on a face.
 fn cell_sky_direction(face: u32, uv: vec2<f32>) -> vec3<f32> {
     var d = vec3<f32>(uv.x, uv.y, -1.0);
     if face == 1u {
@@ -59,7 +59,7 @@ fn cell_sky_distort(uv: vec2<f32>) -> vec2<f32> {
     return uv * sqrt(2.0 - max(abs(uv.x), abs(uv.y)));
 }
 
-// Its inverse: m sqrt(2 - m) = target, by Newton.
+// Inverse of the distortion: solves m sqrt(2 - m) = target by Newton's method.
 fn cell_sky_straighten(uv: vec2<f32>) -> vec2<f32> {
     let wanted = max(abs(uv.x), abs(uv.y));
     var m = wanted * 0.85;
@@ -75,7 +75,7 @@ fn cell_sky_unit(bits: u32) -> f32 {
     return f32(bits >> 8u) * 5.9604644775390625e-8;
 }
 
-// Relative brightness (display white = 1) in a direction of ICRS, for pixels of pixel_rad in the middle of the view.
+// Relative brightness (display white = 1) in an ICRS direction, for pixels of pixel_rad at the centre of the view.
 fn cell_sky_brightness(
     direction: vec3<f32>,
     pixel_rad: f32,
@@ -104,7 +104,7 @@ fn cell_sky_brightness(
         if cell_sky_unit(hash(key + 2u)) >= density {
             continue;
         }
-        // Numbers of stars fall as brightness^-2.5, between the faintest and 1.
+        // The number of stars falls as brightness^-2.5, between the faintest and 1.
         let range = 1.0 - pow(CELL_SKY_FAINTEST, 1.5);
         let brightness = CELL_SKY_FAINTEST * pow(1.0 - cell_sky_unit(hash(key + 3u)) * range, -2.0 / 3.0);
         let warmth = 2.0 * cell_sky_unit(hash(key + 4u));

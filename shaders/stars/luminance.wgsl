@@ -1,6 +1,6 @@
-// The resolve pass of methods that leave luminance instead of illuminance: writes it, with the pixel's solid angle,
-// where the exposure and tone-mapping passes read it, and sums its illuminance. What a pixel holds comes from the chosen
-// source of luminance.
+// The resolve pass of methods that output luminance instead of illuminance: writes the luminance and solid angle of
+// each pixel to where the exposure and tone-mapping passes read them, and sums its illuminance. The chosen source
+// provides the luminance of a pixel.
 
 #import constants/pixel_grid
 #import constants/rec709
@@ -41,11 +41,11 @@ fn resolve_luminance(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_inv
             break;
         }
         let index = tile.first_pixel + row * viewport.size.x + x;
-        let at = vec2(i32(x), i32(tile.first_row + row));
-        let omega = solid_angle(viewport, at);
+        let pixel = vec2(i32(x), i32(tile.first_row + row));
+        let omega = solid_angle(viewport, pixel);
         var luminance = vec3(0.0);
         if omega > 0.0 {
-            luminance = luminance_of(viewport, index, at) * parameters.scale;
+            luminance = luminance_of(viewport, index, pixel) * parameters.scale;
             sum = metered(sum, dot(luminance, LUMINANCE_WEIGHTS) * omega, omega);
         }
         pixels[index] = bitcast<vec2<f32>>(red_green_words(luminance));

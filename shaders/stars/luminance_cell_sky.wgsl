@@ -1,5 +1,5 @@
-// The procedural sky: every pixel asks for the brightness in the direction of its centre, in whatever projection.
-// Nothing was drawn before.
+// The procedural sky: evaluated in the direction of every pixel's centre, in any projection. No earlier pass draws
+// anything.
 
 #import shared/projection
 #import shared/viewport
@@ -19,8 +19,8 @@ struct CellSkyParameters {
 
 @group(1) @binding(0) var<uniform> cell_sky: CellSkyParameters;
 
-fn luminance_of(viewport: Viewport, index: u32, at: vec2<i32>) -> vec3<f32> {
-    let in_view = direction_from_pixel(viewport, vec2<f32>(at) + 0.5).xyz;
+fn luminance_of(viewport: Viewport, index: u32, pixel: vec2<i32>) -> vec3<f32> {
+    let in_view = direction_from_pixel(viewport, vec2<f32>(pixel) + 0.5).xyz;
     return cell_sky_brightness(
         world_direction(viewport, in_view), cell_sky.pixel_rad, cell_sky.cells, cell_sky.layers, cell_sky.radius_px, cell_sky.seed);
 }

@@ -1,14 +1,14 @@
-// Luminance that was drawn on the six faces of a cube around the view's axes. Faces are drawn a few texels larger than the
-// cube's, so that interpolation never reaches over an edge.
+// Luminance drawn on the six faces of a cube around the view axes. Faces are drawn a few texels larger than those of
+// the cube, so that interpolation never crosses an edge.
 
 #import shared/projection
 #import shared/viewport
 
 @group(1) @binding(0) var drawn: texture_2d_array<f32>;
 
-// `parameters.source_0`: texels along an edge of the cube. `parameters.source_1`: texels beyond it on every side.
-fn luminance_of(viewport: Viewport, index: u32, at: vec2<i32>) -> vec3<f32> {
-    let direction = direction_from_pixel(viewport, vec2<f32>(at) + 0.5).xyz;
+// `parameters.source_0`: texels along an edge of the cube. `parameters.source_1`: extra texels on each side.
+fn luminance_of(viewport: Viewport, index: u32, pixel: vec2<i32>) -> vec3<f32> {
+    let direction = direction_from_pixel(viewport, vec2<f32>(pixel) + 0.5).xyz;
     let face = cube_face_of(direction);
     let on_face = face_from_face(face, 0u, direction);
     let tangents = on_face.xy / -on_face.z;

@@ -1,4 +1,4 @@
-// What the published rasteriser left in a pixel: luminance and mixed temperature as two halves.
+// Output of the published rasteriser: luminance and mixed temperature of a pixel as two half floats.
 
 #import shared/math
 #import shared/viewport
@@ -7,7 +7,7 @@
 // Colours of luminance 1 from 500 to 100000 K on a logarithmic scale.
 @group(1) @binding(1) var<storage, read> colours: array<vec4<f32>>;
 
-fn luminance_of(viewport: Viewport, index: u32, at: vec2<i32>) -> vec3<f32> {
+fn luminance_of(viewport: Viewport, index: u32, pixel: vec2<i32>) -> vec3<f32> {
     let word = packed[index];
     if word == 0u {
         return vec3(0.0);

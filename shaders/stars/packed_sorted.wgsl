@@ -1,4 +1,5 @@
-// The published splat on stars that were culled and sorted: what is left of its price when culling and order are ours.
+// The published splat on culled and sorted stars, to measure its cost without that of drawing the whole unsorted
+// catalogue.
 
 #import constants/star_light
 #import shared/math

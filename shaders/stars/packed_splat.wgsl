@@ -1,5 +1,5 @@
-// The published splat: four pixels, luminance and temperature as two halves of one word, exchanged until nobody came
-// between.
+// The published splat: four pixels with luminance and temperature as two half floats in one word, updated by
+// compare-exchange until no other thread has interfered.
 
 #import constants/counters
 #import shared/projection
@@ -11,7 +11,7 @@
 @group(0) @binding(3) var<storage, read_write> counters: array<atomic<u32>>;
 @group(0) @binding(4) var<storage, read_write> packed: array<atomic<u32>>;
 
-// Greatest half.
+// Greatest half float.
 const MOST: f32 = 65504.0;
 
 // Adds luminance (cd/m^2) to a pixel; its temperature (K) becomes the mean of both, weighted by luminance.
@@ -24,7 +24,7 @@ fn add_packed(pixel: u32, luminance: f32, temperature: f32) {
         if sum > 0.0 {
             mixed = (before.x * before.y + luminance * temperature) / sum;
         }
-        // Beyond the range of halves WGSL says nothing of the result: held at the greatest.
+        // WGSL does not define the result beyond the range of half floats, so the values are clamped.
         let word = pack2x16float(min(vec2(sum, mixed), vec2(MOST)));
         let result = atomicCompareExchangeWeak(&packed[pixel], old, word);
         if result.exchanged {
@@ -34,7 +34,7 @@ fn add_packed(pixel: u32, luminance: f32, temperature: f32) {
     }
 }
 
-// Splats a star of that illuminance (lx) into one tile.
+// Splats a star of `illuminance` (lx) into one tile.
 fn splat_packed(tile: Tile, viewport: Viewport, direction: vec3<f32>, illuminance: f32, temperature: f32) {
     let projected = pixel_from_direction(viewport, direction);
     let size = vec2<i32>(viewport.size);
@@ -47,16 +47,17 @@ fn splat_packed(tile: Tile, viewport: Viewport, direction: vec3<f32>, illuminanc
     if own.y < first_row - 1 || own.y > end_row || !contains(viewport, own) {
         return;
     }
-    // All four pixels get what the star's own pixel would get, by weight, whatever their own solid angle.
+    // All four pixels get the luminance that the star's own pixel would get, times their weight, regardless of their
+    // own solid angle.
     let luminance = illuminance / pixel_of_triangles(viewport, own);
     let first = floor(projected.xy - 0.5);
     let part = projected.xy - 0.5 - first;
     for (var j = 0; j < 2; j++) {
         for (var i = 0; i < 2; i++) {
-            let at = vec2<i32>(first) + vec2(i, j);
+            let position = vec2<i32>(first) + vec2(i, j);
             let weight = select(1.0 - part.x, part.x, i == 1) * select(1.0 - part.y, part.y, j == 1);
-            if all(at >= vec2(0, first_row)) && all(at < vec2(size.x, end_row)) {
-                add_packed(tile.first_pixel + u32((at.y - first_row) * size.x + at.x), luminance * weight, temperature);
+            if all(position >= vec2(0, first_row)) && all(position < vec2(size.x, end_row)) {
+                add_packed(tile.first_pixel + u32((position.y - first_row) * size.x + position.x), luminance * weight, temperature);
             }
         }
     }

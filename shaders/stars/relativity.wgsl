@@ -19,8 +19,9 @@ fn moves(camera_motion: CameraMotion) -> bool {
     return camera_motion.gamma_beta > 0.0;
 }
 
-// xyz: where the star at `place` from the eye (not 0) is seen, D times as far away. w: the Doppler factor D.
-fn seen_by(camera_motion: CameraMotion, place: vec3<f32>) -> vec4<f32> {
+// xyz: apparent position of a star at `place` relative to the eye (not 0), scaled in distance by the Doppler factor D.
+// w: D.
+fn apparent_place(camera_motion: CameraMotion, place: vec3<f32>) -> vec4<f32> {
     let distance = length(place);
     let along = dot(place, camera_motion.direction);
     let across = place - camera_motion.direction * along;
@@ -31,18 +32,18 @@ fn seen_by(camera_motion: CameraMotion, place: vec3<f32>) -> vec4<f32> {
         camera_motion.doppler_behind + camera_motion.gamma_beta * one_plus_cos);
 }
 
-// Steps by which a Doppler factor shifts a temperature.
+// Number of steps by which a Doppler factor shifts a temperature.
 fn doppler_steps(doppler: f32) -> f32 {
     return STEPS_PER_OCTAVE * log2(doppler);
 }
 
-// Place of a step in the table.
+// Index of a step in the table.
 fn table_index(step: i32) -> u32 {
     let held = clamp(step, COLDEST_STEP, COLDEST_STEP + TABLE_STEPS - 1);
     return u32(select(held, held + TABLE_STEPS, held < 0));
 }
 
-// What the light of a star of temperature step `step` is multiplied by: D^-2 Y(D T) / Y(T).
+// Factor on the light of a star of temperature step `step`: D^-2 Y(D T) / Y(T).
 fn light_factor(step: u32, doppler: f32) -> f32 {
     let shifted = f32(step) + doppler_steps(doppler);
     let below = floor(shifted);

@@ -43,8 +43,8 @@ struct StarParameters {
 @group(1) @binding(0) var<storage, read> stars: array<Star>;
 @group(1) @binding(1) var<storage, read> items: array<StarItem>;
 
-// Invocations that share an item. A GPU wants a full wave or two; a software driver runs a workgroup as a loop of SIMD
-// steps and loads the item and its viewports anew in each, so there one step is best.
+// Invocations that share an item. A GPU is fastest with one or two full waves. A software driver runs a workgroup as a
+// loop of SIMD steps and reloads the item and its viewports in each, so there one step is best.
 override WORKGROUP: u32;
 
 @compute @workgroup_size(WORKGROUP)
@@ -71,7 +71,7 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
             var illuminance = illuminance_at_1_pc(star) / distance_squared;
             var colour_index = star.light & LAST_TEMPERATURE_STEP;
             if moves(parameters.camera_motion) && distance_squared > 0.0 {
-                let seen = seen_by(parameters.camera_motion, relative);
+                let seen = apparent_place(parameters.camera_motion, relative);
                 relative = seen.xyz;
                 illuminance *= light_factor(colour_index, seen.w);
                 colour_index = table_index(i32(round(f32(colour_index) + doppler_steps(seen.w))));
@@ -86,7 +86,7 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                 illuminance *= kept;
                 colour /= kept;
             }
-            // A star at the camera's place has no direction; the comparison is also false for NaN.
+            // A star at the camera's position has no direction; the comparison is also false for NaN.
             if !(illuminance >= parameters.faintest_lx && illuminance < parameters.brightest_lx && distance_squared > 0.0) {
                 continue;
             }

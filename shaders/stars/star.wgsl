@@ -1,4 +1,4 @@
-// Stars as the culled and sorted catalogue holds them, and the runs of them that workgroups take.
+// Stars of the culled and sorted catalogue, and the runs of stars that workgroups take.
 
 #import constants/star_light
 
@@ -24,7 +24,7 @@ struct StarItem {
     at_infinity: u32,
 }
 
-// Illuminance at 1 pc, lx; of stars at infinity, the one they give.
+// Illuminance at 1 pc, lx; for stars at infinity, their actual illuminance.
 fn illuminance_at_1_pc(star: Star) -> f32 {
     return bitcast<f32>(((star.light >> TEMPERATURE_BITS) << 9u) + (EXPONENT_BIAS << 23u));
 }

@@ -1,5 +1,5 @@
 // Solid angle of a pixel as published with the packed rasteriser: two spherical triangles between the directions of its
-// corners, in f32. It cancels: docs/benchmarks.md has the errors.
+// corners, in f32. It suffers from cancellation; docs/benchmarks.md lists the errors.
 
 #import shared/projection
 #import shared/viewport
@@ -9,7 +9,7 @@ fn triangle_solid_angle(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> f32 {
     return 2.0 * atan2(abs(dot(a, cross(b, c))), 1.0 + dot(a, b) + dot(b, c) + dot(c, a));
 }
 
-// Solid angle of a pixel; where a corner lies outside of the picture, the closed form.
+// Solid angle of a pixel; if a corner is outside the picture, the closed form.
 fn pixel_of_triangles(viewport: Viewport, pixel: vec2<i32>) -> f32 {
     let corner = vec2<f32>(pixel);
     let top_left = direction_from_pixel(viewport, corner);

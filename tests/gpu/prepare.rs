@@ -6,7 +6,8 @@ use steradian::{
     Gpu, GpuOptions, Renderer, SceneSnapshot, Wanted, config::Config, scene::loader::load_stars,
 };
 
-/// Pipelines that `prepare` makes for a configuration, and those that the first frame makes beside them.
+/// Number of pipelines that `prepare` creates for a configuration, and number that the first frame creates in
+/// addition.
 fn made(file: &str, set: &[&str]) -> [u64; 2] {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(file);
     let small = ["scene.catalogues=[\"builtin:bright\"]"];
@@ -14,13 +15,13 @@ fn made(file: &str, set: &[&str]) -> [u64; 2] {
     let config = Config::load(&path, &set).unwrap();
     let (rig, settings) = (config.rig().unwrap(), config.render_settings());
     let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default()).unwrap());
-    assert_eq!(renderer.gpu().made().pipelines, 0, "a renderer makes none before it knows what for");
+    assert_eq!(renderer.gpu().made().pipelines, 0, "a new renderer has no pipelines");
     let objects = Arc::new(config.objects().unwrap());
     let wanted = Wanted::both();
     let mut steps = Vec::new();
     renderer.prepare(&objects, &rig, &settings, wanted, &[], &mut |step| steps.push(step)).unwrap();
-    let of = steps.len();
-    assert!(steps.iter().enumerate().all(|(index, step)| (step.done, step.of) == (index + 1, of)), "{steps:?}");
+    let total = steps.len();
+    assert!(steps.iter().enumerate().all(|(index, step)| (step.done, step.of) == (index + 1, total)), "{steps:?}");
     let prepared = renderer.gpu().made().pipelines;
     let (stars, _) = load_stars(&config.star_sources(), &config.epoch(), &mut |_| ()).unwrap();
     let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera: config.camera().unwrap() };
@@ -29,7 +30,7 @@ fn made(file: &str, set: &[&str]) -> [u64; 2] {
 }
 
 #[test]
-fn the_first_frame_makes_no_pipeline_that_could_be_made_before() {
+fn the_first_frame_creates_no_further_pipelines() {
     let small = "views.dome.size=[64,64]";
     let cases: [(&str, &[&str]); 11] = [
         ("perspective.toml", &["views.0.size=[64,48]"]),
@@ -51,8 +52,8 @@ fn the_first_frame_makes_no_pipeline_that_could_be_made_before() {
 }
 
 #[test]
-fn what_was_not_prepared_is_made_by_the_frame() {
-    // The counter sees it.
+fn a_frame_creates_pipelines_that_were_not_prepared() {
+    // Shows that the counter works.
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/dome.toml");
     let set = ["scene.catalogues=[\"builtin:bright\"]", "views.dome.size=[64,64]"].map(str::to_owned);
     let config = Config::load(&path, &set).unwrap();

@@ -1,4 +1,4 @@
-// Places a mesh on the tiles of a block of an atlas: an instance is a tile, a parallel projection from the tile's
+// Draws a mesh onto the tiles of a block of an atlas. Each instance is one tile: a parallel projection along the tile's
 // direction.
 
 #import asteroids/impostors/bake_block

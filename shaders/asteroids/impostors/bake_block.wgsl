@@ -1,4 +1,4 @@
-// Baking an atlas: a block of tiles at a time, in samples.
+// Bakes an atlas: one block of tiles at a time, in samples.
 
 struct ImpostorBakeParameters {
     // Samples along the side of the block, and per bounding radius.

@@ -1,7 +1,7 @@
-// Texels of a block of an atlas from its samples: means over what is covered, and the share that is.
+// Filters the samples of an atlas block to texels: means over covered samples, and the covered share.
 //
-// First word: mean normal, halved and moved to 0..1, and coverage, 8 bits each. Second word: albedo over its scale and
-// depth, 16 bits each. Both 0 where nothing is covered.
+// First word: mean normal, mapped from -1..1 to 0..1, and coverage, 8 bits each. Second word: albedo divided by its
+// scale, and depth, 16 bits each. Both are 0 if no sample is covered.
 
 #import constants/workgroups
 
@@ -28,11 +28,11 @@ fn filter_samples(@builtin(global_invocation_id) id: vec3<u32>) {
     var count = 0.0;
     for (var j = 0u; j < parameters.samples; j++) {
         for (var i = 0u; i < parameters.samples; i++) {
-            let at = vec2<i32>(id.xy * parameters.samples + vec2(i, j));
-            let sample = textureLoad(normals, at, 0);
+            let position = vec2<i32>(id.xy * parameters.samples + vec2(i, j));
+            let sample = textureLoad(normals, position, 0);
             if sample.w > 0.5 {
                 normal += sample.xyz;
-                surface += textureLoad(surfaces, at, 0).xy;
+                surface += textureLoad(surfaces, position, 0).xy;
                 count += 1.0;
             }
         }

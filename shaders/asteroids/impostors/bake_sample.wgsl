@@ -1,4 +1,4 @@
-// What a sample of an atlas sees: unit normal in the shape's axes and 1, albedo over its scale and depth.
+// Sample of an atlas: unit normal in the shape's axes and 1; albedo divided by its scale, and depth.
 
 #import asteroids/impostors/bake_block
 

@@ -1,8 +1,8 @@
-// Places the squares that stand in for asteroids, a triangle strip of four corners each.
+// Places the squares of asteroid impostors, each a triangle strip of four vertices.
 //
-// The published square lies parallel to the image plane and is turned by the roll; its tile goes by how the camera is
-// turned. The others face the eye, their tiles go by where it is, and they are as large as the outline that perspective
-// shows.
+// The published square is parallel to the image plane and rotated by the roll; its tile follows from the camera's
+// orientation. The other squares face the eye, their tiles follow from the eye's position, and they are as large as the
+// outline in perspective.
 
 #import asteroids/impostors/atlas
 #import asteroids/impostors/square

@@ -1,5 +1,5 @@
-// Reads impostors' atlas and lights them by the strongest sun. Colour: luminance in units of the target, alpha 1. Depth
-// is that of the surface, so that impostors and meshes meet where their surfaces do.
+// Shades impostors: reads the atlas and lights the surface by the strongest sun. Colour: luminance in units of the
+// target, alpha 1. Depth is that of the surface, so that impostors and meshes intersect correctly.
 
 #import asteroids/impostors/atlas
 #import asteroids/impostors/surface
@@ -34,7 +34,7 @@ fn shade_impostor(corner: ImpostorCorner) -> ImpostorFragment {
         discard;
     }
     let normal = normalize(view_from_shape * seen.normal);
-    // What is seen faces the eye, also at the limb of a tile whose direction is a little off.
+    // Visible surfaces face the eye, even at the limb of a tile whose direction deviates slightly.
     let cos_e = max(dot(normal, -ray), 1e-3);
     let light = seen.albedo * reflected(u32(corner.luminance.w), dot(normal, corner.sun.xyz), cos_e);
     let place = clip_from_view((square + seen.beyond * ray) * corner.centre.w);

@@ -1,7 +1,8 @@
-// Where an impostor falls onto the samples of a target, and what it shows there.
+// Footprint of an impostor on the samples of a target, and its surface there.
 //
-// A place on the square that faces the eye and a sample are mapped onto each other in one division: on flat pictures exactly, on others by
-// the derivative at the middle, which is off by less than straight edges are there, half a pixel at most: others go through flat faces.
+// One division maps between positions on the square that faces the eye and samples. The map is exact on flat pictures.
+// On others it is linear around the centre; its error is below that of straight edges, at most half a pixel, since
+// larger images go through flat faces.
 
 #import asteroids/impostors/atlas
 #import asteroids/impostors/splat_band
@@ -24,36 +25,37 @@ struct SplatTarget {
 
 @group(2) @binding(0) var<uniform> splat: SplatTarget;
 
-// Whether three tiles are blended, each with parallax: impostors that are too small to tell are others.
+// Whether three tiles are blended with parallax. Impostors too small for a visible difference use one tile.
 override PARALLAX: bool;
 
 struct Footprint {
-    // Entry of the lists.
+    // Index of the entry in the lists.
     slot: u32,
     asteroid: Asteroid,
-    // The middle relative to the eye, view axes, and the radius that it is measured in, m.
+    // Centre relative to the eye in units of `radius`, view axes, and that radius, m.
     centre: vec3<f32>,
     radius: f32,
     square: Square,
-    // From a sample's centre relative to the middle of the square (x, y, 1) to a place on it: (across, upward) / beneath.
+    // Map from a sample's centre relative to the square's centre, (x, y, 1), to a position on the square: (across,
+    // upward) / beneath.
     across: vec2<f32>,
     upward: vec2<f32>,
     beneath: vec2<f32>,
-    // Sample coordinates of the middle; of what it may touch the first sample and the one behind the last.
+    // Sample coordinates of the centre; first sample that it may touch, and end of that range.
     middle: vec2<f32>,
     first: vec2<i32>,
     end: vec2<i32>,
-    // Depth that nothing of it exceeds.
+    // Upper limit of its depth values.
     nearest: f32,
-    // The nearest tile; its place among the three is that of the greatest weight.
+    // Nearest tile: the one of the three with the greatest weight.
     tile: u32,
-    // Share of the depth that counts for where tiles are read, and of the two other tiles.
+    // Share of the depth used for the parallax of tiles, and share of the two other tiles.
     parallax: f32,
-    // Level of the atlas, a whole number: its texels are no larger than samples where the atlas has such.
+    // Level of the atlas, an integer: its texels are at most as large as samples, if such a level exists.
     level: f32,
 }
 
-// The footprint of an entry of the lists. One that touches nothing has no samples.
+// Footprint of an entry of the lists. An entry that touches no samples has an empty range.
 fn footprint_of(slot: u32) -> Footprint {
     let asteroid = load_asteroid(slot);
     let viewport = asteroid_target.viewport;
@@ -75,7 +77,8 @@ fn footprint_of(slot: u32) -> Footprint {
     var exists = middle.z > 0.0 && distance > 1.0;
     let outline_squared = dot(square.right, square.right);
     if on_plane {
-        // The ray through a sample meets the plane of the square; all of it is linear in the sample but for a division.
+        // Intersection of the ray through a sample with the square's plane: linear in the sample, except for one
+        // division.
         let axis = max(-centre.z, 1e-6);
         let steps = 1.0 / (viewport.plane_scale * samples);
         footprint.across = square.right.xy * steps * (axis / outline_squared);
@@ -95,7 +98,7 @@ fn footprint_of(slot: u32) -> Footprint {
     let inverse_x = vec2(footprint.upward.y, -footprint.across.y) / turn;
     let inverse_y = vec2(-footprint.upward.x, footprint.across.x) / turn;
     let outer = vec2(length(inverse_x), length(inverse_y));
-    // Perspective makes one side of it larger.
+    // Perspective enlarges one side of it.
     let half = outer * (1.0 + 2.0 * dot(abs(footprint.beneath), outer)) + 0.5;
     exists = exists && all(half < vec2(1e6));
     let size = vec2(f32(splat.band.width), f32(splat.band.rows));
@@ -104,24 +107,25 @@ fn footprint_of(slot: u32) -> Footprint {
     let end = clamp(ceil(shifted + half), vec2(0.0), size);
     footprint.first = vec2<i32>(first) + vec2(0, i32(splat.band.first_row));
     footprint.end = select(footprint.first, vec2<i32>(end) + vec2(0, i32(splat.band.first_row)), vec2(exists));
-    // A place on the square and a depth along the ray, each no more than the outline.
+    // Nearest point: position on the square and depth along the ray are each at most the outline.
     let reach = select(distance, -centre.z, on_plane) - 1.4143 * sqrt(outline_squared);
     footprint.nearest = asteroid_target.near / (max(reach, 1e-6) * radius);
-    // How far a sample reaches on the square, bounding radii; the bounding radius in pixels.
+    // Size of a sample on the square, bounding radii; bounding radius in pixels.
     let step = max(
         length(vec2(footprint.across.x, footprint.upward.x)), length(vec2(footprint.across.y, footprint.upward.y)));
     let radius_px = max(outer.x, outer.y) / samples * inverseSqrt(outline_squared) * splat.quality;
     let texels = step * sqrt(outline_squared) * (0.5 * f32(atlas.tile_px) - 1.0);
     footprint.level = floor(clamp(log2(max(texels, 1e-6)), 0.0, f32(atlas.levels - 1u)));
-    // One tile will do as it is where its direction and its parallel projection are off by half a pixel at most. Parallax and the other
-    // tiles set in over a tenth of the distance.
+    // A single tile is sufficient if the errors of its direction and of its parallel projection are at most half a
+    // pixel. Parallax and the other tiles fade in over a tenth of the distance.
     let wrong = max(2.0 * splat.tile_error_rad * radius_px, radius_px / distance);
     footprint.parallax = clamp((wrong * (1.0 + BAND) - 1.0) / BAND, 0.0, 1.0);
     footprint.tile = square.tiles[heaviest(square.weights)];
     return footprint;
 }
 
-// Half the way on the picture from one side of a place to the other, pixels; from the place itself where a side has no image.
+// Half the image distance between the points at +side and -side of a position, pixels. If a point has no image, the
+// one-sided difference from the position itself.
 fn difference_of_pixels(place: vec3<f32>, side: vec3<f32>) -> vec2<f32> {
     let one = pixel_of(place + side);
     let other = pixel_of(place - side);
@@ -132,10 +136,10 @@ fn difference_of_pixels(place: vec3<f32>, side: vec3<f32>) -> vec2<f32> {
     return select(between.xy - other.xy, one.xy - between.xy, one.z > 0.0);
 }
 
-// What a sample is on the square; outside of the bounding sphere the length exceeds 1.
+// Position of a sample on the square. Outside the bounding sphere its length exceeds 1.
 fn place_on_square(footprint: Footprint, sample_at: vec2<i32>) -> vec2<f32> {
-    let at = vec2<f32>(sample_at) + 0.5 - footprint.middle;
-    return vec2(dot(footprint.across, at), dot(footprint.upward, at)) / (1.0 + dot(footprint.beneath, at));
+    let offset = vec2<f32>(sample_at) + 0.5 - footprint.middle;
+    return vec2(dot(footprint.across, offset), dot(footprint.upward, offset)) / (1.0 + dot(footprint.beneath, offset));
 }
 
 fn heaviest(weights: vec3<f32>) -> u32 {
@@ -143,8 +147,8 @@ fn heaviest(weights: vec3<f32>) -> u32 {
     return select(select(2u, 1u, weights.y == greatest), 0u, weights.x == greatest);
 }
 
-// What an impostor has at a place of its square, and the ray to there: whether anything, and where.
-fn form_at(footprint: Footprint, place: vec2<f32>, ray: vec3<f32>, offset: vec3<f32>) -> Seen {
+// Coverage and depth at a position of the square, and along the ray through it.
+fn shape_at(footprint: Footprint, place: vec2<f32>, ray: vec3<f32>, offset: vec3<f32>) -> Seen {
     if !PARALLAX {
         return seen_on_tile(footprint.tile, footprint.asteroid.shape, place, footprint.level);
     }
@@ -152,8 +156,8 @@ fn form_at(footprint: Footprint, place: vec2<f32>, ray: vec3<f32>, offset: vec3<
     return blended(footprint, mix(nearest_alone, footprint.square.weights, footprint.parallax), ray, offset);
 }
 
-// What it looks like there. One tile's normals would be those of a face that is turned by up to the angle between tiles.
-fn look_at(footprint: Footprint, ray: vec3<f32>, offset: vec3<f32>) -> Seen {
+// Full appearance at that position. The normals of a single tile could be wrong by up to the angle between tiles.
+fn appearance_at(footprint: Footprint, ray: vec3<f32>, offset: vec3<f32>) -> Seen {
     return blended(footprint, footprint.square.weights, ray, offset);
 }
 

@@ -1,5 +1,5 @@
-// Asteroids that are given one by one, in view axes, instead of the lists that culling leaves: what
-// asteroids/listed.wgsl offers to those that draw, to check them by themselves. Flat pictures only.
+// Single asteroids given in view axes, for testing in isolation. Provides the same functions as asteroids/listed.wgsl,
+// for flat pictures only.
 
 #import shared/viewport
 

@@ -1,4 +1,4 @@
-// The samples that impostors are splatted onto at once.
+// Band of samples that impostors are splatted onto at once.
 
 #import constants/impostors
 
@@ -11,9 +11,9 @@ struct SplatBand {
     blocks: u32,
 }
 
-// Where a sample stands, in blocks of 8 x 8: neighbours in both directions lie close together.
-fn place_in_blocks(at: vec2<u32>, blocks: u32) -> u32 {
-    let block = at / SPLAT_BLOCK;
-    let within = at % SPLAT_BLOCK;
+// Index of a sample. Samples are stored in blocks of 8 x 8, so that neighbours in both directions are close in memory.
+fn place_in_blocks(position: vec2<u32>, blocks: u32) -> u32 {
+    let block = position / SPLAT_BLOCK;
+    let within = position % SPLAT_BLOCK;
     return (block.y * blocks + block.x) * (SPLAT_BLOCK * SPLAT_BLOCK) + within.y * SPLAT_BLOCK + within.x;
 }

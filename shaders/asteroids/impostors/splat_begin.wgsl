@@ -1,4 +1,4 @@
-// The depth of what is drawn already, for impostors that are splatted behind and before it.
+// Initialises samples with the depth already drawn, for impostors splatted behind or in front of it.
 
 #import asteroids/impostors/splat_band
 

@@ -1,4 +1,4 @@
-// Hands the depth of splatted samples to the rasteriser's target. One triangle covers the band.
+// Writes the depth of splatted samples to the rasteriser's target. One triangle covers the band.
 
 #import asteroids/impostors/splat_band
 
@@ -7,8 +7,8 @@
 
 @fragment
 fn hand_on_depth(@builtin(position) position: vec4<f32>) -> @builtin(frag_depth) f32 {
-    let at = vec2<u32>(position.xy);
-    let words = sample_words[place_in_blocks(at - vec2(0u, band.first_row), band.blocks)];
+    let sample_position = vec2<u32>(position.xy);
+    let words = sample_words[place_in_blocks(sample_position - vec2(0u, band.first_row), band.blocks)];
     if words.x == 0u {
         discard;
     }

@@ -1,4 +1,4 @@
-// Lights the samples that are an impostor's own. Colour: luminance in units of the target, alpha 1.
+// Lights the samples owned by an impostor. Colour: luminance in units of the target, alpha 1.
 
 #import asteroids/impostors/footprint
 #import shared/reflection
@@ -9,15 +9,15 @@ fn may_be_own(footprint: Footprint, sample_at: u32) -> bool {
     return is_own(sample_at, footprint.slot);
 }
 
-fn work_on(footprint: Footprint, sample_at: u32, at: vec2<i32>, place: vec2<f32>) -> bool {
+fn process_sample(footprint: Footprint, sample_at: u32, position: vec2<i32>, place: vec2<f32>) -> bool {
     let offset = place.x * footprint.square.right + place.y * footprint.square.up;
     let ray = normalize(footprint.centre + offset);
-    let seen = look_at(footprint, ray, offset);
+    let seen = appearance_at(footprint, ray, offset);
     let asteroid = footprint.asteroid;
     let normal = normalize(asteroid.view_from_shape * seen.normal);
-    // What is seen faces the eye, also at the limb of a tile whose direction is a little off.
+    // Visible surfaces face the eye, even at the limb of a tile whose direction deviates slightly.
     let cos_e = max(dot(normal, -ray), 1e-3);
     let light = seen.albedo * reflected(asteroid.law, dot(normal, asteroid.sun), cos_e);
-    textureStore(colour, at, vec4(asteroid.luminance * light, 1.0));
+    textureStore(colour, position, vec4(asteroid.luminance * light, 1.0));
     return true;
 }

@@ -1,19 +1,19 @@
-// What is nearest to the eye, whatever the order of threads. Entries come from near to far, so most of what is hidden is found so by one
-// comparison.
+// Finds the impostor nearest to the eye, independently of thread order. Entries are sorted from near to far, so one
+// comparison rejects most hidden samples.
 
 #import asteroids/impostors/footprint
 
-// Whether a sample may be its own.
+// Whether the impostor may own a sample.
 fn may_be_own(footprint: Footprint, sample_at: u32) -> bool {
     return depth_there(sample_at) <= footprint.nearest;
 }
 
-fn work_on(footprint: Footprint, sample_at: u32, at: vec2<i32>, place: vec2<f32>) -> bool {
+fn process_sample(footprint: Footprint, sample_at: u32, position: vec2<i32>, place: vec2<f32>) -> bool {
     let offset = place.x * footprint.square.right + place.y * footprint.square.up;
     let on_square = footprint.centre + offset;
     let ray = normalize(on_square);
-    let seen = form_at(footprint, place, ray, offset);
-    if seen.coverage < 0.5 || faded(footprint.asteroid.fade, vec2<u32>(at)) {
+    let seen = shape_at(footprint, place, ray, offset);
+    if seen.coverage < 0.5 || faded(footprint.asteroid.fade, vec2<u32>(position)) {
         return false;
     }
     let depth = bitcast<u32>(depth_of_place((on_square + seen.beyond * ray) * footprint.radius));

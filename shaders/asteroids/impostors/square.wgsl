@@ -1,19 +1,19 @@
-// How the square of an impostor lies that faces the eye, and which tiles it shows.
+// Orientation of an impostor's square that faces the eye, and its tiles.
 
 #import asteroids/impostors/atlas
 #import asteroids/impostors/tiles
 #import constants/impostors
 
 struct Square {
-    // Half its sides, view axes, bounding radii. It holds the outline that perspective shows.
+    // Half sides, view axes, bounding radii. The square contains the outline in perspective.
     right: vec3<f32>,
     up: vec3<f32>,
-    // Up to three tiles, column in the low half of the word, row in the high one, and their weights.
+    // Up to three tiles, column in the low half of the word, row in the high half, and their weights.
     tiles: vec3<u32>,
     weights: vec3<f32>,
 }
 
-// The square of an asteroid whose middle stands at `centre`, bounding radii, view axes; `blends`: three tiles are mixed.
+// Square of an asteroid at `centre` (bounding radii, view axes). `blends`: three tiles are blended.
 fn facing_square(centre: vec3<f32>, view_from_shape: mat3x3<f32>, blends: bool) -> Square {
     let distance = length(centre);
     let to_eye = -centre / distance;
@@ -27,7 +27,7 @@ fn facing_square(centre: vec3<f32>, view_from_shape: mat3x3<f32>, blends: bool) 
         square.tiles = blend.tiles;
         square.weights = blend.weights;
     }
-    // The tile's axes, turned the shortest way until it faces the eye.
+    // The tile's axes, rotated by the shortest arc until they face the eye.
     let axes = octahedral_axes(tile);
     let seen = view_from_shape * axes.direction;
     let between = (seen + to_eye) / (1.0 + dot(seen, to_eye));

@@ -1,4 +1,4 @@
-// What the atlas shows of an asteroid: its tiles, blended where a ray meets their pictures.
+// Surface of an asteroid from the atlas: blends tiles at the intersection of a ray with their pictures.
 
 #import asteroids/impostors/atlas
 #import asteroids/impostors/tiles
@@ -8,11 +8,11 @@ struct Surface {
     // Shape's axes, not normalised.
     normal: vec3<f32>,
     albedo: f32,
-    // Towards the eye of the tile, bounding radii.
+    // Towards the tile's eye, bounding radii.
     depth: f32,
 }
 
-// Texture coordinates of a place on a tile, held far enough inside that no other tile is mixed in at that level.
+// Texture coordinates of a position on a tile, clamped so that filtering at this level does not read other tiles.
 fn tile_coordinates(tile: u32, place: vec2<f32>, level: f32) -> vec2<f32> {
     let side = f32(atlas.tile_px);
     let margin = 0.5 * exp2(ceil(level));
@@ -26,37 +26,37 @@ fn depth_of(tile: u32, layer: u32, place: vec2<f32>, level: f32) -> f32 {
 }
 
 fn surface_of(tile: u32, layer: u32, place: vec2<f32>, level: f32) -> Surface {
-    let at = tile_coordinates(tile, place, level);
-    let normal = textureSampleLevel(normals, trilinear, at, layer, level);
-    let surface = textureSampleLevel(surfaces, trilinear, at, layer, level);
+    let coordinates = tile_coordinates(tile, place, level);
+    let normal = textureSampleLevel(normals, trilinear, coordinates, layer, level);
+    let surface = textureSampleLevel(surfaces, trilinear, coordinates, layer, level);
     return Surface(surface.z, 2.0 * normal.xyz - 1.0, surface.x * atlas.albedo_scale, 2.0 * surface.y - 1.0);
 }
 
-// What a ray shows.
+// Surface seen along a ray.
 struct Seen {
     coverage: f32,
     // Shape's axes, not normalised.
     normal: vec3<f32>,
     albedo: f32,
-    // Where the surface lies along the ray beyond the square, bounding radii.
+    // Distance of the surface beyond the square along the ray, bounding radii.
     beyond: f32,
 }
 
-// The tile at a place of the square.
+// Surface of a tile at a position of the square.
 fn seen_on_tile(tile: u32, layer: u32, place: vec2<f32>, level: f32) -> Seen {
     let found = surface_of(tile, layer, place, level);
     return Seen(found.coverage, found.normal, found.albedo, -found.depth);
 }
 
-// How places on tiles are found: by so many steps towards where a ray meets a tile's picture at the depth that it holds there, of which
-// `share` counts.
+// Search for positions on tiles: number of steps towards the intersection of the ray with the depth stored in the tile,
+// and the share of that depth used.
 struct Parallax {
     steps: u32,
     share: f32,
 }
 
-// Three tiles with their weights. `start`: from the middle to the place on the square, bounding radii; `along`: the ray; both in the shape's
-// axes.
+// Blends three tiles. `start`: vector from the centre to the position on the square, bounding radii; `along`: the ray;
+// both in the shape's axes.
 fn seen_in_blend(
     tiles: vec3<u32>, weights: vec3<f32>, layer: u32, start: vec3<f32>, along: vec3<f32>, parallax: Parallax, level: f32) -> Seen {
     var sum = Seen(0.0, vec3(0.0), 0.0, 0.0);

@@ -1,4 +1,4 @@
-// Which tiles of an atlas show an asteroid: src/plan/asteroids/tiles in f32.
+// Tiles of an atlas that show an asteroid: src/plan/asteroids/tiles in f32.
 
 #import asteroids/impostors/atlas
 #import shared/math
@@ -13,15 +13,15 @@ fn signs(p: vec2<f32>) -> vec2<f32> {
     return select(vec2(-1.0), vec2(1.0), p >= vec2(0.0));
 }
 
-// Place of a direction (any length but 0) on the octahedral map, -1 to 1.
+// Position of a direction (any length but 0) on the octahedral map, -1 to 1.
 fn octahedral_place(direction: vec3<f32>) -> vec2<f32> {
     let sizes = abs(direction);
     let p = direction.xy / (sizes.x + sizes.y + sizes.z);
     return select((1.0 - abs(p.yx)) * signs(p), p, direction.z >= 0.0);
 }
 
-// How a tile of the octahedral map is seen (frame by Duff et al. 2017). The frame flips with the sign of z, which is
-// found in whole numbers: many tiles have z = 0.
+// Axes of a tile of the octahedral map (frame by Duff et al. 2017). The frame flips with the sign of z, which is
+// computed in integers because many tiles have z = 0.
 fn octahedral_axes(tile: vec2<u32>) -> TileAxes {
     let count = i32(atlas.tiles);
     let place = 2 * vec2<i32>(tile) + vec2(1 - count);
@@ -41,7 +41,7 @@ fn octahedral_nearest(direction: vec3<f32>) -> vec2<u32> {
     return vec2<u32>(clamp(place, vec2(0.0), vec2(f32(atlas.tiles) - 1.0)));
 }
 
-// A tile in one word, from a place of the grid, which may lie one step beyond a border.
+// Packs a tile of the grid into one word. Positions one step beyond a border wrap around.
 fn wrapped(place: vec2<i32>) -> u32 {
     let last = i32(atlas.tiles) - 1;
     var tile = place;
@@ -82,7 +82,7 @@ fn octahedral_blend(direction: vec3<f32>) -> Blend {
     return blend;
 }
 
-// The published choice: pitch, yaw and roll of view_from_shape = Rz(roll) Ry(yaw) Rx(pitch).
+// Published choice of the tile: pitch, yaw and roll of view_from_shape = Rz(roll) Ry(yaw) Rx(pitch).
 fn euler_angles(view_from_shape: mat3x3<f32>) -> vec3<f32> {
     let towards = vec3(view_from_shape[0].z, view_from_shape[1].z, view_from_shape[2].z);
     return vec3(
@@ -91,7 +91,7 @@ fn euler_angles(view_from_shape: mat3x3<f32>) -> vec3<f32> {
         precise_atan2(view_from_shape[0].y, view_from_shape[0].x));
 }
 
-// Its tile in one word: rounded up, as published.
+// Tile of these angles in one word: rounded up, as published.
 fn euler_tile(angles: vec3<f32>) -> u32 {
     let n = i32(atlas.tiles);
     let index = vec2<i32>(ceil(angles.xy * (f32(n) / (2.0 * PI))));

@@ -1,6 +1,6 @@
-// The base of a glare pyramid: the picture at half its resolution, each texel the mean of two by two pixels, black
-// outside of round pictures, scaled into the range of half floats. One dispatch a tile writes the texels whose upper
-// pixels lie in the tile; the lower ones may lie in the next.
+// The base of a glare pyramid: the picture at half resolution, scaled to the range of half floats. Each texel is the
+// mean of two by two pixels; pixels outside round pictures are black. One dispatch per tile writes the texels whose
+// upper pixels are in the tile; the lower ones may be in the next tile.
 
 #import constants/workgroups
 #import glare/pyramid/scale
@@ -26,20 +26,20 @@ struct GlareBaseParameters {
 
 fn light_at(size: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {
     // The border is repeated.
-    let at = min(pixel, size - 1u);
+    let clamped = min(pixel, size - 1u);
     var red_green = vec2(0.0);
     var blue_omega = vec2(0.0);
-    if at.y < parameters.upper.first_row + parameters.upper.rows {
-        let index = parameters.upper.first_pixel + (at.y - parameters.upper.first_row) * size.x + at.x;
+    if clamped.y < parameters.upper.first_row + parameters.upper.rows {
+        let index = parameters.upper.first_pixel + (clamped.y - parameters.upper.first_row) * size.x + clamped.x;
         red_green = upper_pixels[index];
         blue_omega = upper_pixels[parameters.upper_plane_pixels + index];
     } else {
-        let index = parameters.lower.first_pixel + (at.y - parameters.lower.first_row) * size.x + at.x;
+        let index = parameters.lower.first_pixel + (clamped.y - parameters.lower.first_row) * size.x + clamped.x;
         red_green = lower_pixels[index];
         blue_omega = lower_pixels[parameters.lower_plane_pixels + index];
     }
     let light = vec3(red_green, blue_omega.x);
-    // One pixel that is not finite must not take the picture with it.
+    // A non-finite pixel must not spoil the picture.
     return select(vec3(0.0), light, blue_omega.y > 0.0 && all(light < vec3(3e38)));
 }
 

@@ -1,6 +1,6 @@
-// A blur of a glare pyramid along one axis: a Gaussian of seven taps, a texel of the level apart. The first axis reads
-// the level before, where a bilinear lookup between four texels is their mean; the second one reads what the first has
-// left. Where the taps lie comes from the chosen taps.
+// Blurs a level of a glare pyramid along one axis: a Gaussian of seven taps, one texel of the level apart. The first
+// axis reads the previous level, where a bilinear lookup between four texels is their mean; the second axis reads the
+// result of the first. The chosen taps define the positions.
 
 #import constants/workgroups
 #import glare/pyramid/scale
@@ -38,7 +38,7 @@ fn blur_level(@builtin(global_invocation_id) id: vec3<u32>) {
     for (var k = -3; k <= 3; k++) {
         let place = place_of_tap(viewport, taps, k);
         if place.z > 0.0 {
-            // Beyond the picture its border goes on.
+            // Beyond the picture its border is repeated.
             sum += parameters.weights[abs(k)] * textureSampleLevel(wider, bilinear, place.xy, 0.0).xyz;
         }
     }

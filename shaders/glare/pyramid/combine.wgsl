@@ -1,5 +1,5 @@
-// The levels of a glare pyramid, combined at the resolution of the first: their weighted sum. A lookup is a cubic
-// B-spline in four bilinear ones (Sigg and Hadwiger 2005).
+// Combines the levels of a glare pyramid at the resolution of the first level: their weighted sum. A lookup is a cubic
+// B-spline made of four bilinear lookups (Sigg and Hadwiger 2005).
 
 #import constants/workgroups
 #import glare/pyramid/scale
@@ -22,7 +22,8 @@ fn cubic_lookup(place: vec2<f32>, level: u32) -> vec3<f32> {
     let texel = place * size - 0.5;
     let part = fract(texel);
     let rest = 1.0 - part;
-    // Of the four texels of each axis the outer ones weigh part^3 / 6 and rest^3 / 6. A bilinear lookup between two of them sees both.
+    // Along each axis the outer of the four texels weigh part^3 / 6 and rest^3 / 6. A bilinear lookup between two
+    // texels reads both.
     let weight_0 = rest * rest * rest / 6.0;
     let weight_1 = (4.0 + part * part * (3.0 * part - 6.0)) / 6.0;
     let weight_3 = part * part * part / 6.0;

@@ -1,5 +1,5 @@
-// The brightest channel of the pictures of a batch, as the bits of the number: those of numbers that are not negative
-// are ordered as the numbers are, so that the greatest is the same in any order.
+// Finds the brightest channel in the pictures of a batch, as the bits of the number. The bits of non-negative numbers
+// are ordered like the numbers, so the maximum does not depend on the order of the threads.
 
 #import constants/pixel_grid
 #import shared/pixel_grid
@@ -19,12 +19,12 @@ struct GlareMaximumParameters {
 @group(0) @binding(3) var<storage, read> pixels: array<vec2<f32>>;
 @group(0) @binding(4) var<storage, read_write> maximum: array<atomic<u32>>;
 
-var<workgroup> of_group: atomic<u32>;
+var<workgroup> group_maximum: atomic<u32>;
 
 @compute @workgroup_size(COLUMNS)
 fn find_maximum(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     if local == 0u {
-        atomicStore(&of_group, 0u);
+        atomicStore(&group_maximum, 0u);
     }
     workgroupBarrier();
     let tile = tiles[group.z];
@@ -37,15 +37,15 @@ fn find_maximum(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
             let index = tile.first_pixel + row * width + x;
             let blue_omega = pixels[parameters.plane_pixels + index];
             let brightest = max(blue_omega.x, max(pixels[index].x, pixels[index].y));
-            // What is not finite has no glare.
+            // Non-finite pixels have no glare.
             if blue_omega.y > 0.0 && brightest < 3e38 {
                 greatest = max(greatest, brightest);
             }
         }
     }
-    atomicMax(&of_group, bitcast<u32>(greatest));
+    atomicMax(&group_maximum, bitcast<u32>(greatest));
     workgroupBarrier();
     if local == 0u {
-        atomicMax(&maximum[0], atomicLoad(&of_group));
+        atomicMax(&maximum[0], atomicLoad(&group_maximum));
     }
 }

@@ -4,9 +4,9 @@
 #import shared/projection
 #import shared/viewport
 
-// Whether all views are flat, with pixels far smaller than the cells of the map.
+// Whether all views are flat, with pixels far smaller than the map's cells.
 override FLAT: bool = false;
-// Direction of a pixel's centre; on a flat plane also beyond the picture.
+// Direction of a pixel's centre; on a flat plane also defined beyond the picture.
 fn direction_of(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
     if FLAT {
         let on_plane = vec3((pixel - viewport.plane_offset) / viewport.plane_scale, -1.0);

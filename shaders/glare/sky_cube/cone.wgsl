@@ -1,4 +1,4 @@
-// The cone of directions of a rectangle of pixels.
+// Cone of directions of a rectangle of pixels.
 
 #import shared/projection
 #import shared/viewport
@@ -6,7 +6,7 @@
 struct Cone {
     // Unit vector, world axes.
     axis: vec3<f32>,
-    // Greatest chord from the axis to a direction inside; below 0 there is none.
+    // Greatest chord from the axis to a direction inside; negative: no direction.
     chord: f32,
 }
 
@@ -14,8 +14,8 @@ fn point_of(from_pixel: vec2<f32>, step: vec2<f32>, points: vec2<u32>, i: u32) -
     return from_pixel + step * vec2(f32(i % points.x), f32(i / points.x));
 }
 
-// The cone of `size` pixels from `corner` on, looked at `points` a side. Where some points lie outside of the picture, every
-// pixel's centre is looked at instead.
+// Cone of `size` pixels from `corner` on, sampled at `points` per side. If some points are outside the picture, the
+// centre of every pixel is used instead.
 fn cone_of(viewport: Viewport, corner: vec2<f32>, size: vec2<u32>, some_points: u32) -> Cone {
     var points = vec2(some_points);
     var first = corner;
@@ -43,7 +43,7 @@ fn cone_of(viewport: Viewport, corner: vec2<f32>, size: vec2<u32>, some_points: 
     if seen == 0u {
         return Cone(vec3(0.0), -1.0);
     }
-    // Directions all around have no mean: then everything is near enough.
+    // Directions all around have no mean; use a cone that contains everything.
     if length(axis) < 0.1 * f32(seen) {
         return Cone(vec3(0.0, 0.0, 1.0), 2.0);
     }
@@ -51,25 +51,26 @@ fn cone_of(viewport: Viewport, corner: vec2<f32>, size: vec2<u32>, some_points: 
     var chord = 0.0;
     var bend = 0.0;
     for (var i = 0u; i < points.x * points.y; i++) {
-        let at = point_of(first, step, points, i);
-        let direction = direction_from_pixel(viewport, at);
+        let point = point_of(first, step, points, i);
+        let direction = direction_from_pixel(viewport, point);
         if direction.w == 0.0 {
             continue;
         }
         chord = max(chord, length(direction.xyz - axis));
         if whole {
-            // Between three points in a row a smooth curve leaves their polygon by less than their second difference.
+            // Between three consecutive points a smooth curve departs from their polygon by less than their second
+            // difference.
             let ahead = vec2<bool>(i % points.x + 2u < points.x, i / points.x + 2u < points.y);
             for (var axis_index = 0u; axis_index < 2u; axis_index++) {
                 if ahead[axis_index] {
                     let along = select(vec2(0.0, step.y), vec2(step.x, 0.0), axis_index == 0u);
-                    let middle = direction_from_pixel(viewport, at + along).xyz;
-                    let end = direction_from_pixel(viewport, at + 2.0 * along).xyz;
+                    let middle = direction_from_pixel(viewport, point + along).xyz;
+                    let end = direction_from_pixel(viewport, point + 2.0 * along).xyz;
                     bend = max(bend, length(direction.xyz - 2.0 * middle + end));
                 }
             }
         }
     }
-    // A little for the rounding of f32.
+    // Margin for the rounding of f32.
     return Cone(world_direction(viewport, axis), (chord + 2.0 * bend) * 1.0001 + 1e-6);
 }

@@ -1,5 +1,5 @@
-// The kernel of glare as the pixels of a view show it, in four directions at a time. The importer binds `sky`, the parameters, and
-// `kernel_table`.
+// The glare kernel in the pixels of a view, evaluated in four directions at a time. The importer binds the parameters
+// `sky`, and `kernel_table`.
 
 #import glare/sky_cube/sprites
 #import shared/math
@@ -8,12 +8,12 @@
 // Whether the kernel is read from the table; otherwise it is the inverse square.
 override TABULATED: bool = false;
 
-// Squares of the angles of chords no longer than those of sprites, from the squares of the chords.
+// Squared angles from squared chords, for chords up to those of sprites.
 fn near_angle_squared(squared: vec4<f32>) -> vec4<f32> {
     return squared * (1.0 + squared * (1.0 / 12.0) * (1.0 + squared * (2.0 / 15.0)));
 }
 
-// The same of any chord.
+// Squared angles from squared chords, for any chord.
 fn angle_squared(squared: vec4<f32>) -> vec4<f32> {
     let sines = sqrt(squared);
     let cosines = sqrt(max(4.0 - squared, vec4(0.0)));
@@ -23,11 +23,11 @@ fn angle_squared(squared: vec4<f32>) -> vec4<f32> {
     return select(near_angle_squared(squared), 4.0 * half * half, squared > vec4(0.05));
 }
 
-// The kernel as the view's pixels show it, 1/sr, from the squares of chords and of their angles.
-fn shown(view: GlareView, squared: vec4<f32>, of_angle: vec4<f32>) -> vec4<f32> {
+// The kernel in the view's pixels, 1/sr, from squared chords and squared angles.
+fn kernel_in_view(view: GlareView, squared: vec4<f32>, angles_squared: vec4<f32>) -> vec4<f32> {
     let u = squared / view.core_squared;
     let core = view.core.x + u * (view.core.y + u * view.core.z);
-    var beyond = sky.constant / max(of_angle, vec4(sky.inner_squared));
+    var beyond = sky.constant / max(angles_squared, vec4(sky.inner_squared));
     if TABULATED {
         let last = vec4(f32(sky.entries - 1u) - 0.001);
         let place = clamp((log2(squared) - sky.first_octave) * sky.entries_per_octave, vec4(0.0), last);
@@ -48,7 +48,7 @@ struct Directions4 {
     z: vec4<f32>,
 }
 
-// Sets the direction of one of the four; `lane` may vary from turn to turn of a loop.
+// Sets the direction of one of the four lanes; `lane` may vary between iterations of a loop.
 fn set_lane(four: ptr<function, Directions4>, lane: u32, direction: vec3<f32>) {
     let here = vec4(0u, 1u, 2u, 3u) == vec4(lane);
     (*four).x = select((*four).x, vec4(direction.x), here);
@@ -56,7 +56,7 @@ fn set_lane(four: ptr<function, Directions4>, lane: u32, direction: vec3<f32>) {
     (*four).z = select((*four).z, vec4(direction.z), here);
 }
 
-// Squares of the chords from a direction.
+// Squared chords from a direction.
 fn chords_squared(directions: Directions4, other: vec3<f32>) -> vec4<f32> {
     let x = directions.x - other.x;
     let y = directions.y - other.y;
@@ -64,11 +64,11 @@ fn chords_squared(directions: Directions4, other: vec3<f32>) -> vec4<f32> {
     return x * x + y * y + z * z;
 }
 
-// Kernel of a sprite in four directions. Without branches: a software driver would go through all of them.
-fn of_sprite(view: GlareView, sprite: GlareSprite, directions: Directions4) -> vec4<f32> {
+// Kernel of a sprite in four directions. It is free of branches, since a software driver would execute all of them.
+fn sprite_kernel(view: GlareView, sprite: GlareSprite, directions: Directions4) -> vec4<f32> {
     let squared = chords_squared(directions, sprite.direction);
     let share = min(squared * sprite.inverse_squared, vec4(1.0));
-    let value = shown(view, squared, near_angle_squared(squared));
+    let value = kernel_in_view(view, squared, near_angle_squared(squared));
     let u = squared * sky.soft_inverse;
     let left = select(vec4(0.0), value - sky.soft.x - u * (sky.soft.y + u * sky.soft.z), share < vec4(1.0));
     let fade = 1.0 - share * share * (3.0 - 2.0 * share);

@@ -1,6 +1,6 @@
-// A level of the map of glare: the light that is scattered towards each of its points, from the cells of the sky that
-// the level's kernel reaches, and what the coarser levels have. Points lie at the centres of cells, and in a rim of two
-// more around each face. What it works from: src/plan/glare/sky_cube.
+// Computes a level of the glare map: for each of its points, the light scattered towards it by the cells of the sky
+// within reach of the level's kernel, plus the light of coarser levels. Points are at the centres of cells, and in a
+// rim of two more points around each face. Its input is described in src/plan/glare/sky_cube.
 
 #import constants/glare_map
 #import constants/workgroups
@@ -35,7 +35,7 @@ struct GlareLevelParameters {
 
 @group(0) @binding(0) var<uniform> parameters: GlareLevelParameters;
 @group(0) @binding(1) var<storage, read> cells: array<GlareCell>;
-// The kernel, 1/sr, over the square of the chord.
+// Kernel, 1/sr, as a function of the squared chord.
 @group(0) @binding(2) var<storage, read> kernel_table: array<f32>;
 // Light of the bump of each cell, lx per sr.
 @group(0) @binding(3) var<storage, read> bumps: array<vec4<f32>>;
@@ -43,8 +43,8 @@ struct GlareLevelParameters {
 @group(0) @binding(4) var<storage, read> map: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> scattered: array<vec4<f32>>;
 
-// Tangents between which a cone around a direction reaches, along one axis of a face: components of the direction along the axis
-// and forward. The first is the larger where the cone does not reach the face.
+// Range of tangents along one axis of a face that a cone around a direction covers; `along` and `forward` are
+// components of the direction. If the cone does not reach the face, the first value is larger.
 fn reached(along: f32, forward: f32, sine: f32) -> vec2<f32> {
     let size = length(vec2(along, forward));
     if sine >= size {

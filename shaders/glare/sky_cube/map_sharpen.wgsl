@@ -1,5 +1,5 @@
-// Sharpens a level of the map of glare by as much as reading it with quadratic B-splines will smooth it: these take one eighth
-// of each neighbour along either axis. The rim loses one point.
+// Sharpens a level of the glare map to compensate the smoothing by quadratic B-splines, which take one eighth of each
+// neighbour along either axis. The rim shrinks by one point.
 
 #import constants/workgroups
 

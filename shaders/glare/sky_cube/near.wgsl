@@ -1,4 +1,4 @@
-// Sources of glare that are an eye's own: near stars, bodies, fields of asteroids. The importer binds `near`.
+// Glare sources that belong to one eye: near stars, bodies, asteroid fields. The importer binds `near`.
 
 #import constants/extended_sources
 #import glare/light8
@@ -18,7 +18,7 @@ struct GlareNear {
     parts: u32,
 }
 
-// Adds what an eye's own sources scatter towards eight pixels of a column.
+// Adds the light that the eye's own sources scatter towards eight pixels of a column.
 fn add_near(light: ptr<function, Light8>, view: GlareView, directions: array<Directions4, 2>) {
     let first = vec3(directions[0].x.x, directions[0].y.x, directions[0].z.x);
     for (var i = view.first_near; i < view.first_near + view.near_count; i++) {
@@ -33,9 +33,9 @@ fn add_near(light: ptr<function, Light8>, view: GlareView, directions: array<Dir
         for (var four = 0u; four < 2u; four++) {
             let own = chords_squared(directions[four], near[i].direction);
             let squared = own + soft;
-            var kernel = shown(view, squared, angle_squared(squared));
+            var kernel = kernel_in_view(view, squared, angle_squared(squared));
             if extended {
-                // What is left out lies on the source: a bump of twice its radius whose integral is 1.
+                // The omitted share is on the source itself: a bump of twice its radius with integral 1.
                 let inside = max(1.0 - own / (4.0 * soft), vec4(0.0));
                 kernel += f32(near[i].parts & SHARE_PARTS) / f32(SHARE_PARTS) * 3.0 / (PI * 4.0 * soft) * inside * inside;
             }

@@ -1,5 +1,6 @@
-// Display images whose veil is in their sums of light: what their surfaces show loses what is scattered of it, and gets what bodies scatter, pixel by pixel as in
-// shaders/glare/composite.wgsl, since a bright body's veil bends too much for the grid of points that the rest is read from.
+// Glare of surfaces in display images whose veil is in their sums of light: removes the scattered part of the light of
+// surfaces, and adds the light scattered by bodies. This is done per pixel as in shaders/glare/composite.wgsl, since
+// the veil of a bright body is too curved for the grid of points used for the rest.
 
 #import constants/glare_composite
 #import constants/pixel_grid
@@ -26,7 +27,7 @@ struct ObjectGlareParameters {
 @group(1) @binding(2) var<storage, read> near: array<GlareNear>;
 @group(1) @binding(3) var<storage, read> kernel_table: array<f32>;
 
-// Runs of ROWS rows of one workgroup, one invocation of a column each.
+// Runs of ROWS rows per workgroup, with one invocation per column.
 override ROW_GROUPS: u32;
 
 @compute @workgroup_size(BLOCK_COLUMNS, ROW_GROUPS)
@@ -53,11 +54,11 @@ fn scatter_objects(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
             let before = geometry[index];
             let four = i / 4u;
             let one = i % 4u;
-            var shown = parameters.fraction * vec3(light.red[four][one], light.green[four][one], light.blue[four][one]);
+            var luminance = parameters.fraction * vec3(light.red[four][one], light.green[four][one], light.blue[four][one]);
             if parameters.fraction < 1.0 {
-                shown += (1.0 - parameters.fraction) * bitcast<vec3<f32>>(before.xyz);
+                luminance += (1.0 - parameters.fraction) * bitcast<vec3<f32>>(before.xyz);
             }
-            geometry[index] = vec4(bitcast<vec3<u32>>(shown), before.w);
+            geometry[index] = vec4(bitcast<vec3<u32>>(luminance), before.w);
         }
     }
 }

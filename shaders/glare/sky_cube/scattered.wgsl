@@ -1,5 +1,5 @@
-// What is scattered towards a pixel, by the method `sky_cube`: from the map of the sky, from the sources of the view's
-// own eye and from the sprites that reach the pixel's block.
+// Light scattered towards pixels by the method `sky_cube`: from the map of the sky, from the sources of the view's own
+// eye, and from the sprites that reach the pixel's block.
 
 #import constants/glare_sprites
 #import glare/light8
@@ -23,11 +23,11 @@
 @group(1) @binding(8) var<storage, read> square_lists: array<u32>;
 @group(1) @binding(9) var<storage, read> kernel_table: array<f32>;
 
-// What the map has for eight pixels of a column.
+// Light of the map for eight pixels of a column.
 fn column_from_map(view: GlareView, viewport: Viewport, top: vec2<f32>, directions: array<Directions4, 2>) -> Light8 {
     var light: Light8;
     if FLAT {
-        // The map is smooth over much more than a few pixels of such views: a parabola through three rows does for eight.
+        // The map is smooth over many pixels of such views, so a parabola through three rows serves eight pixels.
         let first = read_map(view.first_point, sky.edge_cells, direction_of(viewport, top));
         let middle = read_map(view.first_point, sky.edge_cells, direction_of(viewport, top + vec2(0.0, 3.5)));
         let last = read_map(view.first_point, sky.edge_cells, direction_of(viewport, top + vec2(0.0, 7.0)));
@@ -44,27 +44,27 @@ fn column_from_map(view: GlareView, viewport: Viewport, top: vec2<f32>, directio
     for (var four = 0u; four < u32(turns(viewport, 2)); four++) {
         for (var one = 0u; one < u32(turns(viewport, 4)); one++) {
             let direction = vec3(directions[four].x[one], directions[four].y[one], directions[four].z[one]);
-            let of_pixel = read_map(view.first_point, sky.edge_cells, direction);
-            light.red[four][one] = of_pixel.x;
-            light.green[four][one] = of_pixel.y;
-            light.blue[four][one] = of_pixel.z;
+            let map_light = read_map(view.first_point, sky.edge_cells, direction);
+            light.red[four][one] = map_light.x;
+            light.green[four][one] = map_light.y;
+            light.blue[four][one] = map_light.z;
         }
     }
     return light;
 }
 
 fn add_sprite(light: ptr<function, Light8>, view: GlareView, sprite: GlareSprite, directions: array<Directions4, 2>) {
-    let first = of_sprite(view, sprite, directions[0]);
-    let second = of_sprite(view, sprite, directions[1]);
+    let first = sprite_kernel(view, sprite, directions[0]);
+    let second = sprite_kernel(view, sprite, directions[1]);
     add_light(light, 0u, sprite.light, first);
     add_light(light, 1u, sprite.light, second);
 }
 
-// Adds all sprites of the sky that come near eight pixels.
+// Adds all sprites of the sky that reach eight pixels.
 fn add_from_sky(light: ptr<function, Light8>, view: GlareView, directions: array<Directions4, 2>) {
     let first = vec3(directions[0].x.x, directions[0].y.x, directions[0].z.x);
     let last = chords_squared(directions[1], first);
-    // Beyond a rim pixels have no direction: a chord of 1, which is large enough.
+    // Pixels beyond a rim have no direction; their chord is 1, which is large enough.
     let chord = sqrt(max(max(last.x, last.y), max(last.z, last.w)));
     for (var r = 0u; r < sky.regions; r++) {
         let region = regions[r];
@@ -85,18 +85,18 @@ fn add_from_sky(light: ptr<function, Light8>, view: GlareView, directions: array
     }
 }
 
-fn scattered_towards(viewport: Viewport, tile: Tile, at: vec3<u32>) -> Light8 {
+fn scattered_towards(viewport: Viewport, tile: Tile, position: vec3<u32>) -> Light8 {
     let view = views[tile.viewport];
-    let top = vec2<f32>(vec2(at.x, tile.first_row + at.y)) + 0.5;
+    let top = vec2<f32>(vec2(position.x, tile.first_row + position.y)) + 0.5;
     let directions = array<Directions4, 2>(
         directions_of(viewport, top), directions_of(viewport, top + vec2(0.0, 4.0)));
     var light = column_from_map(view, viewport, top, directions);
     add_near(&light, view, directions);
-    let block = vec3(at.xy / BLOCK_SIDE, at.z);
+    let block = vec3(position.xy / BLOCK_SIDE, position.z);
     let list = ((block.z * sky.rows + block.y) * sky.columns + block.x) * sky.list_words;
     let squares = square_grid(sky);
     let square = ((block.z * squares.y + block.y / SQUARE_BLOCKS) * squares.x + block.x / SQUARE_BLOCKS) * sky.square_words;
-    // Too many for the block's list: those of the square. Too many for that: whatever comes near.
+    // If the block's list is incomplete, use the list of its square; if that is incomplete too, search all sprites.
     var count = lists[list];
     let from_square = count >= sky.list_words;
     if from_square {
@@ -116,7 +116,7 @@ fn scattered_towards(viewport: Viewport, tile: Tile, at: vec3<u32>) -> Light8 {
     if from_sky {
         add_from_sky(&light, view, directions);
     }
-    // Where the map is steep its interpolation may fall below 0 by a little.
+    // Where the map is steep, its interpolation can be slightly negative.
     for (var four = 0u; four < 2u; four++) {
         light.red[four] = max(light.red[four], vec4(0.0));
         light.green[four] = max(light.green[four], vec4(0.0));

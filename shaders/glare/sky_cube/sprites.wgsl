@@ -1,4 +1,4 @@
-// The sources that are drawn one by one, as the passes that look for them and that draw them see them.
+// Sources drawn individually, for the passes that search for them and that draw them.
 
 #import constants/glare_sprites
 
@@ -68,7 +68,7 @@ fn square_grid(parameters: SkyCubeParameters) -> vec3<u32> {
     return vec3((vec2(parameters.columns, parameters.rows) + SQUARE_BLOCKS - 1u) / SQUARE_BLOCKS, parameters.tiles);
 }
 
-// Whether a sprite of a view may reach a cone.
+// Whether a sprite visible to the view may reach a cone.
 fn reaches(sprite: GlareSprite, view: GlareView, axis: vec3<f32>, chord: f32) -> bool {
     return sprite.inverse_squared <= view.greatest_inverse
         && length(sprite.direction - axis) <= chord + inverseSqrt(sprite.inverse_squared) * 1.00001;

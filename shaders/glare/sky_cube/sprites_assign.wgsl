@@ -1,5 +1,5 @@
-// Gives each block of pixels the sprites of its square that may reach it: one workgroup takes a square, one invocation
-// a block.
+// Assigns to each block of pixels the sprites of its square that may reach it. One workgroup takes a square, one
+// invocation a block.
 
 #import constants/glare_sprites
 #import glare/sky_cube/cone
@@ -12,7 +12,7 @@
 @group(0) @binding(3) var<storage, read> views: array<GlareView>;
 @group(0) @binding(4) var<storage, read> sprites: array<GlareSprite>;
 @group(0) @binding(5) var<storage, read> square_lists: array<u32>;
-// Per block the number of its sprites, then their numbers. A number too large for the list says that the list is not complete.
+// Per block: number of its sprites, then their indices. A number too large for the list marks the list as incomplete.
 @group(0) @binding(6) var<storage, read_write> lists: array<u32>;
 
 @compute @workgroup_size(SQUARE_BLOCKS, SQUARE_BLOCKS)
@@ -34,7 +34,7 @@ fn assign_sprites(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoca
     let square = ((group.z * squares.y + group.y) * squares.x + group.x) * parameters.square_words;
     let found = square_lists[square];
     if found >= parameters.square_words {
-        // The square's list is not complete, so that no list of its blocks can be.
+        // The list of the square is incomplete, so the lists of its blocks are too.
         lists[list] = parameters.list_words;
         return;
     }

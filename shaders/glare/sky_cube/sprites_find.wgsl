@@ -1,5 +1,5 @@
 // Finds the sprites that may reach each square of 4 x 4 blocks of pixels. One invocation takes one square, so that the
-// order of its list is always the same.
+// order of its list is reproducible.
 
 #import constants/glare_sprites
 #import constants/workgroups
@@ -14,7 +14,7 @@
 @group(0) @binding(4) var<storage, read> regions: array<GlareSpriteCell>;
 @group(0) @binding(5) var<storage, read> sprite_cells: array<GlareSpriteCell>;
 @group(0) @binding(6) var<storage, read> sprites: array<GlareSprite>;
-// Per square the number of its sprites, then their numbers. A number too large for the list says that the list ends before them.
+// Per square: number of its sprites, then their indices. A number too large for the list marks the list as incomplete.
 @group(0) @binding(7) var<storage, read_write> square_lists: array<u32>;
 
 @compute @workgroup_size(SPRITE_SQUARES)

@@ -1,5 +1,6 @@
-// Adds the veil of sources that stand out by themselves to the sums of light of a batch: one or several invocations take one source and one
-// tile, four pixels of a row at a time. Sources are sorted by their reach, so that invocations of a workgroup have alike much to do.
+// Adds the veil of bright single sources to the sums of light of a batch. One or several invocations take one source
+// and one tile, four pixels of a row at a time. Sources are sorted by reach, so that invocations of a workgroup have
+// similar amounts of work.
 
 #import constants/rec709
 #import constants/veil
@@ -37,7 +38,8 @@ struct VeilSplatParameters {
 
 override WORKGROUP: u32;
 
-// Whether a direction outside of a round picture is farther away from it than a chord: the nearest point of the picture lies on the rim.
+// Whether a direction outside a round picture is farther from the picture than a chord. The nearest point of the
+// picture is on the rim.
 fn lies_beyond_rim(viewport: Viewport, direction: vec3<f32>, projected: vec3<f32>, chord: f32) -> bool {
     if !is_fisheye(viewport) || viewport.full_sphere != 0u || projected.z == 0.0 {
         return false;
@@ -48,8 +50,9 @@ fn lies_beyond_rim(viewport: Viewport, direction: vec3<f32>, projected: vec3<f32
     return rho > 1.0 && length(direction - at_rim) > chord;
 }
 
-// Whether a unit direction is farther than an angle, given by its sine, outside of one of the planes through the eye and the edges of a flat
-// picture. Beside the eye, where pixels grow beyond all bounds, its veil would seem to reach all of them.
+// Whether a unit direction is outside one of the planes through the eye and the edges of a flat picture by more than an
+// angle, given by its sine. Near the eye's plane, where pixels grow without bound, the veil would otherwise seem to
+// reach all of them.
 fn lies_beside(viewport: Viewport, direction: vec3<f32>, sine: f32) -> bool {
     let first = -viewport.plane_offset / viewport.plane_scale;
     let last = (vec2<f32>(viewport.size) - viewport.plane_offset) / viewport.plane_scale;
@@ -60,9 +63,9 @@ fn lies_beside(viewport: Viewport, direction: vec3<f32>, sine: f32) -> bool {
     return any(min(before, beyond) < vec2(-sine));
 }
 
-// The pixels around a source that its veil may reach.
+// Range of pixels that the veil of a source may reach.
 fn reached_pixels(viewport: Viewport, direction: vec3<f32>, chord: f32) -> Gaussian {
-    // Chords of sprites are so short that this is more than the angle.
+    // Chords of sprites are so short that this exceeds the angle.
     let cut = 1.01 * chord;
     var reached: Gaussian;
     reached.last = vec2<i32>(viewport.size) - 1;
@@ -72,7 +75,8 @@ fn reached_pixels(viewport: Viewport, direction: vec3<f32>, chord: f32) -> Gauss
         if near.outside > cut {
             reached.last.y = -1;
         } else if near.shorter > 0.0 {
-            // What is within the cut of the source is within the sum of the cut and the way to it of a place near by.
+            // The region within `cut` of the source is contained in that around a nearby position, with `cut` enlarged
+            // by their distance.
             let around = cut + 2.0 * asin(min(0.5 * length(near.direction - direction), 1.0));
             let reach = gaussian_reach(viewport, near.direction, near.shorter, around);
             reached = gaussian_around(viewport, near.direction, near.pixel, reach, 1.0, around);
@@ -90,7 +94,7 @@ fn reached_pixels(viewport: Viewport, direction: vec3<f32>, chord: f32) -> Gauss
         let reach = gaussian_reach(viewport, direction, pixel_extent(viewport, direction).y, cut);
         reached = gaussian_around(viewport, direction, projected.xy, reach, 1.0, cut);
     } else if direction.z > cut {
-        // It has no image, and is too far behind the edge of what has one.
+        // The source has no image and is too far behind the edge of the region with images.
         reached.last.y = -1;
     }
     if viewport.kind != KIND_EQUIRECTANGULAR {
@@ -132,18 +136,19 @@ fn splat_veils(@builtin(global_invocation_id) place: vec3<u32>) {
     let lanes = turns(viewport, 4);
     for (var i = i32(place.x % parameters.shared_by); i < count; i += i32(parameters.shared_by)) {
         let row = i / quads;
-        let at = vec2(first.x + 4 * (i - row * quads), first.y + row);
+        let position = vec2(first.x + 4 * (i - row * quads), first.y + row);
         var four: Directions4;
         for (var lane = 0; lane < lanes; lane++) {
-            let pixel = gaussian_pixel(viewport, vec2(at.x + lane, at.y));
+            let pixel = gaussian_pixel(viewport, vec2(position.x + lane, position.y));
             set_lane(&four, u32(lane), direction_from_pixel(viewport, vec2<f32>(pixel) + 0.5).xyz);
         }
-        let kernel = of_sprite(view, in_view, four);
+        let kernel = sprite_kernel(view, in_view, four);
         for (var lane = 0; lane < lanes; lane++) {
-            let pixel = gaussian_pixel(viewport, vec2(at.x + lane, at.y));
-            if at.x + lane <= last.x && kernel[lane] > 0.0 && contains(viewport, pixel) {
+            let pixel = gaussian_pixel(viewport, vec2(position.x + lane, position.y));
+            if position.x + lane <= last.x && kernel[lane] > 0.0 && contains(viewport, pixel) {
                 let light = sprite.light * (kernel[lane] * solid_angle(viewport, pixel) * parameters.units_per_lx);
-                // Many pixels get a fraction of a unit: with one threshold for all of them the sum would be rounded as they are.
+                // Many pixels receive a fraction of a unit. A single threshold for all of them would round their sum
+                // with a bias.
                 let tap = f32(4 * i + lane);
                 let index = tile.first_pixel + u32((pixel.y - row_0) * i32(viewport.size.x) + pixel.x);
                 accumulate(index, floor(light + fract(threshold + tap * 0.61803399)));

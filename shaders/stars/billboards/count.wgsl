@@ -1,5 +1,5 @@
-// Counts the stars of the catalogue whose images lie in a picture, for methods that draw with the graphics pipeline and
-// have no place to count.
+// Counts the stars of the catalogue whose images are in a picture, for methods that draw with the graphics pipeline and
+// therefore cannot count.
 
 #import constants/counters
 #import constants/workgroups

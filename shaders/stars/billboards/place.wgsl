@@ -1,6 +1,6 @@
-// The vertex shader of all star methods that blend: one instance per star of the catalogue, in its order, four corners
-// of a square (one point for hardware points). Stars that the picture cannot show collapse to nothing, as the published
-// geometry shader drops them.
+// Vertex shader of all blending star methods: one instance per star of the catalogue, in its order, with four vertices
+// of a square (one point for hardware points). Stars outside the picture collapse to nothing, as the published geometry
+// shader drops them.
 
 #import constants/billboards
 #import shared/math
@@ -14,9 +14,9 @@ override LAW: u32;
 @group(0) @binding(2) var<storage, read> colours: array<vec4<f32>>;
 @group(1) @binding(0) var<storage, read> stars: array<CatalogueStar>;
 
-// Outside of every picture.
+// Outside every picture.
 const NOWHERE = vec4<f32>(2.0, 2.0, 2.0, 1.0);
-// Points on the far side of the eye's plane are clipped; this keeps the division away from 0.
+// Points beyond the eye's plane are clipped; this avoids a division by 0.
 const LEAST_W: f32 = 1e-6;
 
 // Magnitude of an illuminance in lx.
@@ -24,12 +24,12 @@ fn magnitude_of(illuminance: f32) -> f32 {
     return -2.5 * 0.301029996 * log2(illuminance / MAGNITUDE_0_LX);
 }
 
-// `value` between `low` and `high`, mapped linearly to `of_low` to `of_high`; held at the ends.
-fn map_range(value: f32, low: f32, high: f32, of_low: f32, of_high: f32) -> f32 {
-    return of_low + (clamp(value, low, high) - low) / (high - low) * (of_high - of_low);
+// Maps `value` linearly from the range `low` .. `high` to `of_low` .. `of_high`, clamped at the ends.
+fn map_range(value: f32, low: f32, high: f32, to_low: f32, to_high: f32) -> f32 {
+    return to_low + (clamp(value, low, high) - low) / (high - low) * (to_high - to_low);
 }
 
-// Clip coordinates of a place in the axes of the plane.
+// Clip coordinates of a position in the plane's axes.
 fn clip_from_plane(place: vec3<f32>) -> vec4<f32> {
     let size = vec2<f32>(plane.size);
     let w = -place.z;
@@ -43,7 +43,8 @@ fn clip_from_pixel(pixel: vec2<f32>) -> vec4<f32> {
     return vec4(ndc.x, -ndc.y, 0.5, 1.0);
 }
 
-// Whether a cone around `direction` lies wholly outside of one of the four planes through the eye and the picture's edges.
+// Whether a cone around `direction` is completely outside one of the four planes through the eye and the picture's
+// edges.
 fn outside(direction: vec3<f32>, sine_of_radius: f32) -> bool {
     let low = -plane.plane_offset / plane.plane_scale;
     let high = (vec2<f32>(plane.size) - plane.plane_offset) / plane.plane_scale;
@@ -52,8 +53,8 @@ fn outside(direction: vec3<f32>, sine_of_radius: f32) -> bool {
     return any(from_low < vec2(-sine_of_radius)) || any(from_high < vec2(-sine_of_radius));
 }
 
-// The billboard's right: the view's own right, turned with the axis of the view towards the star the shortest way, so that
-// it is the same on every face of a cube and singular only behind the view.
+// Right direction of the billboard: the view's right, rotated with the view axis to the star by the shortest arc. It is
+// the same on every face of a cube, and singular only behind the view.
 fn right_of(direction: vec3<f32>) -> vec3<f32> {
     let d = vec3(
         dot(parameters.view_from_plane_x.xyz, direction),
@@ -108,12 +109,13 @@ fn place_star(@builtin(vertex_index) vertex: u32, @builtin(instance_index) insta
             tangent = parameters.radius_rad * splat.size.y;
         }
         case LAW_GAUSSIAN: {
-            let of_saturation = parameters.limiting_magnitude - parameters.saturation_magnitude;
-            // The published exponent leaves the range of f32 at a few magnitudes below zero: held where sums stay finite.
+            let magnitude_range = parameters.limiting_magnitude - parameters.saturation_magnitude;
+            // The published exponent exceeds the range of f32 a few magnitudes below zero; it is limited so that sums
+            // stay finite.
             let brightness = min(
-                1e20, pow(2.512, of_saturation * (parameters.saturation_magnitude - magnitude_of(illuminance))));
+                1e20, pow(2.512, magnitude_range * (parameters.saturation_magnitude - magnitude_of(illuminance))));
             luminance = brightness * parameters.white_cd_m2;
-            // Where both Gaussians have fallen to a threshold of 1/512: the published point size.
+            // Radius at which both Gaussians have dropped to a threshold of 1/512: the published point size.
             let core = log(512.0 * brightness) * 2.0 * parameters.sigma2_px2;
             let glare =
                 log(max(512.0 * brightness * parameters.glare_brightness, 1e-30)) * 2.0 * parameters.glare_sigma2_px2;
@@ -129,20 +131,21 @@ fn place_star(@builtin(vertex_index) vertex: u32, @builtin(instance_index) insta
             let half = clamp(
                 parameters.crop_rad * sqrt(illuminance), parameters.least_crop_rad, parameters.half_width_rad);
             splat.size.y = half;
-            // A square of angles reaches farthest on its diagonal.
+            // A square of angles extends farthest along its diagonal.
             tangent = tan(1.41421356 * half) * 0.70710678;
         }
     }
 
     if tangent > 0.0 {
-        // A footprint in the sky: the square that touches the plane perpendicular to the star's direction.
+        // A footprint in the sky: a square on the plane that is perpendicular to the star's direction and touches the
+        // unit sphere.
         let reach = 1.41421356 * tangent;
         if outside(direction, reach * inverseSqrt(1.0 + reach * reach)) {
             return splat;
         }
         splat.right = right_of(direction);
         let up = cross(splat.right, direction);
-        // A little larger: the fragment shader knows the profile's own border.
+        // Slightly larger, since the fragment shader computes the profile's own border.
         let side = 1.02 * tangent + 0.02 * abs(1.0 / plane.plane_scale.x);
         splat.position = clip_from_plane(direction + side * (corner.x * splat.right + corner.y * up));
         splat.centre = direction;

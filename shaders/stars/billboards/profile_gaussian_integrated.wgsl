@@ -1,9 +1,10 @@
-// gaussian_psf_integrated: both Gaussians averaged over the pixel, in every pixel that the published point size touches.
+// gaussian_psf_integrated: both Gaussians averaged over the pixel, in every pixel that the published point size
+// touches.
 
 #import stars/billboards/billboard
 
-// 1 - erf(x) for x >= 0 with a relative error of 1.2e-7 in exact arithmetic, so that tails keep their digits: the Chebyshev
-// fit of Numerical Recipes (Press, Teukolsky, Vetterling, Flannery), chapter 6.2.
+// 1 - erf(x) for x >= 0, with a relative error of 1.2e-7 in exact arithmetic, so that tails stay accurate: the
+// Chebyshev fit of Numerical Recipes (Press, Teukolsky, Vetterling, Flannery), chapter 6.2.
 fn erfc_positive(x: f32) -> f32 {
     let t = 1.0 / (1.0 + 0.5 * x);
     let low = 0.27886807 + t * (-1.13520398 + t * (1.48851587 + t * (-0.82215223 + t * 0.17087277)));

@@ -1,5 +1,5 @@
-// psf_texture: a point-spread function, stored times the square of the angle from its centre, by angles in the sky,
-// cropped to the star's brightness.
+// psf_texture: a point-spread function by angles in the sky, stored after multiplication by the squared angle from its
+// centre, and cropped according to the star's brightness.
 
 #import stars/billboards/billboard
 #import stars/billboards/star_image

@@ -1,4 +1,4 @@
-// screen_billboard: a spot that is round on the screen, as planetariums draw it from a small texture.
+// screen_billboard: a spot that is round on the screen, like the small texture that planetariums draw.
 
 #import stars/billboards/billboard
 

@@ -1,9 +1,9 @@
-// The fragment shader of all star methods that blend. The profile is chosen.
+// Fragment shader of all blending star methods. The profile is an import slot.
 
 #import profile = stars/billboards/profile_*
 #import stars/billboards/billboard
 
-// Place on the billboard in units of its half side: to the right and up; far away for what lies behind the eye.
+// Position on the billboard in units of its half side, to the right and up; far away for points behind the eye.
 fn on_billboard(star: Splat) -> vec2<f32> {
     let direction = normalize(vec3((star.position.xy - plane.plane_offset) / plane.plane_scale, -1.0));
     let along = dot(direction, star.centre);

@@ -1,10 +1,10 @@
-//! Constants that shaders and Rust share, in tables that shaders import as `constants/...`. What belongs to a rule of
-//! `plan`, `photometry` or the catalogue stands there, and is only named here.
+//! Constants shared by Rust and the shaders, in tables that shaders import as `constants/...`. A constant that belongs
+//! to `plan`, `photometry` or the catalogue is defined there and only named here.
 
 use crate::gpu::shared_constants;
 use crate::view::projection::Face;
 
-/// Axis `axis` of every face of a cube: 0, where it looks; 1, up.
+/// Axis of every face of a cube: 0, its viewing direction; 1, its up direction.
 const fn face_axes(axis: usize) -> [[f32; 3]; 6] {
     let mut axes = [[0.0; 3]; 6];
     let mut face = 0;
@@ -21,20 +21,20 @@ const fn f32s(values: [f64; 5]) -> [f32; 5] {
     [a as f32, b as f32, c as f32, d as f32, e as f32]
 }
 
-/// The zones of Saturn's rings: outer radius, depth, albedo.
+/// Zones of Saturn's rings: outer radius, optical depth, albedo.
 const fn ring_zones() -> [[f32; 3]; 4] {
     let mut zones = [[0.0; 3]; 4];
     let mut zone = 0;
     while zone < 4 {
-        let of = crate::photometry::rings::ZONES[zone];
-        zones[zone] = [of.outer as f32, of.depth as f32, of.albedo as f32];
+        let source = crate::photometry::rings::ZONES[zone];
+        zones[zone] = [source.outer as f32, source.depth as f32, source.albedo as f32];
         zone += 1;
     }
     zones
 }
 
 shared_constants! {
-    /// Lengths.
+    /// Units of length.
     mod units {
         /// Metres in a parsec.
         PARSEC_M: f32 = crate::units::PARSEC_M as f32;
@@ -47,7 +47,7 @@ shared_constants! {
             [r as f32, g as f32, b as f32]
         };
     }
-    /// Kinds of projections in a viewport.
+    /// Projection kinds of a viewport.
     mod projections {
         KIND_PERSPECTIVE: u32 = 0;
         KIND_CUBE_FACE: u32 = 1;
@@ -57,128 +57,129 @@ shared_constants! {
         KIND_STEREOGRAPHIC: u32 = 5;
         KIND_EQUIRECTANGULAR: u32 = 6;
     }
-    /// Tables of tabulated projections in several buffers.
+    /// Distribution of projection tables over several buffers.
     mod tables {
-        /// Set in the number of a group of words of the second buffer.
+        /// Bit in the index of a group of words: the group is in the second buffer.
         SECOND_TABLE_BUFFER: u32 = crate::render::tabulated::SECOND_BUFFER;
     }
     /// Tabulated projections.
     mod tabulated {
         KIND_TABULATED: u32 = 7;
-        /// Groups of words before a table's directions.
+        /// Groups of words before the directions of a table.
         TABLE_HEADER: u32 = crate::view::projection::HEADER;
-        /// Nodes around the picture on every side.
+        /// Nodes beyond the picture on each side.
         TABLE_FRINGE: i32 = crate::view::projection::FRINGE as i32;
-        /// In place of a node at which the search begins: there is none.
+        /// Value of the start node of a search if there is none.
         NO_START: u32 = crate::view::projection::NO_START;
-        /// Set in a cell's word that names a patch.
+        /// Bit in a cell's word: the word is the index of a patch.
         PATCH_BIT: u32 = crate::view::projection::PATCH_BIT;
         /// Intervals along a side of a patch.
         PATCH_STEPS: u32 = crate::view::projection::PATCH_STEPS;
-        /// Steps of the search, at most.
+        /// Maximum number of steps of the search.
         MOST_STEPS: u32 = crate::view::projection::MOST_STEPS;
-        /// The longest step, pixels.
+        /// Maximum step length, pixels.
         LONGEST_STEP_PX: f32 = crate::view::projection::LONGEST_STEP_PX;
-        /// After a shorter step directions are taken from the cubic, pixels.
+        /// After a step shorter than this, directions are taken from the cubic, pixels.
         NEAR_PX: f32 = crate::view::projection::NEAR_PX;
-        /// After a shorter step the place is found, pixels.
+        /// The search ends after a step shorter than this, pixels.
         DONE_PX: f32 = crate::view::projection::DONE_PX;
     }
-    /// Light of no single star.
+    /// Diffuse light, from no single star.
     mod diffuse {
-        /// Side of a block of texels whose roughness is told together.
+        /// Side of a block of texels that share one roughness value.
         ROUGHNESS_BLOCK: u32 = crate::catalogue::diffuse::ROUGHNESS_BLOCK;
-        /// hc / (lambda k T) of R, G and B for a black body of its mean temperature.
+        /// hc / (lambda k T) of R, G and B for a black body at the mean temperature.
         DIFFUSE_EXPONENTS: [f32; 3] = {
             let [r, g, b] = crate::catalogue::diffuse::EXPONENTS_AT_REST;
             [r as f32, g as f32, b as f32]
         };
     }
-    /// Axes of the faces of a cube, by their numbers.
+    /// Axes of the faces of a cube, by face number.
     mod faces {
-        /// Where a face looks.
+        /// Viewing direction of each face.
         FACE_FORWARD: [[f32; 3]; 6] = super::face_axes(0);
-        /// Upwards in its picture.
+        /// Up direction of each face.
         FACE_UP: [[f32; 3]; 6] = super::face_axes(1);
     }
-    /// Pixels of one workgroup of the passes over pixels.
+    /// Pixels per workgroup of the passes over pixels.
     mod pixel_grid {
         COLUMNS: u32 = 64;
         ROWS: u32 = 16;
     }
-    /// Sizes of workgroups: invocations of those in a row, or along each side of square ones.
+    /// Workgroup sizes: number of invocations of linear workgroups, or along each side of square ones.
     mod workgroups {
-        /// Of the passes over a catalogue, star by star.
+        /// Passes over a catalogue, star by star.
         CATALOGUE_THREADS: u32 = 64;
-        /// Of the pass over points of light that are no stars.
+        /// Pass over points of light other than stars.
         POINT_THREADS: u32 = 64;
-        /// Of the probe of projections.
+        /// Projection probe.
         PROBE_THREADS: u32 = 64;
-        /// Of the rays towards bodies.
+        /// Rays towards bodies.
         RAY_SIDE: u32 = 8;
-        /// Rows that an invocation of the pass of air takes.
+        /// Rows per invocation of the air pass.
         AIR_ROWS: u32 = 8;
-        /// Of the passes over the texels of a glare pyramid.
+        /// Passes over the texels of a glare pyramid.
         PYRAMID_SIDE: u32 = 8;
-        /// Of the passes over the points of a map of glare.
+        /// Passes over the points of a glare map.
         MAP_SIDE: u32 = 8;
-        /// Of the pass over the points of a veil.
+        /// Pass over the points of a veil.
         VEIL_SIDE: u32 = 8;
-        /// Squares of a row that one workgroup finds sprites for.
+        /// Squares in a row for which one workgroup finds sprites.
         SPRITE_SQUARES: u32 = 8;
-        /// Of the filter of an atlas.
+        /// Filter of an impostor atlas.
         FILTER_SIDE: u32 = 8;
     }
-    /// Places in the buffer of counters.
+    /// Indices in the buffer of counters.
     mod counters {
-        /// Sums that overflowed.
+        /// Number of overflowed sums.
         COUNTER_OVERFLOWS: u32 = 0;
-        /// First of the counters of stars drawn, one per view.
+        /// First of the counters of drawn stars, one per view.
         FIRST_VIEW_COUNTER: u32 = 1;
     }
-    /// Sums in fixed point.
+    /// Fixed-point sums.
     mod fixed_point {
-        /// What a channel cannot hold any more, units.
+        /// Smallest sum that a channel cannot hold, units.
         CHANNEL_UNITS: f32 = (1_u64 << crate::plan::stars::range::CHANNEL_BITS) as f32;
     }
-    /// The kernels of bright stars.
+    /// Kernels of bright stars.
     mod kernels {
-        /// Where round Gaussians are cut off, in standard deviations.
+        /// Cut-off radius of round Gaussians, in standard deviations.
         GAUSSIAN_CUT: f32 = crate::photometry::kernel::GAUSSIAN_CUT as f32;
         /// Pixels along a side of the kernel on the image plane.
         PLANE_GAUSSIAN_PIXELS: i32 = crate::photometry::kernel::BRIGHT_KERNEL_PIXELS as i32;
-        /// How many times brighter than the first star that takes it a star is that has nothing of the B-spline left.
+        /// Brightness ratio over which the B-spline is blended out: from the first star with this kernel to the first
+        /// without any B-spline part.
         PLANE_GAUSSIAN_GROWTH: f32 = crate::photometry::kernel::BRIGHT_KERNEL_GROWTH as f32;
     }
-    /// The word of light of a packed star.
+    /// Light word of a packed star.
     mod star_light {
-        /// Bits of its temperature, which are the lowest ones.
+        /// Number of temperature bits, which are the lowest bits.
         TEMPERATURE_BITS: u32 = crate::catalogue::packed::TEMPERATURE_STEPS.ilog2();
-        /// The temperature's last step, and its mask.
+        /// Last temperature step; also the bit mask.
         LAST_TEMPERATURE_STEP: u32 = crate::catalogue::packed::TEMPERATURE_STEPS - 1;
-        /// Exponent of f32 that the exponent 0 of its illuminance stands for.
+        /// f32 exponent that corresponds to exponent 0 of the illuminance.
         EXPONENT_BIAS: u32 = crate::catalogue::packed::EXPONENT_BIAS;
     }
-    /// The scale of temperatures.
+    /// Scale of temperatures.
     mod temperatures {
         /// Temperature of step 0, kelvin.
         COLDEST_K: f32 = crate::catalogue::packed::MIN_TEMPERATURE_K as f32;
         /// Number of the last step of stars at rest.
         LAST_STEP: f32 = (crate::catalogue::packed::TEMPERATURE_STEPS - 1) as f32;
-        /// Octaves between the two ends.
+        /// Octaves between both ends of the scale.
         TEMPERATURE_OCTAVES: f32 = crate::catalogue::packed::TEMPERATURE_OCTAVES as f32;
     }
-    /// The table of colours that moving observers see.
+    /// Table of colours that moving observers see.
     mod shifted_temperatures {
-        /// Its entries.
+        /// Number of entries.
         TABLE_STEPS: i32 = crate::plan::stars::travel::TABLE_STEPS as i32;
-        /// Its coldest step.
+        /// Step of its coldest entry.
         COLDEST_STEP: i32 = -(crate::plan::stars::travel::SHIFTED_STEPS as i32);
         /// Steps per octave of temperature.
         STEPS_PER_OCTAVE: f32 = ((crate::catalogue::packed::TEMPERATURE_STEPS - 1) as f64
             / crate::catalogue::packed::TEMPERATURE_OCTAVES) as f32;
     }
-    /// How size and light of billboards follow from a star's brightness.
+    /// Law by which the size and light of a billboard follow from the star's brightness.
     mod billboards {
         LAW_POINT: u32 = 0;
         LAW_SMOOTH_POINT: u32 = 1;
@@ -189,15 +190,15 @@ shared_constants! {
         LAW_SCREEN: u32 = 6;
         LAW_PSF: u32 = 7;
     }
-    /// The procedural sky.
+    /// Procedural sky of cells.
     mod cell_sky {
-        /// A star's place lies within this part of the cell's half side from the cell's middle.
+        /// A star's position deviates from the centre of its cell by at most this fraction of the cell's half side.
         CELL_SKY_JITTER: f32 = crate::plan::stars::cell_sky::JITTER as f32;
-        /// Faintest star; the brightest is 1.
+        /// Brightness of the faintest star; the brightest has 1.
         CELL_SKY_FAINTEST: f32 = crate::plan::stars::cell_sky::FAINTEST as f32;
-        /// Share of the cells that have a star far from the galactic equator.
+        /// Share of cells that contain a star, far from the galactic equator.
         CELL_SKY_EVEN_DENSITY: f32 = crate::plan::stars::cell_sky::EVEN_DENSITY as f32;
-        /// Sine of the latitude at which the band has sunk to 1/e.
+        /// Sine of the latitude at which the density of the band drops to 1/e.
         CELL_SKY_BAND_SINE: f32 = crate::plan::stars::cell_sky::BAND_SINE as f32;
     }
     /// Lines and text over display images.
@@ -208,167 +209,169 @@ shared_constants! {
         SHAPE_BOX: u32 = 1;
         SHAPE_CHECKERS: u32 = 2;
         SHAPE_GLYPH: u32 = 3;
-        /// Nearness of what nothing hides, 1/m.
+        /// Inverse distance of shapes that no surface hides, 1/m.
         NEAREST: f32 = 3e38;
     }
-    /// How surfaces reflect.
+    /// Laws of reflection.
     mod reflection {
         LAW_LAMBERT: u32 = 0;
         LAW_LOMMEL_SEELIGER: u32 = 1;
     }
-    /// Refraction.
+    /// Atmospheric refraction.
     mod refraction {
-        /// Coefficients by the sine of the altitude as it is seen.
+        /// Coefficients as a function of the sine of the apparent altitude.
         REFRACTION_OF_SEEN: [f32; 5] = super::f32s(crate::observer::refraction::OF_SEEN);
-        /// The same by that without air.
+        /// Coefficients as a function of the sine of the true altitude (without air).
         REFRACTION_OF_ARRIVING: [f32; 5] = super::f32s(crate::observer::refraction::OF_ARRIVING);
-        /// Below these sines as at them.
+        /// Lowest sines; below them refraction is constant.
         REFRACTION_LOWEST_SEEN: f32 = crate::observer::refraction::LOWEST_SEEN as f32;
         REFRACTION_LOWEST_ARRIVING: f32 = crate::observer::refraction::LOWEST_ARRIVING as f32;
-        /// Sine at which it has faded away, and from which on it does not fade.
+        /// Sine below which refraction is zero, and sine above which it is not reduced.
         REFRACTION_GONE: f32 = crate::observer::refraction::FADING[0] as f32;
         REFRACTION_WHOLE: f32 = crate::observer::refraction::FADING[1] as f32;
     }
     /// Air and ground.
     mod air {
-        /// Altitudes of a horizon.
+        /// Number of altitudes of a horizon.
         HORIZON_STEPS: u32 = crate::scene::surroundings::HORIZON_STEPS as u32;
-        /// Nodes of a table of the sky: altitudes.
+        /// Altitude nodes of a table of sky light.
         SKY_ALTITUDES: u32 = crate::photometry::sky_light::TABLE_NODES[0] as u32;
-        /// Azimuths from the source.
+        /// Azimuth nodes, measured from the source.
         SKY_AZIMUTHS: u32 = crate::photometry::sky_light::TABLE_NODES[1] as u32;
-        /// Of the phase function of aerosol.
+        /// Asymmetry of the phase function of aerosol.
         AEROSOL_ASYMMETRY: f32 = crate::photometry::sky_light::ASYMMETRY as f32;
     }
     /// Bodies.
     mod bodies {
-        /// In place of the first word of a texture: there is none.
+        /// Texture index of a body without a texture.
         NO_TEXTURE: u32 = u32::MAX;
-        /// What is around a body: nothing that is drawn.
+        /// A body without drawn surroundings.
         AROUND_NOTHING: u32 = 0;
-        /// The rings of Saturn.
+        /// A body with the rings of Saturn.
         AROUND_RINGS: u32 = 1;
-        /// The corona of a sun.
+        /// A sun with a corona.
         AROUND_CORONA: u32 = 2;
     }
-    /// The corona.
+    /// Solar corona.
     mod corona {
-        /// Luminance of its parts beside the limb over the mean one of the disc; they fall with the powers 2.5, 7 and 17 of the distance.
+        /// Luminance of its terms at the limb, relative to the mean luminance of the disc. They fall with the powers
+        /// 2.5, 7 and 17 of the distance.
         CORONA_PARTS: [f32; 3] = {
             let [[a, _], [b, _], [c, _]] = crate::photometry::corona::TERMS;
             [a as f32, b as f32, c as f32]
         };
-        /// From here on it fades away, radii.
+        /// Distance at which the fade-out begins, radii.
         CORONA_FADES: f32 = crate::photometry::corona::FADES as f32;
-        /// Where it ends.
+        /// Outer end, radii.
         CORONA_OUTER: f32 = crate::photometry::corona::OUTER as f32;
     }
     /// Saturn's rings.
     mod rings {
-        /// Where they begin, in equatorial radii.
+        /// Inner radius, in equatorial radii.
         RING_INNER: f32 = crate::photometry::rings::INNER as f32;
-        /// Where they end.
+        /// Outer radius, in equatorial radii.
         RING_OUTER: f32 = crate::photometry::rings::OUTER as f32;
-        /// Where each zone ends, its optical depth, and its albedo.
+        /// Outer radius, optical depth and albedo of each zone.
         RING_ZONES: [[f32; 3]; 4] = super::ring_zones();
     }
-    /// How light is shown on a display.
+    /// Display of light.
     mod display {
         OPERATOR_FILMIC: u32 = 0;
         OPERATOR_SRGB: u32 = 1;
         OPERATOR_REINHARD: u32 = 2;
         OPERATOR_ACES: u32 = 3;
         OPERATOR_CALIBRATED: u32 = 4;
-        /// Brighter light is shown as this, cd/m^2 and units of display white: sums of three stay finite.
+        /// Limit of displayed light, cd/m^2 and units of display white. With it, sums of three channels stay finite.
         BRIGHTEST: f32 = crate::photometry::tone_map::BRIGHTEST as f32;
     }
-    /// The map of glare.
+    /// Glare map.
     mod glare_map {
-        /// Points around each face that a level is computed at, beyond the face, and what sharpening leaves of them.
+        /// Width of the rim of extra points around each face at which a level is computed. Sharpening leaves half of it.
         RIM: u32 = 2;
     }
-    /// The grid of sprites of glare.
+    /// Grid of glare sprites.
     mod glare_sprites {
         /// Pixels along a side of a block.
         BLOCK_SIDE: u32 = 8;
         /// Blocks along a side of a square.
         SQUARE_BLOCKS: u32 = 4;
     }
-    /// Extended sources among those of an eye's own.
+    /// Extended sources among the sources of one eye.
     mod extended_sources {
-        /// Says that a source is an extended one.
+        /// Flag of an extended source.
         IS_EXTENDED: u32 = 1 << 31;
-        /// Parts of the share of its light that its softened kernel leaves out, and their mask.
+        /// Resolution and mask of the share of its light that its softened kernel omits.
         SHARE_PARTS: u32 = 65_535;
     }
-    /// The veil of single sources.
+    /// Veil of single sources.
     mod veil {
-        /// In place of a viewport's number: all see them.
+        /// Viewport value of sources that every viewport sees.
         EVERY_VIEWPORT: u32 = u32::MAX;
     }
-    /// The glare pass over pixels.
+    /// Glare pass over pixels.
     mod glare_composite {
-        /// Columns of one workgroup: so few that what concerns a workgroup concerns each of its pixels.
+        /// Columns per workgroup; few, so that a decision per workgroup suits all of its pixels.
         BLOCK_COLUMNS: u32 = 8;
     }
     /// Groups of asteroids and their instances.
     mod asteroid_instances {
-        /// Flag of a group: it may hold points.
+        /// Flag of a group that may contain points.
         ITEM_HOLDS_POINTS: u32 = 1;
-        /// Flag of a group: it may hold more than points.
+        /// Flag of a group that may contain more than points.
         ITEM_HOLDS_SHAPES: u32 = 2;
-        /// Words of an instance.
+        /// Number of words of an instance.
         INSTANCE_WORDS: u32 = (size_of::<crate::scene::asteroids::PackedAsteroid>() / 4) as u32;
         /// Largest component of a packed axis.
         AXIS_PARTS: i32 = crate::scene::asteroids::packed::AXIS_PARTS;
     }
-    /// Classes of asteroids by their distance, and the tables of pictures that they follow from.
+    /// Classes of asteroids by distance, and the picture tables from which they are computed.
     mod asteroid_classes {
         VIEW_FLAT: u32 = 0;
         VIEW_ROUND: u32 = 1;
         VIEW_LONGITUDE: u32 = 2;
-        /// Steps of a picture's table.
+        /// Number of steps of a picture's table.
         TABLE_STEPS: u32 = crate::plan::asteroids::views::TABLE_STEPS as u32;
-        /// Part of a class's range over which it fades in.
+        /// Fraction of a class's range over which it fades in.
         BAND: f32 = crate::plan::asteroids::classes::BAND as f32;
     }
-    /// Culling asteroids.
+    /// Culling of asteroids.
     mod asteroid_culling {
-        /// Asteroids of a group at most.
+        /// Maximum number of asteroids of a group.
         GROUP: u32 = crate::scene::asteroids::GROUP as u32;
-        /// In place of a face's number: the picture itself.
+        /// Face index of a whole picture.
         WHOLE_PICTURE: u32 = crate::plan::asteroids::cpu_cull::WHOLE_PICTURE as u32;
-        /// Kinds of a field at most: meshes, impostors, and those seen at all.
+        /// Maximum number of kinds of a field: meshes, impostors, and the count of visible asteroids.
         MAX_LOCAL: u32 = crate::plan::asteroids::kinds::MAX_SET_MESHES as u32 + 2;
-        /// A fade: all of it. Others are w, the share that takes over, and -w, what it leaves.
+        /// Fade of an asteroid that is drawn in full. Otherwise w if it fades in with share w, -w if it is drawn where
+        /// that share is not.
         WHOLE: f32 = crate::plan::asteroids::cpu_cull::WHOLE;
-        /// Share below which a fade is held, so that it keeps its sign.
+        /// Least absolute value of a fade, so that its sign is kept.
         LEAST_SHARE: f32 = crate::plan::asteroids::cpu_cull::LEAST_SHARE as f32;
     }
     /// Lists of asteroids.
     mod asteroid_lists {
-        /// Says that an entry stands on the other side of the seam of an equirectangular picture.
+        /// Flag of an entry that is drawn on the other side of the seam of an equirectangular picture.
         SEAM_BIT: u32 = 1 << 31;
-        /// Vertices of an impostor's square.
+        /// Number of vertices of an impostor's square.
         IMPOSTOR_VERTICES: u32 = 4;
     }
-    /// Asteroids that are points.
+    /// Asteroids drawn as points.
     mod asteroid_points {
-        /// Viewports of a frame at most.
+        /// Maximum number of viewports of a frame.
         MAX_VIEWPORTS: u32 = crate::plan::stars::cull::MAX_VIEWPORTS as u32;
         /// Nodes along a side of the octahedral table of a shape's projected areas.
         AREA_NODES: u32 = crate::plan::asteroids::areas::AREA_NODES as u32;
     }
-    /// Methods of impostors.
+    /// Impostor methods.
     mod impostors {
         METHOD_EULER: u32 = 0;
         METHOD_OCTAHEDRAL: u32 = 1;
         METHOD_BLEND: u32 = 2;
-        /// Threads that splat an impostor together.
+        /// Number of threads that splat one impostor together.
         SPLAT_LANES: u32 = 8;
-        /// Samples along a side of the blocks that samples stand in while impostors are splatted.
+        /// Side of the blocks in which samples are stored while impostors are splatted.
         SPLAT_BLOCK: u32 = 8;
-        /// Pictures and faces of a frame at most.
+        /// Maximum number of pictures and faces of a frame.
         MAX_PLANES: u32 = crate::plan::asteroids::kinds::MAX_PLANES as u32;
     }
 }

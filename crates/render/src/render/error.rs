@@ -1,38 +1,39 @@
-//! Why a frame cannot be drawn.
+//! Errors of rendering.
 
 use super::{asteroids::impostors::atlas::ImpostorAtlasError, presentation::PRESENT_FORMATS};
 use crate::{gpu::GpuError, plan::PlanError};
 
-/// Why a frame could not be rendered.
+/// Reason why a frame could not be rendered.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RenderError {
     /// The frame cannot be planned.
     #[error(transparent)]
     Plan(#[from] PlanError),
-    /// Fixed-point sums overflowed. Units are chosen so that this cannot happen; it is reported, never shown.
+    /// Fixed-point sums overflowed. Units are chosen to prevent this. If it happens nevertheless, the frame is an error
+    /// and never displayed.
     #[error("{0} fixed-point sums overflowed")]
     Overflow(u32),
-    /// An atlas of impostors cannot be made.
+    /// An impostor atlas cannot be made.
     #[error(transparent)]
     Impostors(#[from] Box<ImpostorAtlasError>),
-    /// There must be one choice of buffers per view.
+    /// The number of buffer choices differs from the number of views.
     #[error("{given} choices of buffers for {views} views")]
     WantedCount {
-        /// How many were given.
+        /// Number of choices passed in.
         given: usize,
-        /// How many views there are.
+        /// Number of views.
         views: usize,
     },
-    /// A texture is to be drawn into whose image there is not.
+    /// A presentation names an image that does not exist.
     #[error("presentation of image {viewport}: the views have {images} images in all")]
     NoSuchImage {
         /// Index of the image.
         viewport: usize,
-        /// How many there are.
+        /// Number of images.
         images: usize,
     },
-    /// A texture is not as large as its image.
+    /// The size of a texture differs from that of its image.
     #[error(
         "view `{view}`: an image of {} x {} pixels cannot be drawn into a texture of {} x {}",
         image[0], image[1], texture[0], texture[1]
@@ -45,8 +46,10 @@ pub enum RenderError {
         /// Width and height of the image, pixels.
         image: [u32; 2],
     },
-    /// A texture has a format that images cannot be drawn into.
-    #[error("view `{view}`: images cannot be drawn into textures of format {format:?}: allowed are {PRESENT_FORMATS}")]
+    /// Images cannot be drawn into the format of a texture.
+    #[error(
+        "view `{view}`: images cannot be drawn into a texture of format {format:?}; it must be one of {PRESENT_FORMATS}"
+    )]
     PresentationFormat {
         /// The view's name.
         view: String,
@@ -54,7 +57,7 @@ pub enum RenderError {
         format: wgpu::TextureFormat,
     },
     /// Another frame was begun before this one was finished.
-    #[error("the frame was thrown away: another one was begun before it was finished")]
+    #[error("the frame was discarded because another one was begun before it was finished")]
     Abandoned,
     /// The device failed.
     #[error(transparent)]

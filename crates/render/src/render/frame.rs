@@ -1,4 +1,4 @@
-//! What a frame is: images, statistics and times.
+//! Frames: images, statistics and times.
 
 use std::{ops::BitOrAssign, sync::Arc};
 
@@ -18,23 +18,25 @@ use crate::{
 pub struct FrameImage {
     /// Index of the view in the rig.
     pub view: usize,
-    /// Which image of the view.
+    /// Part of the view that the image shows.
     pub part: Part,
     /// Width, pixels.
     pub width: u32,
     /// Height, pixels.
     pub height: u32,
-    /// Display image, 8 bits each of R, G, B, A, row by row from the top; if it was asked for.
+    /// Display image, 8 bits each of R, G, B, A, row by row from the top, if requested.
     pub display: Option<Vec<u8>>,
-    /// R, G, B in cd/m^2 (linear Rec. 709) and the pixel's solid angle in sr (0 outside of the picture), row by row from
-    /// the top; if it was asked for.
+    /// R, G, B in cd/m^2 (linear Rec. 709) and the pixel's solid angle in sr (0 outside the picture), row by row from
+    /// the top, if requested.
     pub hdr: Option<Vec<[f32; 4]>>,
-    /// Of a projector: what was done to its picture. Blending and the projector's response are in the display image, not in the HDR image.
+    /// Corrections of a projector view. Blending and the projector's response are applied to the display image, not to
+    /// the HDR image.
     pub projector: Option<Arc<ProjectorOutput>>,
 }
 
 impl FrameImage {
-    /// Illuminance of the image: luminance times solid angle, summed over all pixels, lx. `None` if the HDR image was not asked for.
+    /// Illuminance of the image: luminance times solid angle, summed over all pixels, lx. `None` if the HDR image was
+    /// not requested.
     pub fn illuminance_lx(&self) -> Option<f64> {
         let light = |[red, green, blue, omega_sr]: &[f32; 4]| {
             luminance([red, green, blue].map(|channel| f64::from(*channel))) * f64::from(*omega_sr)
@@ -44,11 +46,12 @@ impl FrameImage {
 }
 
 impl Frame {
-    /// The same frame of a part of a rig, with the views' numbers in the whole rig: `numbers` has them in the order of the part.
+    /// Replaces the view indices of a frame of a partial rig by those in the whole rig. `numbers` lists them in the
+    /// order of the partial rig.
     ///
     /// # Panics
     ///
-    /// There are fewer numbers than views.
+    /// `numbers` has fewer entries than there are views.
     #[must_use]
     pub fn of_views(mut self, numbers: &[usize]) -> Self {
         for image in &mut self.images {
@@ -57,7 +60,7 @@ impl Frame {
         self
     }
 
-    /// The same frame with the HDR images of another one, which shows the same.
+    /// Adds the HDR images of another frame that shows the same views.
     pub(super) fn with_hdr_of(mut self, exact: Frame) -> Self {
         for image in exact.images {
             match self.images.iter_mut().find(|own| (own.view, own.part) == (image.view, image.part)) {
@@ -66,7 +69,7 @@ impl Frame {
             }
         }
         self.hdr_plan = Some(exact.plan);
-        // Views lie in the order of the rig; a view's parts keep theirs.
+        // Sort by the order of the views in the rig; the stable sort keeps the order of a view's parts.
         self.images.sort_by_key(|image| image.view);
         let (own, other) = (&mut self.times, exact.times);
         own.plan_ms += other.plan_ms;
@@ -80,43 +83,43 @@ impl Frame {
     }
 }
 
-/// What a view of a frame holds, for the manifest and for statistics.
+/// Statistics of one view of a frame, also written to the manifest.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ViewStatistics {
     /// The view's name.
     pub name: String,
-    /// Stars whose image lies in the picture.
+    /// Number of stars whose image is in the picture.
     pub stars_drawn: u64,
-    /// Stars in the map of faint light that the view reads, all over the sky; 0: it reads none.
+    /// Number of stars in the map of faint light that the view reads, over the whole sky; 0: the view reads no map.
     pub stars_in_map: u64,
-    /// Magnitude of the stars that the display image just shows: they peak at 20 of 255. It follows from the exposure and the view's
-    /// mean pixel; `None` for star methods that do not draw stars with their own light.
+    /// Magnitude of the faintest stars visible in the display image: their peak is 20 of 255. Computed from the
+    /// exposure and the view's mean pixel. `None` for star methods that do not draw stars with their physical light.
     pub limiting_magnitude: Option<f64>,
-    /// Asteroids by what they are drawn as.
+    /// Numbers of asteroids, by the form they are drawn in.
     pub asteroids: AsteroidCounts,
-    /// The view's share of the GPU's time, ms: of the star pass by stars drawn, of the passes over pixels by pixels. `None`
-    /// where the adapter has no timestamps.
+    /// The view's share of GPU time, ms: the star pass is shared by number of stars, passes over pixels by number of
+    /// pixels. `None` if the adapter has no timestamps.
     pub gpu_ms: Option<f64>,
 }
 
-/// Which buffers of a view leave the GPU; by default none.
+/// Buffers of a view to read back; none by default.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Wanted {
     /// The tone-mapped display image.
     pub display: bool,
     /// The HDR image.
     pub hdr: bool,
-    /// The HDR image is made and stays on the GPU: to time the making of it.
+    /// Make the HDR image but leave it on the GPU, to time its making.
     pub hdr_stays: bool,
 }
 
 impl Wanted {
-    /// The display image alone.
+    /// Only the display image.
     pub const fn display() -> Self {
         Self { display: true, hdr: false, hdr_stays: false }
     }
 
-    /// The HDR image alone.
+    /// Only the HDR image.
     pub const fn hdr() -> Self {
         Self { display: false, hdr: true, hdr_stays: false }
     }
@@ -128,7 +131,7 @@ impl Wanted {
 }
 
 impl BitOrAssign for Wanted {
-    /// What either of them wants.
+    /// Requests the union of both.
     fn bitor_assign(&mut self, other: Self) {
         self.display |= other.display;
         self.hdr |= other.hdr;
@@ -136,50 +139,51 @@ impl BitOrAssign for Wanted {
     }
 }
 
-/// Time of the stages of a frame, ms.
+/// Times of the stages of a frame, ms.
 #[derive(Clone, Debug, PartialEq, Default, Serialize)]
 pub struct FrameTimes {
     /// Planning and recording on the CPU.
     pub plan_ms: f64,
-    /// Each pass on the GPU, by name; empty where the adapter has no timestamps.
+    /// Each pass on the GPU, by name; empty if the adapter has no timestamps.
     pub passes_ms: Vec<(&'static str, f64)>,
-    /// On the GPU from the clearing of the first buffer to the end of the last pass, without the copies that are read
-    /// back; `None` where the adapter has no timestamps.
+    /// GPU time from clearing the first buffer to the end of the last pass, excluding readback copies; `None` if the
+    /// adapter has no timestamps.
     pub gpu_ms: Option<f64>,
     /// Culling on the CPU, part of `plan_ms`.
     pub cull_ms: f64,
-    /// Buffers, bind groups and pipelines that were made for the frame: none in a steady state.
+    /// Number of buffers, bind groups and pipelines created for the frame; 0 in a steady state.
     pub objects_made: u64,
-    /// From submission to the end of the readback, as far as the caller waited for it: without the time between
-    /// [`Renderer::submit`] and [`Renderer::finish`].
+    /// From submission to the end of the readback, counting only time for which the caller waited: without the time
+    /// between [`Renderer::submit`] and [`Renderer::finish`].
     pub gpu_and_readback_ms: f64,
-    /// All of [`Renderer::render`], or of [`Renderer::submit`] and [`Renderer::finish`] together, without the time between them.
+    /// Duration of [`Renderer::render`], or of [`Renderer::submit`] and [`Renderer::finish`] without the time between
+    /// them.
     pub total_ms: f64,
 }
 
 /// A finished frame.
 #[derive(Clone, Debug)]
 pub struct Frame {
-    /// Counts the frames of a renderer.
+    /// Sequence number of the frame in its renderer.
     pub number: u64,
-    /// Revision of the scene shown.
+    /// Revision of the scene.
     pub scene_revision: u64,
     /// Revision of the camera.
     pub camera_revision: u64,
-    /// Exposure of all views.
+    /// Exposure of all views, EV at ISO 100.
     pub exposure_ev100: f64,
-    /// What the frame asks for: the exposure to adapt to.
+    /// Metered exposure of this frame, the target of adaptation.
     pub metered_ev100: f64,
-    /// Mean luminance over all views, weighted by solid angle, cd/m^2; where a meter of its own has looked, over what that has seen.
+    /// Mean luminance over all views, weighted by solid angle, cd/m^2. With a separate meter frame, over that frame.
     pub mean_luminance_cd_m2: f64,
-    /// The images, in the order of views and parts; a view of which nothing was wanted has none.
+    /// Images in the order of views and parts; none for views without requested buffers.
     pub images: Vec<FrameImage>,
-    /// One entry per view that it was drawn for.
+    /// One entry per view of the rig.
     pub views: Vec<ViewStatistics>,
-    /// Methods chosen and the certificate.
+    /// Chosen methods and the certificate.
     pub plan: FramePlan,
-    /// The same of the HDR images, where these were drawn apart from the display images.
+    /// Plan of the HDR images, if they were drawn separately from the display images.
     pub hdr_plan: Option<FramePlan>,
-    /// Where the time went.
+    /// Times of the stages.
     pub times: FrameTimes,
 }

@@ -3,7 +3,7 @@
 use crate::{gpu::gpu_structs, scene::surroundings::LocalSky};
 
 gpu_structs! {
-    /// A viewport; see `shaders/shared/viewport.wgsl`.
+    /// Viewport; see `shaders/shared/viewport.wgsl`.
     Viewport {
         /// First row of the rotation from world to view axes; w: eye offset along world x, pc.
         view_from_world_x: [f32; 4],
@@ -19,7 +19,7 @@ gpu_structs! {
         size: [u32; 2],
         /// Number of the projection.
         kind: u32,
-        /// Number of the cube face; where the table of a tabulated projection begins.
+        /// Cube face: number of the face. Tabulated projection: start of the table.
         face: u32,
         /// Fisheye: radius of the rim before normalisation.
         rim: f32,
@@ -27,26 +27,26 @@ gpu_structs! {
         rim_complement: f32,
         /// 1: the picture shows the full sphere.
         full_sphere: u32,
-        /// 1: nine points per pixel for the solid angle.
+        /// 1: the solid angle of a pixel is integrated with nine points.
         quadrature: u32,
-        /// Stars below this take the tent, cd/m^2.
+        /// Stars below this luminance use the tent kernel, cd/m^2.
         tent_below_cd_m2: f32,
         /// Index of the view.
         view: u32,
-        /// Stars from this on take the Gaussian, cd/m^2.
+        /// Stars from this luminance on use the Gaussian kernel, cd/m^2.
         gaussian_from_cd_m2: f32,
-        /// Its standard deviation as an angle, rad.
+        /// Standard deviation of the Gaussian as an angle, rad.
         gaussian_sigma_rad: f32,
-        /// The same in pixels.
+        /// Standard deviation of the Gaussian, pixels.
         gaussian_sigma_px: f32,
-        /// How far it reaches over a border, pixels.
+        /// Reach of the Gaussian beyond a border, pixels.
         gaussian_reach_px: f32,
-        /// 1: the Gaussian lies on the image plane; 0: it is round in view space.
+        /// 1: the Gaussian is on the image plane; 0: it is round in view space.
         gaussian_on_plane: u32,
-        /// Omni-directional stereo: radius of the circle on which the eye goes round, m; 0: it stays.
+        /// Omnidirectional stereo: radius of the circle on which the eye moves, m; 0: the eye is fixed.
         viewing_circle_m: f32,
     }
-    /// A run of rows of a viewport; see `shaders/shared/viewport.wgsl`.
+    /// Run of rows of a viewport; see `shaders/shared/viewport.wgsl`.
     Tile {
         /// Index of the viewport.
         viewport: u32,
@@ -58,27 +58,27 @@ gpu_structs! {
         first_pixel: u32,
         /// Index of the first partial sum.
         first_partial: u32,
-        /// Counter that is the flag of its first block.
+        /// Index of the counter that is the flag of its first block.
         first_flag: u32,
         /// Padding.
         unused_0: u32,
         /// Padding.
         unused_1: u32,
     }
-    /// A grid of points over the picture of a viewport; see `shaders/shared/point_grid.wgsl`.
+    /// Grid of points over the picture of a viewport; see `shaders/shared/point_grid.wgsl`.
     PointGrid {
         /// Index of its first point.
         first: u32,
-        /// Points of a row.
+        /// Number of points in a row.
         columns: u32,
-        /// Rows of points.
+        /// Number of rows of points.
         rows: u32,
-        /// Pixels from point to point.
+        /// Distance between points, pixels.
         spacing: u32,
     }
-    /// The map of faint light; see `shaders/shared/sky_map.wgsl`.
+    /// Map of faint light; see `shaders/shared/sky_map.wgsl`.
     SkyMap {
-        /// Luminance of a texel's unit, cd/m^2.
+        /// Luminance of one texel unit, cd/m^2.
         unit_cd_m2: f32,
         /// Texels per rad.
         texels_per_rad: f32,
@@ -87,60 +87,60 @@ gpu_structs! {
         /// Padding.
         unused_0: u32,
     }
-    /// The air around an eye; see `shaders/shared/air_mass.wgsl`.
+    /// Air around an eye; see `shaders/shared/air_mass.wgsl`.
     AirAbove {
-        /// Unit vector to the zenith, world axes.
+        /// Unit vector towards the zenith, world axes.
         zenith: [f32; 3],
         /// 1: there is air.
         present: u32,
-        /// Power of two by which light becomes less for each air mass.
+        /// Extinction per air mass, as a power of two.
         extinction: [f32; 3],
-        /// Density over that for which refraction is told.
+        /// Density of the air, relative to the density for which the refraction coefficients hold.
         density: f32,
     }
-    /// Light of no single star; see `shaders/shared/diffuse_light.wgsl`.
+    /// Diffuse light; see `shaders/shared/diffuse_light.wgsl`.
     DiffuseLight {
-        /// Where its texels lie.
+        /// Scale of its texels.
         map: SkyMap,
         /// Unit vector of the observer's velocity, world axes.
         velocity: [f32; 3],
-        /// Speed over that of light.
+        /// Observer's speed, as a fraction of the speed of light.
         beta: f32,
     }
-    /// What the exposure pass found.
+    /// Results of the exposure pass.
     Exposure {
-        /// Exposure of the frame.
+        /// Exposure of the frame, EV at ISO 100.
         ev100: f32,
-        /// What the meter reads.
+        /// Metered exposure, EV at ISO 100.
         metered_ev100: f32,
         /// Mean luminance of all views, cd/m^2.
         mean_luminance_cd_m2: f32,
         /// Display values per cd/m^2.
         display_per_cd_m2: f32,
     }
-    /// A point at which a projection is evaluated; see `shaders/probe.wgsl`.
+    /// Input of the projection probe; see `shaders/probe.wgsl`.
     ProbeInput {
         /// Direction in view space.
         direction: [f32; 3],
         /// Padding.
         unused_0: f32,
-        /// Pixel.
+        /// Column and row of the pixel.
         pixel: [i32; 2],
         /// Padding.
         unused_1: [i32; 2],
     }
-    /// What a projection gives there.
+    /// Result of the projection probe.
     ProbeOutput {
-        /// Pixel coordinates of the direction's image, whether there is one, solid angle of the pixel in sr.
+        /// Pixel coordinates of the direction's image, 1 if the image exists, solid angle of the pixel in sr.
         image: [f32; 4],
-        /// Direction of the pixel's centre, whether it lies in the picture.
+        /// Direction of the pixel's centre, 1 if it is in the picture.
         direction: [f32; 4],
     }
 }
 
 impl AirAbove {
-    /// The air of what is around a camera, if there is any.
-    pub(crate) fn of(sky: Option<&LocalSky>) -> Self {
+    /// Air around a camera; absent without a local sky or without air.
+    pub(crate) fn from_sky(sky: Option<&LocalSky>) -> Self {
         let Some((sky, air)) = sky.and_then(|sky| Some((sky, sky.air.as_ref()?))) else { return Self::default() };
         Self {
             zenith: sky.zenith().as_vec3().to_array(),

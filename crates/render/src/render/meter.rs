@@ -1,9 +1,11 @@
-//! Meters of their own: where the exposure of a frame is not that of its own views, a picture that nobody sees is drawn and metered before it.
+//! Separate meters: if the exposure of a frame is not based on its own views, another picture is drawn and metered
+//! first.
 //!
-//! With `spot` that is a small round picture of the cone, with `mean` all views of the frame's group of views, of which the frame draws some. The
-//! meter's picture has targets and maps of its own, so frames and meters disturb each other in nothing. What it finds is copied into the
-//! frame on the device; where the frame's exposure follows from it at once, because there is none to adapt from, it is waited for. An
-//! exposure that follows from the plan is found on the CPU.
+//! With `spot`, that picture is a small round picture of the metered cone. With `mean`, it consists of all views of the
+//! frame's exposure group, of which the frame draws only some. The meter has its own targets and maps, so meters and
+//! frames do not disturb each other. The result is copied into the frame on the device. The CPU waits for it only if
+//! the frame's exposure is the metered one, because there is no previous exposure to adapt from. An exposure that
+//! follows from the plan is computed on the CPU.
 
 use std::mem;
 
@@ -23,42 +25,42 @@ use crate::{
     view::Rig,
 };
 
-/// What meters draw into; made when the first one is needed.
+/// Targets of meters, created by the first frame that needs them.
 #[derive(Default)]
 pub(super) struct Meter {
     targets: Option<Targets>,
     slot: Option<FrameSlot>,
 }
 
-/// Where the exposure of a frame comes from.
+/// Exposure of a frame.
 pub(super) struct Metered {
     pub exposure: ExposureSource,
-    /// The exposure to show it with, where that is known.
+    /// Exposure to show the frame with, if it is known.
     pub adapted_ev100: Option<f64>,
-    /// What the meter has found, for the device.
+    /// Result of the meter, on the device.
     pub buffer: Option<wgpu::Buffer>,
 }
 
 impl Renderer {
-    /// Makes room for the series that a frame belongs to. Every other one is that of meters.
+    /// Ensures planners for the series of a frame. Each series has a second one for its meters.
     pub(super) fn keep_series(&mut self, request: &FrameRequest<'_>) -> Series {
-        let [number, of] = request.series;
-        self.planners.resize_with(2 * of, Planner::new);
+        let [number, count] = request.series;
+        self.planners.resize_with(2 * count, Planner::new);
         for planner in &mut self.planners {
             (planner.culling, planner.unit_factor) = (self.culling, self.unit_factor);
         }
-        Series { slot: 2 * number, slots: 2 * of }
+        Series { slot: 2 * number, slots: 2 * count }
     }
 
-    /// Finds the exposure of a frame, as far as its own plan does not.
+    /// Finds the exposure of a frame if its own plan does not.
     pub(super) fn meter_for(&mut self, request: &FrameRequest<'_>, series: Series) -> Result<Metered, RenderError> {
         let FrameRequest { scene, adapted_ev100, .. } = *request;
         let (rig, settings) = request.exposed_as.unwrap_or((request.rig, request.settings));
         let exposure = &settings.exposure;
-        let of_others = request.exposed_as.is_some();
-        let of_meter = Series { slot: series.slot + 1, ..series };
-        if of_others && exposure.goes_by(Metering::LimitingMagnitude) {
-            let planner = &mut self.planners[of_meter.slot];
+        let is_exposed_by_others = request.exposed_as.is_some();
+        let meter_series = Series { slot: series.slot + 1, ..series };
+        if is_exposed_by_others && exposure.goes_by(Metering::LimitingMagnitude) {
+            let planner = &mut self.planners[meter_series.slot];
             let planned = planner.exposure(scene, rig, settings, &self.limits)?;
             let source = planned.map_or(ExposureSource::Own, ExposureSource::Planned);
             return Ok(Metered { exposure: source, adapted_ev100, buffer: None });
@@ -69,18 +71,18 @@ impl Renderer {
         };
         let metered = match &spot {
             Some(spot) => Some(spot),
-            None => Some(rig).filter(|_| of_others && exposure.goes_by(Metering::Mean)),
+            None => Some(rig).filter(|_| is_exposed_by_others && exposure.goes_by(Metering::Mean)),
         };
         let Some(metered) = metered else {
             return Ok(Metered { exposure: ExposureSource::Own, adapted_ev100, buffer: None });
         };
         let settings = meter_settings(settings);
-        let (buffer, adapted_ev100) = self.draw_meter(scene, metered, &settings, adapted_ev100, of_meter)?;
+        let (buffer, adapted_ev100) = self.draw_meter(scene, metered, &settings, adapted_ev100, meter_series)?;
         Ok(Metered { exposure: ExposureSource::Meter, adapted_ev100: Some(adapted_ev100), buffer: Some(buffer) })
     }
 
-    /// Draws and meters a picture; returns what was found, for the device, and the exposure of the frame that it is for: the given one, or what
-    /// was found.
+    /// Draws and meters a picture. Returns the result on the device, and the exposure of the frame to be drawn:
+    /// `adapted_ev100`, or else the metered exposure.
     fn draw_meter(
         &mut self,
         scene: &SceneSnapshot,
@@ -89,11 +91,13 @@ impl Renderer {
         adapted_ev100: Option<f64>,
         series: Series,
     ) -> Result<(wgpu::Buffer, f64), RenderError> {
+        // Plan the picture.
         let outputs = PlanOutputs::new(Output::Hdr);
         let planner = &mut self.planners[series.slot];
         let mut plan = planner.plan(scene, rig, settings, adapted_ev100, outputs, &self.limits)?;
         plan.overlay = None;
-        // Pipelines that read tables draw pictures without any too: a meter of such a rig need not exchange them.
+        // Pipelines that read tables can also draw pictures without tables, so a meter without tabulated pictures keeps
+        // them.
         if self.tables.needed(&self.gpu, &plan.viewports) > 0 || self.gpu.table_buffers() == 0 {
             self.hold_tables(&plan.viewports)?;
         }
@@ -108,19 +112,21 @@ impl Renderer {
             series,
             metered: None,
         };
+        // Record and submit with the meter's own targets.
         let mut slot = self.meter.slot.take().unwrap_or_else(|| FrameSlot::new(&self.gpu));
         let targets = self.meter.targets.take().unwrap_or_else(|| Targets::new(&self.gpu));
-        let of_frames = mem::replace(&mut self.targets, targets);
+        let frame_targets = mem::replace(&mut self.targets, targets);
         let (commands, places) = self.record(&inputs, wanted.len(), &mut slot);
-        let targets = mem::replace(&mut self.targets, of_frames);
+        let targets = mem::replace(&mut self.targets, frame_targets);
         let found = targets.exposure.clone();
         self.meter.targets = Some(targets);
         let submission = self.gpu.queue.submit([commands]);
+        // Wait for the exposure only if the frame needs it at once.
         let ev100 = match adapted_ev100 {
             Some(ev100) => ev100,
             None => {
                 slot.readback.map(&self.gpu);
-                self.forget_what_failed()?;
+                self.check_driver_errors()?;
                 self.gpu.wait(Some(submission))?;
                 let ev100 = places.metered_ev100(&self.gpu, &mut slot.readback)?;
                 slot.readback.unmap(&self.gpu);
@@ -128,7 +134,7 @@ impl Renderer {
             }
         };
         self.meter.slot = Some(slot);
-        self.forget_what_failed()?;
+        self.check_driver_errors()?;
         Ok((found, ev100))
     }
 }

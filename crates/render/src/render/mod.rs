@@ -1,11 +1,13 @@
-//! Rendering: one snapshot of the scene in many views at once.
+//! Rendering: draws one snapshot of the scene in many views at once.
 //!
-//! [`Renderer::render`] makes the plan of a frame (`crate::plan`, no GPU in sight), records all phases of all techniques into one
-//! submission, waits, and reads back what was asked for. [`Renderer::submit`] and [`Renderer::finish`] are its two halves, for callers that
-//! have better to do than to wait; two frames may be in flight. Nothing of a frame depends on the frame before it but the exposure that the caller hands in.
+//! [`Renderer::render`] plans a frame (`crate::plan`, independent of the GPU), records all phases of all techniques
+//! into one submission, waits, and reads back the requested images. [`Renderer::submit`] and [`Renderer::finish`] are
+//! its two halves, for callers with other work to do meanwhile; two frames may be in flight. A frame does not depend on
+//! the previous one, except for the exposure that the caller passes in.
 //!
-//! A technique is a folder: `stars`, `smooth_light`, `bodies`, `asteroids`, `glare`, `display`. `technique` says what each one does, `sequence`
-//! in which order; what two of them share lies in `targets`. No technique imports another.
+//! Each technique has a folder, for example `stars`, `smooth_light`, `bodies`, `asteroids`, `glare` and `display`.
+//! `technique` defines their common interface, `sequence` their order, and `targets` the buffers that they share. No
+//! technique imports another.
 
 mod air;
 pub(crate) mod asteroids;
@@ -54,7 +56,7 @@ pub use self::{
     request::{FrameRequest, SkyMapUse},
     submit::SubmittedFrame,
 };
-// What tests look at, and no part of the interface.
+// Used by tests, not part of the public interface.
 #[doc(hidden)]
 pub use self::{
     asteroids::impostors::probe as impostor_probe,
@@ -78,42 +80,43 @@ use crate::{
 pub struct Renderer {
     gpu: Gpu,
     limits: Limits,
-    /// One for each series of frames.
+    /// One planner per series of frames, and one for its meters.
     planners: Vec<Planner>,
     techniques: Vec<Box<dyn Technique + Send>>,
-    /// Atlases of impostors that were baked ahead.
+    /// Impostor atlases baked in advance.
     baked: BakedImpostors,
-    /// Those of the last rig whose tables took another number of buffers (0: no picture of it was tabulated), and that number.
+    /// Techniques for another number of table buffers, kept from an earlier rig, and that number (0: no picture was
+    /// tabulated).
     idle_techniques: Option<(usize, Vec<Box<dyn Technique + Send>>)>,
     targets: Targets,
-    /// Those of the pictures of a map of faint light, while there are some to draw.
+    /// Targets for drawing pictures of the map of faint light; present while some have to be drawn.
     sky_targets: Option<Targets>,
     meter: Meter,
     tables: MappingTables,
     frames: u64,
-    /// The frames that have been submitted and not finished, the oldest first.
+    /// Frames submitted and not yet finished, the oldest first.
     in_flight: VecDeque<InFlight>,
-    /// For the frames to come.
+    /// Slots for future frames.
     spare_slots: Vec<FrameSlot>,
-    /// Whether chunks outside of every view are left out; false only to measure what that saves.
+    /// Whether to skip chunks outside every view; false only to measure the benefit.
     pub culling: bool,
-    /// Factor on the fixed-point units: 1. Tests raise it to provoke an overflow.
+    /// Factor on the fixed-point units, normally 1. Tests raise it to provoke an overflow.
     #[doc(hidden)]
     pub unit_factor: f64,
-    /// Order in which the stars reach the GPU. `None`: that of right ascension for methods that read the whole catalogue, that of
-    /// the chunks for those that read what culling leaves. `Some(seed)`: one that the seed shuffles, star by star, to measure
-    /// what depends on it.
+    /// Order in which stars are uploaded. `None`: by right ascension for methods that read the whole catalogue, by
+    /// chunk for methods that read the result of culling. `Some(seed)`: shuffled star by star, to measure the influence
+    /// of the order.
     #[doc(hidden)]
     pub catalogue_order: Option<u64>,
 }
 
 impl Renderer {
-    /// A renderer on an open device.
+    /// Creates a renderer on an open device.
     pub fn new(gpu: Gpu) -> Self {
         Self::with_baked(gpu, BakedImpostors::default())
     }
 
-    /// Opens the adapter again in place of a device that is lost. Frames in flight are gone; numbers of frames go on.
+    /// Reopens the adapter after its device was lost. Frames in flight are lost; frame numbers continue.
     ///
     /// # Errors
     ///
@@ -125,7 +128,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Destroys the device, as a driver does that is reset: tests look at what follows.
+    /// Destroys the device, as a driver reset does, to test the recovery.
     #[doc(hidden)]
     pub fn destroy_device(&self) {
         self.gpu.device.destroy();
@@ -152,7 +155,8 @@ impl Renderer {
         }
     }
 
-    /// Where another device puts atlases of impostors that this renderer is going to need, so that its frames need not wait for them.
+    /// Store into which another device puts the impostor atlases that this renderer will need, so that its frames need
+    /// not wait for them.
     pub fn baked_impostors(&self) -> &BakedImpostors {
         &self.baked
     }
@@ -162,26 +166,27 @@ impl Renderer {
         self.gpu.report()
     }
 
-    /// What plans may ask of the adapter.
+    /// Limits of the adapter for plans.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
 
-    /// The device, to compute on it beside frames.
+    /// The device, for computations besides frames.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 
-    /// Whether the adapter can hold the images of a rig.
+    /// Checks that the adapter can hold the images of a rig.
     ///
     /// # Errors
     ///
-    /// The first view that is too large, or that is one too many.
+    /// The first view that is too large or exceeds the maximum number of views.
     pub fn check(&self, rig: &Rig) -> Result<(), PlanError> {
         self.limits.check(rig)
     }
 
-    /// Lets go of everything that belongs to a scene or a size. Frames in flight keep what they use and can still be finished.
+    /// Releases everything that belongs to a scene or a size. Frames in flight keep their buffers and can still be
+    /// finished.
     fn forget_buffers(&mut self) {
         self.techniques.iter_mut().for_each(|technique| technique.release());
         self.targets.release();
@@ -192,12 +197,12 @@ impl Renderer {
         self.spare_slots.clear();
     }
 
-    /// Puts the tables of tabulated pictures onto the device. Where they take another number of buffers than those of the last
-    /// rig did, pipelines for that number take the place of those in use, which are kept.
+    /// Uploads the tables of tabulated pictures. If they need a different number of buffers than before, techniques
+    /// with matching pipelines replace the current ones, which are kept for later.
     fn hold_tables(&mut self, viewports: &[Viewport]) -> Result<(), RenderError> {
         let buffers = self.tables.needed(&self.gpu, viewports);
         if buffers != self.gpu.table_buffers() {
-            // Who has recorded a frame reads it back.
+            // Frames in flight can be read back only by the techniques that recorded them.
             while !self.in_flight.is_empty() {
                 self.abandon_oldest()?;
             }
@@ -205,7 +210,7 @@ impl Renderer {
             self.tables.hold(&mut self.gpu, viewports);
             self.techniques.iter_mut().for_each(|technique| technique.release());
             self.gpu.forget_frames();
-            let idle = self.idle_techniques.take().filter(|(of, _)| *of == buffers);
+            let idle = self.idle_techniques.take().filter(|(count, _)| *count == buffers);
             let others =
                 idle.map_or_else(|| sequence::techniques(&self.gpu, &self.baked), |(_, techniques)| techniques);
             self.idle_techniques = Some((before, std::mem::replace(&mut self.techniques, others)));
@@ -214,7 +219,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Runs `step` for every technique, with what it takes to hold a scene for frames of a series.
+    /// Runs `step` for every technique, with the inputs for holding a scene for a series of frames.
     fn holding<'a>(
         &'a mut self,
         slot: usize,
@@ -228,10 +233,10 @@ impl Renderer {
     }
 }
 
-/// The layout of every structure that Rust shares with the shaders.
+/// Layouts of all structures shared by Rust and the shaders.
 #[doc(hidden)]
 pub fn struct_layouts() -> Vec<StructLayout> {
-    let of_techniques = [
+    let layouts_of_techniques = [
         layout::struct_layouts,
         air::layout::struct_layouts,
         asteroids::layout::struct_layouts,
@@ -243,5 +248,5 @@ pub fn struct_layouts() -> Vec<StructLayout> {
         smooth_light::layout::struct_layouts,
         stars::layout::struct_layouts,
     ];
-    of_techniques.iter().flat_map(|layouts| layouts()).collect()
+    layouts_of_techniques.iter().flat_map(|layouts| layouts()).collect()
 }

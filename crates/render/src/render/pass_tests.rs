@@ -1,4 +1,4 @@
-//! Exposure and tone mapping alone on the adapter, on made-up input, against their f64 twins.
+//! Tests the exposure and tone-mapping passes alone on the adapter, with synthetic input, against their f64 twins.
 
 use bytemuck::Pod;
 use glam::{DQuat, DVec3};
@@ -37,7 +37,7 @@ fn buffer_for_results(gpu: &Gpu, bytes: u64) -> wgpu::Buffer {
     })
 }
 
-/// Runs what `record` records and reads `count` values of `results`.
+/// Runs the recorded commands and reads `count` values of `results`.
 fn run<T: Pod>(
     gpu: &Gpu,
     results: &wgpu::Buffer,
@@ -59,7 +59,7 @@ fn run<T: Pod>(
     values
 }
 
-/// What the exposure pass makes of partial sums (illuminance that counts, solid angle that does not).
+/// Runs the exposure pass on partial sums (metered illuminance, solid angle excluded from metering).
 fn exposure_of(gpu: &Gpu, settings: &ExposureSettings, known: Option<f64>, partials: &[[f32; 2]]) -> layout::Exposure {
     let pass = ExposurePass::new();
     let found = buffer_for_results(gpu, size_of::<layout::Exposure>() as u64);
@@ -76,7 +76,7 @@ fn exposure_of(gpu: &Gpu, settings: &ExposureSettings, known: Option<f64>, parti
 }
 
 #[test]
-fn the_exposure_of_given_sums_is_that_of_f64_and_survives_what_is_no_number() {
+fn exposure_of_sums_matches_f64_and_ignores_nan_and_infinity() {
     let gpu = gpu();
     let settings = ExposureSettings { key: 0.3, compensation_ev: 1.25, ..ExposureSettings::default() };
     let sums: Vec<[f32; 2]> = (0..1000_u32).map(|i| [1e-6 * ((i * i) % 997) as f32, 0.0]).collect();
@@ -84,27 +84,27 @@ fn the_exposure_of_given_sums_is_that_of_f64_and_survives_what_is_no_number() {
     let expected = settings.metered_ev100(light / 12.5);
     assert!((expected - metered_ev100(light / 12.5 / 0.3 * (0.125 / 1.2), 1.25, -20.0, 24.0)).abs() < 1e-12);
     let found = exposure_of(&gpu, &settings, None, &sums);
-    assert!((f64::from(found.ev100) - expected).abs() < 1e-4, "{} for {expected}", found.ev100);
+    assert!((f64::from(found.ev100) - expected).abs() < 1e-4, "{}, expected {expected}", found.ev100);
     assert_eq!((found.ev100, found.mean_luminance_cd_m2), (found.metered_ev100, (light / 12.5) as f32));
-    // Sums that are no numbers, in front, between and behind.
+    // NaN and infinite sums at the front, in the middle and at the end.
     let mut broken = sums.clone();
     broken.insert(500, [f32::INFINITY, 0.0]);
     broken.insert(0, [f32::NAN, 0.0]);
     broken.push([f32::NEG_INFINITY, 0.0]);
     let survived = exposure_of(&gpu, &settings, None, &broken);
-    assert!((f64::from(survived.ev100) - expected).abs() < 1e-4, "{} for {expected}", survived.ev100);
-    // Where half of the solid angle does not count, the same light comes from the other half: one step more.
+    assert!((f64::from(survived.ev100) - expected).abs() < 1e-4, "{}, expected {expected}", survived.ev100);
+    // If half of the solid angle is excluded, the same light comes from the other half: one EV more.
     broken.push([0.0, 6.25]);
     let half = exposure_of(&gpu, &settings, None, &broken);
     assert!((f64::from(half.ev100) - expected - 1.0).abs() < 1e-4, "{}", half.ev100);
-    // A known exposure is shown, and the meter goes on.
+    // A known exposure is used, and metering still works.
     let known = exposure_of(&gpu, &settings, Some(3.5), &sums);
     assert_eq!((known.ev100, known.metered_ev100), (3.5, found.ev100));
     assert!((known.display_per_cd_m2 * 1.2 * 2f32.powf(3.5) - 1.0).abs() < 1e-5);
 }
 
 #[test]
-fn darkness_and_light_beyond_numbers_give_the_limits() {
+fn darkness_and_overflowing_light_give_the_exposure_limits() {
     let gpu = gpu();
     let settings = ExposureSettings::default();
     for dark in [vec![[0.0, 0.0]; 7], vec![[f32::NAN, 0.0]; 300], vec![[0.0, 12.5]], vec![[1.0, 100.0]]] {
@@ -129,15 +129,15 @@ fn tile_of([width, height]: [u32; 2]) -> (Tile, layout::Tile, u32) {
     (tile, layout::Tile { rows: height, ..Default::default() }, width * height)
 }
 
-/// A picture of halves, some of them NaN or infinite, goes through resolve and exposure: a pixel that is not finite takes neither
-/// light nor solid angle of the others, nor its own solid angle, from the mean.
+/// A picture of half floats, some of them NaN or infinite, passes through resolve and exposure. A non-finite pixel must
+/// be excluded from the mean, with its solid angle, and must not affect other pixels.
 #[test]
-fn a_pixel_that_is_not_finite_loses_itself_only() {
+fn a_non_finite_pixel_does_not_affect_the_others() {
     let gpu = gpu();
     let size = [70, 37];
     let (tile, encoded, pixels) = tile_of(size);
     let viewport = viewport(size);
-    // Luminance as a half in the low word, a temperature of 5888 K in the high one; all colours are white.
+    // Luminance as a half float in the low word, a temperature of 5888 K in the high word; all colours are white.
     let half = |exponent: u32, mantissa: u32| (0x6dc0 << 16) | (exponent << 10) | mantissa;
     let sane = |i: u32| half(14 + i % 5, (i * 37) % 1024);
     let value = |word: u32| match (word >> 10 & 31, word & 1023) {
@@ -164,9 +164,9 @@ fn a_pixel_that_is_not_finite_loses_itself_only() {
                 partial_sums: &sums,
                 plane_pixels: pixels,
             };
-            let of_source = [(0, packed.as_entire_binding()), (1, colours.as_entire_binding())];
+            let source_bindings = [(0, packed.as_entire_binding()), (1, colours.as_entire_binding())];
             let grid = pixel_grid(&[tile], &[size[0]]);
-            let inputs = LuminanceInputs { scale: 1.0, numbers: [0, 0], of_source: &of_source };
+            let inputs = LuminanceInputs { scale: 1.0, numbers: [0, 0], source_bindings: &source_bindings };
             resolve.record(&gpu, pass, &inputs, &target, grid);
             let inputs = ExposureInputs {
                 settings: &ExposureSettings::default(),
@@ -192,19 +192,19 @@ fn a_pixel_that_is_not_finite_loses_itself_only() {
     for words in [&sound, &broken] {
         let (found, mean) = (metered(words), expected(words));
         println!("mean {:.6} cd/m^2, in f64 {mean:.6}", found.mean_luminance_cd_m2);
-        assert!((f64::from(found.mean_luminance_cd_m2) / mean - 1.0).abs() < 1e-4, "{found:?} for {mean}");
+        assert!((f64::from(found.mean_luminance_cd_m2) / mean - 1.0).abs() < 1e-4, "{found:?}, expected {mean}");
     }
-    // Taken for dark, the broken pixels would darken the mean by far more than that.
+    // If the broken pixels counted as dark, the mean would be far lower.
     let as_dark: Vec<u32> = broken.iter().map(|word| if value(*word).is_finite() { *word } else { 0 }).collect();
     assert!(f64::from(metered(&as_dark).mean_luminance_cd_m2) < 0.8 * expected(&broken));
     let nothing = vec![half(31, 512); pixels as usize];
     assert_eq!(metered(&nothing).ev100, -20.0);
 }
 
-/// The bytes that the tone-mapping pass makes of a picture in cd/m^2.
+/// Runs the tone-mapping pass on a picture in cd/m^2 and returns its bytes.
 fn displayed(gpu: &Gpu, settings: &ToneMapSettings, size: [u32; 2], picture: &[[f32; 3]], white: f32) -> Vec<[u8; 4]> {
     let (tile, encoded, pixels) = tile_of(size);
-    // As pictures are held: zero bits of R and G would say that the pixel is dark.
+    // As in stored pictures: zero bits of R and G would mark the pixel as dark.
     let red = |p: &[f32; 3]| if p[0].to_bits() == 0 && p[1].to_bits() == 0 && p[2] > 0.0 { -0.0 } else { p[0] };
     let planes: Vec<[f32; 2]> =
         picture.iter().map(|p| [red(p), p[1]]).chain(picture.iter().map(|p| [p[2], 1.0])).collect();
@@ -225,7 +225,7 @@ fn displayed(gpu: &Gpu, settings: &ToneMapSettings, size: [u32; 2], picture: &[[
     })
 }
 
-/// Colours from far below black to far beyond white, and what is no light.
+/// Colours from far below black to far beyond white, including invalid values.
 fn colours() -> Vec<[f32; 3]> {
     let mut colours = Vec::new();
     for rgb in
@@ -239,7 +239,7 @@ fn colours() -> Vec<[f32; 3]> {
     colours
 }
 
-/// Bytes of the pass that are farther from the twin than rounding explains.
+/// Number of bytes that differ from the twin by more than rounding explains.
 fn differing(bytes: &[[u8; 4]], picture: &[[f32; 3]], settings: &ToneMapSettings, white: f32) -> usize {
     let mut found = 0;
     for (bytes, rgb) in bytes.iter().zip(picture) {
@@ -253,7 +253,7 @@ fn differing(bytes: &[[u8; 4]], picture: &[[f32; 3]], settings: &ToneMapSettings
 }
 
 #[test]
-fn every_operator_and_option_is_its_twin_on_every_kind_of_light() {
+fn every_tone_map_operator_and_option_matches_its_twin() {
     let gpu = gpu();
     let picture = colours();
     for operator in ToneMapOperator::ALL {
@@ -273,7 +273,7 @@ fn every_operator_and_option_is_its_twin_on_every_kind_of_light() {
                 if dither {
                     continue;
                 }
-                // Taken for the twin of another operator or option, the comparison fails.
+                // Compared with the twin of another operator or option, the test must fail.
                 for other in ToneMapOperator::ALL.into_iter().filter(|other| *other != operator) {
                     let other = ToneMapSettings { operator: other, ..settings };
                     assert!(differing(&bytes, &picture, &other, 3.0) > 100, "{settings:?} as {other:?}");
@@ -289,7 +289,7 @@ fn every_operator_and_option_is_its_twin_on_every_kind_of_light() {
 }
 
 #[test]
-fn dithering_shows_between_two_codes_what_rounding_loses() {
+fn dithering_preserves_the_mean_between_two_codes() {
     let gpu = gpu();
     let size = [128, 64];
     let picture = vec![[0.0317_f32, 0.0317, 0.0317]; 128 * 64];
@@ -298,7 +298,7 @@ fn dithering_shows_between_two_codes_what_rounding_loses() {
         let value = 255.0 * settings.display_rgb([0.0317_f32.into(); 3], 1.0)[0];
         let dithered = displayed(&gpu, &settings, size, &picture, 1.0);
         let mean = dithered.iter().map(|bytes| f64::from(bytes[0])).sum::<f64>() / dithered.len() as f64;
-        assert!((mean - value).abs() < 0.02, "{operator:?}: {mean} for {value}");
+        assert!((mean - value).abs() < 0.02, "{operator:?}: {mean}, expected {value}");
         assert!(dithered.iter().all(|bytes| bytes[0] == bytes[1] && bytes[1] == bytes[2]), "no coloured noise");
         settings.dither = false;
         let rounded = displayed(&gpu, &settings, size, &picture, 1.0);

@@ -1,8 +1,9 @@
-//! Pipelines before the first frame: those that a scene's objects, a rig and settings can ask for, on all cores.
+//! Creates pipelines before the first frame: those that the scene's objects, the rig and the settings can need, on all
+//! cores.
 //!
-//! Drivers of GPUs compile a shader when its pipeline is made, on the thread that makes it. Software drivers compile it when it first runs, one
-//! after the other on the queue's own thread; there compute shaders are compiled ahead on devices of their own (`gpu/compile_ahead.rs`), and
-//! it takes a frame ([`Renderer::warm_up`]) to have the others compiled.
+//! GPU drivers compile a shader when its pipeline is created, on the creating thread. Software drivers compile it when
+//! it first runs, one after the other on the thread of the queue. For these, compute shaders are compiled in advance on
+//! separate devices (`gpu/compile_ahead.rs`), and the others need a warm-up frame ([`Renderer::warm_up`]).
 
 use std::sync::{Mutex, PoisonError};
 
@@ -20,23 +21,23 @@ use crate::{
     view::Rig,
 };
 
-/// How far [`Renderer::prepare`] is.
+/// Progress of [`Renderer::prepare`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PrepareStep {
-    /// What has been made last.
+    /// Name of the pipelines created last.
     pub name: &'static str,
-    /// How much is done.
+    /// Number of finished jobs.
     pub done: usize,
-    /// How much there is to do.
+    /// Total number of jobs.
     pub of: usize,
 }
 
-/// Runs jobs on as many threads as there are cores, the first ones first.
+/// Runs jobs on as many threads as there are cores, in order.
 fn run(jobs: Vec<PipelineJob<'_>>, progress: &mut (dyn FnMut(PrepareStep) + Send)) {
-    let of = jobs.len();
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(of);
+    let total = jobs.len();
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(total);
     let waiting = Mutex::new(jobs.into_iter());
-    let told = Mutex::new((0, progress));
+    let progress = Mutex::new((0, progress));
     std::thread::scope(|scope| {
         for _ in 0..threads {
             scope.spawn(|| {
@@ -44,10 +45,10 @@ fn run(jobs: Vec<PipelineJob<'_>>, progress: &mut (dyn FnMut(PrepareStep) + Send
                     let job = waiting.lock().unwrap_or_else(PoisonError::into_inner).next();
                     let Some(PipelineJob { name, make }) = job else { return };
                     make();
-                    let mut told = told.lock().unwrap_or_else(PoisonError::into_inner);
-                    let (done, progress) = &mut *told;
+                    let mut progress = progress.lock().unwrap_or_else(PoisonError::into_inner);
+                    let (done, progress) = &mut *progress;
                     *done += 1;
-                    progress(PrepareStep { name, done: *done, of });
+                    progress(PrepareStep { name, done: *done, of: total });
                 }
             });
         }
@@ -55,13 +56,13 @@ fn run(jobs: Vec<PipelineJob<'_>>, progress: &mut (dyn FnMut(PrepareStep) + Send
 }
 
 impl Renderer {
-    /// Makes the pipelines that frames of these objects, views and settings take, on all cores. `wanted` says what is going to be
-    /// read back of any view, `formats` what textures images are going to be drawn into. Frames make what they need and does not
-    /// exist yet; after this there is nothing of that kind.
+    /// Creates, on all cores, the pipelines for frames of these objects, views and settings. `wanted` states which
+    /// images of any view will be read back, `formats` the formats of textures that images will be drawn into. Frames
+    /// create missing pipelines themselves; after this call none are missing.
     ///
     /// # Errors
     ///
-    /// The driver has refused a shader.
+    /// The driver rejected a shader.
     pub fn prepare(
         &mut self,
         objects: &SceneObjects,
@@ -73,18 +74,18 @@ impl Renderer {
     ) -> Result<(), RenderError> {
         let viewports = rig.viewports(glam::DQuat::IDENTITY);
         self.hold_tables(&viewports)?;
-        // A meter of its own draws a picture that nobody sees.
+        // A separate meter draws another picture.
         let spot = match settings.exposure.goes_by(Metering::Spot) {
             true => spot_rig(rig, &settings.exposure).map_err(PlanError::from)?,
             false => None,
         };
         let spot_viewports = spot.map(|spot| spot.viewports(glam::DQuat::IDENTITY));
-        let of_meter = meter_settings(settings);
+        let settings_of_meter = meter_settings(settings);
         let wish = Wish { gpu: &self.gpu, objects, settings, viewports: &viewports, made: wanted, formats };
         let mut jobs: Vec<PipelineJob<'_>> =
             self.techniques.iter().flat_map(|technique| technique.pipelines(&wish)).collect();
         let meter_wish = spot_viewports.as_ref().map(|viewports| Wish {
-            settings: &of_meter,
+            settings: &settings_of_meter,
             viewports,
             made: Wanted::default(),
             formats: &[],
@@ -98,7 +99,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Draws a frame that nobody sees, so that everything that the first frame takes is there and compiled.
+    /// Draws a frame and discards it, so that everything that the first frame needs exists and is compiled.
     ///
     /// # Errors
     ///

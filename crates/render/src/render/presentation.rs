@@ -1,18 +1,18 @@
-//! Images in textures that leave the renderer, those of a headset's swapchain for example.
+//! Draws images into textures that leave the renderer, for example into a headset's swapchain.
 
 use super::RenderError;
 use crate::view::Rig;
 
-/// What the present pass writes into a texture.
+/// Values that the present pass writes into a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum PresentSource {
-    /// The codes of the display image.
+    /// Codes of the display image.
     Codes,
-    /// Light of the HDR image.
+    /// Light of the HDR image, tone-mapped.
     Light,
 }
 
-/// What a texture of that format is given; `None`: it cannot be drawn into.
+/// Values for a texture of the given format; `None` if images cannot be drawn into it.
 pub(crate) fn present_source(format: wgpu::TextureFormat) -> Option<PresentSource> {
     match format {
         wgpu::TextureFormat::Rgba8UnormSrgb | wgpu::TextureFormat::Bgra8UnormSrgb => Some(PresentSource::Codes),
@@ -21,34 +21,36 @@ pub(crate) fn present_source(format: wgpu::TextureFormat) -> Option<PresentSourc
     }
 }
 
-/// The formats that [`present_source`] knows, for messages.
-pub(crate) const PRESENT_FORMATS: &str = "Rgba8UnormSrgb, Bgra8UnormSrgb and Rgba16Float";
+/// Formats supported by [`present_source`], for messages.
+pub(crate) const PRESENT_FORMATS: &str = "Rgba8UnormSrgb, Bgra8UnormSrgb or Rgba16Float";
 
-/// A texture that an image of the frame is drawn into.
+/// Texture that an image of the frame is drawn into.
 #[derive(Clone, Copy, Debug)]
 pub struct Presentation<'a> {
-    /// Which image: an index into [`Rig::viewports`].
+    /// Index of the image in [`Rig::viewports`].
     pub viewport: usize,
-    /// One layer and level of a texture of the renderer's device, as large as the image. All of it is written, with alpha 1.
+    /// One layer and mip level of a texture of the renderer's device, with the size of the image. Every pixel is
+    /// written, with alpha 1.
     pub target: &'a wgpu::TextureView,
-    /// The view's format. `Rgba8UnormSrgb` and `Bgra8UnormSrgb` hold the bytes of the display image. `Rgba16Float` holds the linear
-    /// values that the tone mapping gives, 0 to 1 for black to display white, rounded to the nearest half and not dithered.
+    /// Format of the texture view. `Rgba8UnormSrgb` and `Bgra8UnormSrgb` receive the bytes of the display image.
+    /// `Rgba16Float` receives the linear result of the tone mapping, 0 to 1 from black to display white, rounded to the
+    /// nearest half float without dithering.
     pub format: wgpu::TextureFormat,
 }
 
 impl Presentation<'_> {
-    /// Whether it shows the bytes of the display image.
+    /// Whether the texture receives the bytes of the display image.
     pub(crate) fn shows_codes(&self) -> bool {
         present_source(self.format) == Some(PresentSource::Codes)
     }
 
-    /// Whether it shows light.
+    /// Whether the texture receives light.
     pub(crate) fn shows_light(&self) -> bool {
         present_source(self.format) == Some(PresentSource::Light)
     }
 }
 
-/// Whether the images of a rig can be drawn into these textures.
+/// Checks that the images of a rig can be drawn into these textures.
 pub(super) fn check_presentations(rig: &Rig, presentations: &[Presentation<'_>]) -> Result<(), RenderError> {
     let images: Vec<_> =
         rig.views().iter().flat_map(|view| view.images.iter().map(|image| (&view.name, image))).collect();

@@ -1,7 +1,7 @@
-//! Frames in two halves and images in textures: what a headset's eyes are given, against what `render` reads back, the f64 twin of the
-//! tone mapping, and the stars' own light.
+//! Tests split frames (submit and finish) and images in textures: the pictures of a headset's eyes against those that
+//! `render` reads back, the f64 twin of the tone mapping, and the physical light of stars.
 
-#![allow(clippy::unwrap_used, reason = "a failed expectation of a test's own helpers is a failed test")]
+#![allow(clippy::unwrap_used, reason = "a panic in a helper fails the test")]
 
 use std::sync::Arc;
 
@@ -33,7 +33,7 @@ const SIZES: [[u32; 2]; 2] = [[96, 84], [72, 64]];
 const BYTES: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
 const SWAPPED_BYTES: wgpu::TextureFormat = wgpu::TextureFormat::Bgra8UnormSrgb;
 const HALVES: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
-/// Binds so few pixels that the eyes come in several batches, one of which holds tiles of both.
+/// Limits bindings to so few pixels that the eyes are drawn in several batches, one of which holds tiles of both.
 const STRIPS: u64 = 96 * 25 * BYTES_PER_PIXEL;
 
 fn gpu(binding_limit_bytes: Option<u64>) -> Gpu {
@@ -45,7 +45,7 @@ fn renderer() -> Renderer {
     Renderer::new(gpu(None))
 }
 
-/// Two eyes with nothing in common: sizes, asymmetric fields, canted, at different places.
+/// Two eyes that differ in size, asymmetric field of view, orientation and position.
 fn headset() -> Rig {
     let fov = Fov { left_rad: -0.86, right_rad: 0.71, up_rad: 0.74, down_rad: -0.69 };
     let eye = |size: [u32; 2], fov: Fov, turn: DQuat, x: f64| Eye {
@@ -75,7 +75,7 @@ fn scene(stars: Vec<StarRecord>) -> SceneSnapshot {
     }
 }
 
-/// Stars of all colours and magnitudes over the whole sky, turned by an angle.
+/// Stars of all colours and magnitudes over the whole sky, rotated by an angle.
 fn sky(turn_rad: f64) -> SceneSnapshot {
     let count = 3000;
     let turn = DQuat::from_rotation_y(turn_rad);
@@ -94,7 +94,7 @@ fn settings(method: StarMethod) -> RenderSettings {
     settings
 }
 
-/// The second layer of a texture of two, to draw into and to read.
+/// Creates a texture of two layers and a view of its second layer.
 fn target(gpu: &Gpu, [width, height]: [u32; 2], format: wgpu::TextureFormat) -> (wgpu::Texture, wgpu::TextureView) {
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some("swapchain image"),
@@ -115,19 +115,19 @@ fn target(gpu: &Gpu, [width, height]: [u32; 2], format: wgpu::TextureFormat) -> 
     (texture, view)
 }
 
-/// The texels of the second layer.
+/// Reads the texels of the second layer.
 fn texels(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<u8> {
     read_layer(gpu, texture, 1).unwrap()
 }
 
-/// The value of a half that is a finite number, not negative.
+/// Value of a finite, non-negative half float.
 fn value_of_half(bits: u16) -> f64 {
-    assert!(bits < 0x7c00, "{bits:#x} is no finite half from 0 on");
+    assert!(bits < 0x7c00, "{bits:#x} is not a finite, non-negative half float");
     let (exponent, mantissa) = (i32::from(bits >> 10), f64::from(bits & 1023));
     if exponent == 0 { mantissa * 2f64.powi(-24) } else { (1024.0 + mantissa) * 2f64.powi(exponent - 25) }
 }
 
-/// Linear R, G, B of a texture of halves; alpha is 1.
+/// Linear R, G, B of a texture of half floats; asserts that alpha is 1.
 fn light_of(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<[f64; 3]> {
     let bytes = texels(gpu, texture);
     let halves: Vec<f64> =
@@ -142,7 +142,7 @@ fn light_of(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<[f64; 3]> {
         .collect()
 }
 
-/// A frame of both eyes into textures of one format; nothing but what the frame is told is read back.
+/// Draws a frame of both eyes into textures of one format, without readback of images.
 fn presented(
     renderer: &mut Renderer,
     scene: &SceneSnapshot,
@@ -164,11 +164,11 @@ fn presented(
         )
         .unwrap();
     let frame = renderer.finish(submitted).unwrap();
-    assert!(frame.images.is_empty(), "nothing was wanted back");
+    assert!(frame.images.is_empty(), "no image was requested");
     (frame, [left.0, right.0])
 }
 
-/// What `render` reads back of both eyes.
+/// Renders both eyes and reads all images back.
 fn rendered(renderer: &mut Renderer, scene: &SceneSnapshot, settings: &RenderSettings, adapted: Option<f64>) -> Frame {
     let wanted = Wanted::both();
     renderer
@@ -176,8 +176,8 @@ fn rendered(renderer: &mut Renderer, scene: &SceneSnapshot, settings: &RenderSet
         .unwrap()
 }
 
-/// Whether the textures hold the display images.
-fn assert_same_bytes(renderer: &Renderer, textures: &[wgpu::Texture], images: &[FrameImage], what: &str) {
+/// Asserts that the textures hold the display images.
+fn assert_same_bytes(renderer: &Renderer, textures: &[wgpu::Texture], images: &[FrameImage], case: &str) {
     assert_eq!(textures.len(), images.len());
     for (texture, image) in textures.iter().zip(images) {
         let mut found = texels(renderer.gpu(), texture);
@@ -186,20 +186,21 @@ fn assert_same_bytes(renderer: &Renderer, textures: &[wgpu::Texture], images: &[
         }
         let expected = image.display.as_ref().unwrap();
         let lit = expected.as_chunks::<4>().0.iter().filter(|texel| texel[..3] != [0; 3]).count();
-        assert!(lit > 100, "{what}: {lit} lit pixels prove little");
+        assert!(lit > 100, "{case}: {lit} lit pixels are too few for this test");
         let differing = found.iter().zip(expected).filter(|(a, b)| a != b).count();
-        assert!(found == *expected, "{what}, {:?}: {differing} bytes differ", image.part);
+        assert!(found == *expected, "{case}, {:?}: {differing} bytes differ", image.part);
     }
 }
 
-/// Pixels of a texture of halves that are farther from the tone mapping of the HDR image than rounding to the nearest half allows.
+/// Number of pixels of a half-float texture that differ from the tone-mapped HDR image by more than rounding to the
+/// nearest half.
 fn halves_off(light: &[[f64; 3]], image: &FrameImage, tone_map: &ToneMapSettings, ev100: f64) -> usize {
     let white = white_luminance_cd_m2(ev100);
     let hdr = image.hdr.as_ref().unwrap();
     assert_eq!(light.len(), hdr.len());
     let far = |(found, expected): (&f64, f64)| {
         let exponent = expected.max(2f64.powi(-14)).log2().floor() as i32;
-        // Half a step of the half, and what f32 makes of curves and powers.
+        // Half a step of the half float, plus the f32 error of curves and powers.
         (found - expected).abs() > 0.5 * 2f64.powi(exponent - 10) + 4e-5 * expected + 1e-9
     };
     light
@@ -212,7 +213,7 @@ fn halves_off(light: &[[f64; 3]], image: &FrameImage, tone_map: &ToneMapSettings
         .count()
 }
 
-/// Exposures known before the pixels are and not, glare and none.
+/// Settings with exposures known in advance or not, each with and without glare.
 fn exposures_and_glares(settings: &RenderSettings) -> Vec<(RenderSettings, Option<f64>)> {
     let mut manual = settings.clone();
     manual.exposure.mode = ExposureMode::Manual;
@@ -228,13 +229,13 @@ fn exposures_and_glares(settings: &RenderSettings) -> Vec<(RenderSettings, Optio
 }
 
 #[test]
-fn every_code_of_every_channel_comes_out_as_it_went_in() {
+fn every_code_of_every_channel_is_presented_unchanged() {
     let gpu = gpu(None);
     let size = [19, 27];
     let codes = |i: u32| [i % 256, 255 - i % 256, (i * 7 + 3) % 256];
     let words: Vec<u32> = (0..19 * 27).map(codes).map(|[r, g, b]| r | g << 8 | b << 16 | 255 << 24).collect();
     let expected: Vec<[u8; 4]> = words.iter().map(|word| word.to_le_bytes()).collect();
-    // The lower tile comes first in the batch, and there is something before it.
+    // The lower tile comes first in the batch, after some other pixels.
     let tiles = [
         Tile { viewport: 0, first_row: 10, rows: 17, first_pixel: 5 },
         Tile { viewport: 0, first_row: 0, rows: 10, first_pixel: 5 + 19 * 17 },
@@ -268,12 +269,12 @@ fn every_code_of_every_channel_comes_out_as_it_went_in() {
     let swapped: Vec<[u8; 4]> = drawn(SWAPPED_BYTES, &tiles).iter().map(|[b, g, r, a]| [*r, *g, *b, *a]).collect();
     assert!(swapped == expected);
     for channel in 0..3 {
-        let mut seen: Vec<u8> = expected.iter().map(|texel| texel[channel]).collect();
-        seen.sort_unstable();
-        seen.dedup();
-        assert_eq!(seen.len(), 256);
+        let mut codes: Vec<u8> = expected.iter().map(|texel| texel[channel]).collect();
+        codes.sort_unstable();
+        codes.dedup();
+        assert_eq!(codes.len(), 256);
     }
-    // A tile that begins a pixel too late is found, and so is one that is left out.
+    // A tile that begins a pixel too late is detected, and so is a missing tile.
     let late = [Tile { first_pixel: 6, ..tiles[0] }, tiles[1]];
     assert!(drawn(BYTES, &late) != expected);
     assert!(drawn(BYTES, &tiles[..1]) != expected);
@@ -281,8 +282,8 @@ fn every_code_of_every_channel_comes_out_as_it_went_in() {
 
 #[test]
 #[ignore = "long: make test-all"]
-fn textures_of_bytes_hold_the_display_images_in_every_operator_exposure_and_glare_and_cut_in_one() {
-    textures_of_bytes_hold_the_display_images(&[
+fn byte_textures_match_display_images_for_all_operators_and_tiled_for_one() {
+    assert_byte_textures_match_display_images(&[
         (None, &ToneMapOperator::ALL),
         (Some(STRIPS), &[ToneMapOperator::Filmic]),
     ]);
@@ -290,16 +291,16 @@ fn textures_of_bytes_hold_the_display_images_in_every_operator_exposure_and_glar
 
 #[test]
 #[ignore = "long: make test-all"]
-fn textures_of_bytes_hold_the_display_images_in_every_operator_exposure_glare_and_cut() {
+fn byte_textures_match_display_images_for_all_operators_whole_and_tiled() {
     let all = &ToneMapOperator::ALL;
-    textures_of_bytes_hold_the_display_images(&[(None, all), (Some(STRIPS), all)]);
+    assert_byte_textures_match_display_images(&[(None, all), (Some(STRIPS), all)]);
 }
 
-/// By how many bytes may be bound at once: the operators to try.
-fn textures_of_bytes_hold_the_display_images(cases: &[(Option<u64>, &[ToneMapOperator])]) {
+/// `cases`: limit of a binding's size in bytes, and the operators to test with it.
+fn assert_byte_textures_match_display_images(cases: &[(Option<u64>, &[ToneMapOperator])]) {
     let pixels = STRIPS / BYTES_PER_PIXEL;
-    let cut = batches(&SIZES, pixels);
-    assert!(cut.len() > 3 && cut.iter().any(|batch| batch.tiles.len() > 1), "{cut:?}");
+    let tiled = batches(&SIZES, pixels);
+    assert!(tiled.len() > 3 && tiled.iter().any(|batch| batch.tiles.len() > 1), "{tiled:?}");
     let scene = sky(0.0);
     for &(limit, operators) in cases {
         let mut renderer = Renderer::new(gpu(limit));
@@ -308,13 +309,13 @@ fn textures_of_bytes_hold_the_display_images(cases: &[(Option<u64>, &[ToneMapOpe
             let base = RenderSettings { tone_map, ..settings(StarMethod::Auto) };
             for (settings, adapted) in exposures_and_glares(&base) {
                 let glares = settings.glare.chosen(StarMethod::Auto) != GlareMethod::None;
-                let what = format!("{operator:?}, {:?}, {adapted:?}, {glares}, {limit:?}", settings.exposure.mode);
+                let case = format!("{operator:?}, {:?}, {adapted:?}, {glares}, {limit:?}", settings.exposure.mode);
                 let reference = rendered(&mut renderer, &scene, &settings, adapted);
                 let format = if glares { SWAPPED_BYTES } else { BYTES };
                 let (frame, textures) = presented(&mut renderer, &scene, &settings, adapted, format);
-                assert_eq!(frame.exposure_ev100, reference.exposure_ev100, "{what}");
-                assert_eq!(frame.mean_luminance_cd_m2, reference.mean_luminance_cd_m2, "{what}");
-                assert_same_bytes(&renderer, &textures, &reference.images, &what);
+                assert_eq!(frame.exposure_ev100, reference.exposure_ev100, "{case}");
+                assert_eq!(frame.mean_luminance_cd_m2, reference.mean_luminance_cd_m2, "{case}");
+                assert_same_bytes(&renderer, &textures, &reference.images, &case);
                 if !frame.times.passes_ms.is_empty() {
                     let timed = frame.times.passes_ms.iter().filter(|(name, _)| *name == "present").count();
                     assert_eq!(timed, 2, "one pass per eye");
@@ -330,10 +331,10 @@ const NIGHT: (f64, f64) = (0.7, 0.6);
 
 #[test]
 #[ignore = "long: make test-all"]
-fn textures_of_halves_hold_the_tone_mapped_light_of_every_operator_and_of_one_at_night_and_cut() {
+fn half_float_textures_match_tone_mapped_light_for_all_operators() {
     let plain = ToneMapOperator::ALL.map(|operator| (operator, PLAIN));
     let filmic = ToneMapOperator::Filmic;
-    textures_of_halves_hold_the_tone_mapped_light(&[
+    assert_half_float_textures_match_tone_mapped_light(&[
         (None, &[&plain[..], &[(filmic, NIGHT)]].concat()),
         (Some(STRIPS), &[(filmic, PLAIN)]),
     ]);
@@ -341,15 +342,15 @@ fn textures_of_halves_hold_the_tone_mapped_light_of_every_operator_and_of_one_at
 
 #[test]
 #[ignore = "long: make test-all"]
-fn textures_of_halves_hold_the_tone_mapped_light_of_every_operator_at_night_and_cut() {
+fn half_float_textures_match_tone_mapped_light_for_all_operators_at_night_and_tiled() {
     let [plain, night] = [PLAIN, NIGHT].map(|eye| ToneMapOperator::ALL.map(|operator| (operator, eye)));
-    textures_of_halves_hold_the_tone_mapped_light(&[(None, &[plain, night].concat()), (Some(STRIPS), &plain)]);
+    assert_half_float_textures_match_tone_mapped_light(&[(None, &[plain, night].concat()), (Some(STRIPS), &plain)]);
 }
 
-/// What is tried: operators with desaturation and scotopic share, and how many bytes may be bound at once.
+/// Test cases: limit of a binding's size in bytes, and operators with their desaturation and scotopic share.
 type HalvesCase<'a> = (Option<u64>, &'a [(ToneMapOperator, (f64, f64))]);
 
-fn textures_of_halves_hold_the_tone_mapped_light(cases: &[HalvesCase<'_>]) {
+fn assert_half_float_textures_match_tone_mapped_light(cases: &[HalvesCase<'_>]) {
     let scene = sky(0.0);
     for &(limit, eyes) in cases {
         let mut renderer = Renderer::new(gpu(limit));
@@ -365,7 +366,7 @@ fn textures_of_halves_hold_the_tone_mapped_light(cases: &[HalvesCase<'_>]) {
                     let light = light_of(renderer.gpu(), texture);
                     let off = halves_off(&light, image, &tone_map, frame.exposure_ev100);
                     assert_eq!(off, 0, "{operator:?}, {desaturation}, {scotopic}, {adapted:?}, {limit:?}");
-                    // Another operator, another exposure and halves that are cut off instead of rounded are found.
+                    // Another operator, another exposure and truncated halves are detected.
                     let other =
                         if operator == ToneMapOperator::Aces { ToneMapOperator::Srgb } else { ToneMapOperator::Aces };
                     let other = ToneMapSettings { operator: other, ..tone_map };
@@ -374,8 +375,8 @@ fn textures_of_halves_hold_the_tone_mapped_light(cases: &[HalvesCase<'_>]) {
                         assert!(halves_off(&light, image, &tone_map, frame.exposure_ev100 + 0.01) > 50);
                     }
                     let below = |value: f64| value * (1.0 - 2f64.powi(-11));
-                    let cut: Vec<[f64; 3]> = light.iter().map(|rgb| rgb.map(below)).collect();
-                    assert!(halves_off(&cut, image, &tone_map, frame.exposure_ev100) > 50);
+                    let truncated: Vec<[f64; 3]> = light.iter().map(|rgb| rgb.map(below)).collect();
+                    assert!(halves_off(&truncated, image, &tone_map, frame.exposure_ev100) > 50);
                 }
             }
         }
@@ -384,26 +385,26 @@ fn textures_of_halves_hold_the_tone_mapped_light(cases: &[HalvesCase<'_>]) {
 
 #[test]
 #[ignore = "long: make test-all"]
-fn every_star_method_is_presented_with_glare_and_without() {
+fn every_star_method_is_presented_with_and_without_glare() {
     let scene = sky(0.3);
     let mut renderer = Renderer::new(gpu(Some(STRIPS)));
     for method in StarMethod::ALL {
         for (settings, adapted) in exposures_and_glares(&settings(method)) {
-            // What is not known beforehand takes the same way for all methods but ours.
+            // With an exposure unknown in advance, all methods except `auto` share one code path.
             if settings.exposure.mode == ExposureMode::Manual && method != StarMethod::Auto {
                 continue;
             }
-            let what = format!("{method:?}, {adapted:?}, {:?}", settings.glare.chosen(method));
+            let case = format!("{method:?}, {adapted:?}, {:?}", settings.glare.chosen(method));
             let reference = rendered(&mut renderer, &scene, &settings, adapted);
             let (_, textures) = presented(&mut renderer, &scene, &settings, adapted, BYTES);
             for (texture, image) in textures.iter().zip(&reference.images) {
                 let found = texels(renderer.gpu(), texture);
-                assert!(found == *image.display.as_ref().unwrap(), "{what}");
+                assert!(found == *image.display.as_ref().unwrap(), "{case}");
             }
             let (frame, textures) = presented(&mut renderer, &scene, &settings, adapted, HALVES);
             for (texture, image) in textures.iter().zip(&reference.images) {
                 let light = light_of(renderer.gpu(), texture);
-                assert_eq!(halves_off(&light, image, &settings.tone_map, frame.exposure_ev100), 0, "{what}");
+                assert_eq!(halves_off(&light, image, &settings.tone_map, frame.exposure_ev100), 0, "{case}");
             }
         }
     }
@@ -426,21 +427,21 @@ fn a_body_at_arm_s_length_is_presented_with_the_stars_behind_it() {
     let objects = Arc::new(SceneObjects { bodies: vec![Arc::new(body)], ..SceneObjects::default() });
     let scene = SceneSnapshot { objects, ..sky(0.0) };
     for (settings, adapted) in exposures_and_glares(&settings(StarMethod::Auto)) {
-        let what = format!("{:?}, {adapted:?}", settings.exposure.mode);
+        let case = format!("{:?}, {adapted:?}", settings.exposure.mode);
         let reference = rendered(&mut renderer, &scene, &settings, adapted);
         let (_, textures) = presented(&mut renderer, &scene, &settings, adapted, BYTES);
-        assert_same_bytes(&renderer, &textures, &reference.images, &what);
+        assert_same_bytes(&renderer, &textures, &reference.images, &case);
         let (frame, textures) = presented(&mut renderer, &scene, &settings, adapted, HALVES);
         for (texture, image) in textures.iter().zip(&reference.images) {
             let light = light_of(renderer.gpu(), texture);
-            assert_eq!(halves_off(&light, image, &settings.tone_map, frame.exposure_ev100), 0, "{what}");
+            assert_eq!(halves_off(&light, image, &settings.tone_map, frame.exposure_ev100), 0, "{case}");
         }
     }
 }
 
-/// One eye may be mirrored while both are shown, in different formats.
+/// One eye may be mirrored on a screen while both are presented, in different formats.
 #[test]
-fn what_is_read_back_and_what_is_presented_do_not_disturb_each_other() {
+fn readback_and_presentation_do_not_disturb_each_other() {
     let mut renderer = renderer();
     let (scene, rig, settings) = (sky(0.0), headset(), settings(StarMethod::Auto));
     let reference = rendered(&mut renderer, &scene, &settings, Some(-8.0));
@@ -472,7 +473,7 @@ fn what_is_read_back_and_what_is_presented_do_not_disturb_each_other() {
 }
 
 #[test]
-fn the_light_of_stars_arrives_in_both_eyes() {
+fn both_eyes_show_the_light_of_stars() {
     let mut renderer = renderer();
     let rig = headset();
     let stars: Vec<(DVec3, f32)> = (-2..=2)
@@ -490,10 +491,10 @@ fn the_light_of_stars_arrives_in_both_eyes() {
     let white = white_luminance_cd_m2(-5.0);
     let (_, textures) = presented(&mut renderer, &scene, &settings, None, HALVES);
     let viewports = rig.viewports(DQuat::IDENTITY);
-    // Largest relative error of a star's light, with the eye turned by an angle from where it is.
+    // Greatest relative error of a star's light, with the eye rotated by an angle.
     let worst = |eye: usize, turn_rad: f64| {
         let pixels = light_of(renderer.gpu(), &textures[eye]);
-        assert!(pixels.iter().flatten().all(|channel| *channel < 1.0), "nothing clips");
+        assert!(pixels.iter().flatten().all(|channel| *channel < 1.0), "no channel is clipped");
         let light: Vec<[f64; 3]> = pixels.iter().map(|rgb| rgb.map(|channel| channel * white)).collect();
         let turn = viewports[eye].world_from_view * DQuat::from_rotation_y(turn_rad);
         let image = HdrView::new(viewports[eye].projection.mapping(), &light).unwrap().turned(turn);
@@ -506,29 +507,29 @@ fn the_light_of_stars_arrives_in_both_eyes() {
     };
     for eye in 0..2 {
         let error = worst(eye, 0.0);
-        println!("eye {eye}: light of {} stars off by at most {error:.1e}", stars.len());
+        println!("eye {eye}: greatest error of the light of {} stars {error:.1e}", stars.len());
         assert!(error < 1e-3, "{error}");
         let turned = worst(eye, 0.08);
-        assert!(turned > 0.1, "an eye that looks elsewhere: {turned}");
+        assert!(turned > 0.1, "a rotated eye must not match: {turned}");
     }
 }
 
 #[test]
-fn a_shifted_eye_is_not_taken_for_the_right_one() {
+fn a_shifted_eye_is_detected() {
     let mut renderer = renderer();
     let settings = settings(StarMethod::Auto);
     let reference = rendered(&mut renderer, &sky(0.0), &settings, Some(-8.0));
     let (_, textures) = presented(&mut renderer, &sky(0.003), &settings, Some(-8.0), BYTES);
-    let (_, of_light) = presented(&mut renderer, &sky(0.003), &settings, Some(-8.0), HALVES);
+    let (_, light_textures) = presented(&mut renderer, &sky(0.003), &settings, Some(-8.0), HALVES);
     for (eye, image) in reference.images.iter().enumerate() {
         assert!(texels(renderer.gpu(), &textures[eye]) != *image.display.as_ref().unwrap());
-        let light = light_of(renderer.gpu(), &of_light[eye]);
+        let light = light_of(renderer.gpu(), &light_textures[eye]);
         assert!(halves_off(&light, image, &settings.tone_map, -8.0) > 100);
     }
 }
 
 #[test]
-fn frames_in_two_halves_are_those_of_render_whatever_came_before() {
+fn submitted_and_finished_frames_match_rendered_frames_in_any_order() {
     let mut renderer = renderer();
     let (rig, settings) = (headset(), settings(StarMethod::Auto));
     let wanted = Wanted::both();
@@ -537,12 +538,12 @@ fn frames_in_two_halves_are_those_of_render_whatever_came_before() {
         .iter()
         .map(|scene| renderer.render(FrameRequest::new(scene, &rig).settings(&settings).wanted(wanted)).unwrap())
         .collect();
-    let same = |frame: &Frame, of: &Frame| {
-        assert_eq!(frame.exposure_ev100, of.exposure_ev100);
+    let same = |frame: &Frame, expected: &Frame| {
+        assert_eq!(frame.exposure_ev100, expected.exposure_ev100);
         let drawn = |frame: &Frame| -> Vec<u64> { frame.views.iter().map(|view| view.stars_drawn).collect() };
-        assert_eq!(drawn(frame), drawn(of));
-        for (image, of) in frame.images.iter().zip(&of.images) {
-            assert!(image.display == of.display && image.hdr == of.hdr);
+        assert_eq!(drawn(frame), drawn(expected));
+        for (image, expected) in frame.images.iter().zip(&expected.images) {
+            assert!(image.display == expected.display && image.hdr == expected.hdr);
         }
     };
     for (index, scene) in scenes.iter().enumerate() {
@@ -555,14 +556,14 @@ fn frames_in_two_halves_are_those_of_render_whatever_came_before() {
     let submit = |renderer: &mut Renderer, index: usize| {
         renderer.submit(FrameRequest::new(&scenes[index], &rig).settings(&settings).wanted(wanted)).unwrap()
     };
-    // Two are in flight, whichever is finished first, and holding a scene does not disturb them.
+    // Two frames are in flight. They can be finished in any order, and holding a scene does not disturb them.
     let [first, second] = [1, 3].map(|index| submit(&mut renderer, index));
     renderer.hold(&scenes[0], &settings).unwrap();
     same(&renderer.finish(first).unwrap(), &expected[1]);
     let third = submit(&mut renderer, 0);
     same(&renderer.finish(third).unwrap(), &expected[0]);
     same(&renderer.finish(second).unwrap(), &expected[3]);
-    // A frame that is dropped is waited for and thrown away; one that two have overtaken cannot be finished any more.
+    // A dropped frame is discarded. A frame followed by two newer ones cannot be finished any more.
     drop(submit(&mut renderer, 0));
     let [overtaken, second, third] = [1, 3, 0].map(|index| submit(&mut renderer, index));
     assert!(matches!(renderer.finish(overtaken), Err(RenderError::Abandoned)));
@@ -572,7 +573,8 @@ fn frames_in_two_halves_are_those_of_render_whatever_came_before() {
         &renderer.render(FrameRequest::new(&scenes[0], &rig).settings(&settings).wanted(wanted)).unwrap(),
         &expected[0],
     );
-    // What is refused before anything is submitted leaves the frame in flight, and a frame of another renderer is not taken for it.
+    // A request refused before submission leaves the frame in flight, and a frame of another renderer is not confused
+    // with it.
     let submitted = renderer.submit(FrameRequest::new(&scenes[1], &rig).settings(&settings).wanted(wanted)).unwrap();
     let refused = renderer.submit(FrameRequest::new(&scenes[1], &rig).settings(&settings).wanted_of_each(&[])).err();
     assert!(matches!(refused, Some(RenderError::WantedCount { given: 0, views: 1 })));
@@ -583,7 +585,7 @@ fn frames_in_two_halves_are_those_of_render_whatever_came_before() {
 }
 
 #[test]
-fn textures_that_cannot_be_drawn_into_are_refused_by_name() {
+fn unsupported_textures_are_refused_with_a_specific_message() {
     let mut renderer = renderer();
     let (scene, rig, settings) = (sky(0.0), headset(), settings(StarMethod::Auto));
     let mut refused = |viewport: usize, size: [u32; 2], format: wgpu::TextureFormat| {
@@ -601,17 +603,18 @@ fn textures_that_cannot_be_drawn_into_are_refused_by_name() {
             .to_string()
     };
     let message = refused(0, SIZES[0], wgpu::TextureFormat::Rgba8Unorm);
-    for part in ["`headset`", "Rgba8Unorm:", "Rgba8UnormSrgb", "Bgra8UnormSrgb", "Rgba16Float"] {
+    for part in ["`headset`", "Rgba8Unorm;", "Rgba8UnormSrgb", "Bgra8UnormSrgb", "Rgba16Float"] {
         assert!(message.contains(part), "{message}");
     }
     let message = refused(0, SIZES[1], BYTES);
     assert!(message.contains("96 x 84") && message.contains("72 x 64"), "{message}");
     let message = refused(2, SIZES[0], BYTES);
     assert!(message.contains("image 2") && message.contains("2 images"), "{message}");
-    // A format that is not the texture's is the driver's to refuse, and does not outlive its frame.
+    // A mismatch between the declared and the actual format is rejected by the driver; the error affects only its
+    // frame.
     let (_texture, view) = target(renderer.gpu(), SIZES[0], BYTES);
     let presentations = [Presentation { viewport: 0, target: &view, format: HALVES }];
-    // Nor is the frame before it concerned, which is still being drawn.
+    // A frame that is still being drawn is not affected.
     let request = FrameRequest::new(&scene, &rig).settings(&settings);
     let before = renderer.submit(request).unwrap();
     let refused = renderer.submit(request.wanted(Wanted::default()).presentations(&presentations));

@@ -8,7 +8,7 @@ use crate::plan::KernelPlan;
 use crate::render::{constants::workgroups::PROBE_THREADS, shader::Shader};
 use crate::view::{Viewport, projection::Projection};
 
-/// A direction to project, in view space, and a pixel whose solid angle and direction are wanted.
+/// Direction to project, in view space, and pixel whose solid angle and direction are computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
     /// Direction in view space.
@@ -17,19 +17,20 @@ pub struct Probe {
     pub pixel: [u32; 2],
 }
 
-/// What the adapter computes for a [`Probe`].
+/// Result for a [`Probe`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probed {
-    /// Continuous pixel coordinates of the direction's image, if it has one.
+    /// Continuous pixel coordinates of the direction's image, if it exists.
     pub image: Option<[f32; 2]>,
     /// Solid angle of the pixel, sr.
     pub solid_angle_sr: f32,
-    /// Unit direction of the pixel's centre, if it lies in the picture.
+    /// Unit direction of the pixel's centre, if it is in the picture.
     pub direction: Option<[f32; 3]>,
 }
 
-/// Evaluates the projection of `viewport` at every probe.
+/// Evaluates the projection of `viewport` for every probe.
 pub fn probe(gpu: &Gpu, viewport: &Viewport, probes: &[Probe]) -> Result<Vec<Probed>, GpuError> {
+    // Inputs, pipeline and buffers.
     let inputs: Vec<layout::ProbeInput> = probes
         .iter()
         .map(|probe| layout::ProbeInput {
@@ -59,6 +60,7 @@ pub fn probe(gpu: &Gpu, viewport: &Viewport, probes: &[Probe]) -> Result<Vec<Pro
         entries: &[(0, &viewports), (1, &input_buffer), (2, &outputs)]
             .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }),
     });
+    // Dispatch and read the results back.
     let mut readback = ReadbackBuffer::new("probe readback");
     readback.begin(bytes);
     let mut encoder =

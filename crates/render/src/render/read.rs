@@ -1,4 +1,4 @@
-//! Reading a frame back: images, exposure, counters and times.
+//! Reads a frame back: images, exposure, counters and times.
 
 use super::{
     AsteroidCounts, Frame, FrameImage, FrameTimes, RenderError, Renderer, ViewStatistics, Wanted, layout,
@@ -11,15 +11,15 @@ use crate::{
     plan::{DISPLAY_BYTES, Plan, tiles::BYTES_PER_PIXEL},
 };
 
-/// Where the results of a frame will lie in the readback buffer.
+/// Positions of a frame's results in the readback buffer.
 #[derive(Default)]
 pub(crate) struct Places {
     counters: Option<(ReadbackPlace, usize)>,
     exposure: Option<ReadbackPlace>,
-    /// What techniques count, by name: place and number of words.
+    /// Counts of techniques: name, position and number of words.
     pub counts: Vec<(&'static str, ReadbackPlace, usize)>,
     ticks: Option<ReadbackPlace>,
-    /// Per viewport and tile of it, in order of rows: place of the display rows and of the HDR rows.
+    /// Tiles of all viewports, in order of rows, with the positions of their display and HDR rows.
     tiles: Vec<TilePlace>,
 }
 
@@ -27,12 +27,12 @@ struct TilePlace {
     viewport: usize,
     pixels: usize,
     display: Option<ReadbackPlace>,
-    /// The planes of R and G, and of B and the solid angle.
+    /// Planes of R and G, and of B and the solid angle.
     hdr: Option<[ReadbackPlace; 2]>,
 }
 
 impl Places {
-    /// The exposure that a frame has found which was asked for nothing else.
+    /// Reads the metered exposure of a frame without other outputs.
     pub(super) fn metered_ev100(&self, gpu: &Gpu, readback: &mut ReadbackBuffer) -> Result<f64, RenderError> {
         let (Some((counters, count)), Some(exposure)) = (self.counters, self.exposure) else {
             unreachable!("every frame has counters and an exposure")
@@ -46,7 +46,7 @@ impl Places {
     }
 }
 
-/// Bytes of images, counters and exposure: wanted beforehand, alignment included.
+/// Size of images, counters and exposure in the readback buffer, including alignment.
 pub(super) fn bytes(frame: &FrameInputs<'_>, targets: &Targets) -> u64 {
     let mut needed = 1024 + 16 * targets.counter_count as u64;
     for viewport in &frame.plan.viewports {
@@ -57,7 +57,7 @@ pub(super) fn bytes(frame: &FrameInputs<'_>, targets: &Targets) -> u64 {
     needed
 }
 
-/// Records the copies of everything that leaves the GPU into host buffers.
+/// Records the copies of all results into the readback buffer.
 pub(super) fn copy(recording: &mut Recording<'_>) {
     let Recording { gpu, encoder, timer, frame, targets, readback, places } = recording;
     for (batch, buffers) in frame.plan.batches.iter().zip(&targets.batches) {
@@ -66,7 +66,7 @@ pub(super) fn copy(recording: &mut Recording<'_>) {
             let count = u64::from(tile.rows) * u64::from(viewport.size()[0]);
             let first = u64::from(tile.first_pixel);
             let Wanted { display, hdr, .. } = frame.outputs.wanted[viewport.view];
-            // The image lies in two planes of half a pixel each.
+            // The HDR image is stored in two planes of half a pixel each.
             let mut copy_plane = |plane: u64| {
                 let half = BYTES_PER_PIXEL / 2;
                 readback.copy(gpu, encoder, &buffers.pixels, (plane * batch.pixels + first) * half, count * half)
@@ -92,6 +92,7 @@ impl Renderer {
         let InFlight { plan, places, views: names, projectors, slot: FrameSlot { timer, readback }, .. } = in_flight;
         let Self { gpu, techniques, .. } = self;
         let plan = &*plan;
+        // Counters and exposure.
         let (Some((counters, count)), Some(exposure)) = (places.counters, places.exposure) else {
             unreachable!("every frame has counters and an exposure")
         };
@@ -100,6 +101,7 @@ impl Renderer {
             return Err(RenderError::Overflow(counters[OVERFLOW_COUNTER]));
         }
         let exposure: Vec<layout::Exposure> = readback.read(gpu, exposure, 1)?;
+        // GPU times of the passes.
         let (passes_ms, gpu_ms) = match places.ticks {
             Some(place) => {
                 let ticks: Vec<u64> = readback.read(gpu, place, 2 * timer.passes())?;
@@ -107,6 +109,7 @@ impl Renderer {
             }
             None => (Vec::new(), None),
         };
+        // Images, put together tile by tile.
         let mut images: Vec<FrameImage> = Vec::new();
         let mut image_of_viewport: Vec<Option<usize>> = vec![None; plan.viewports.len()];
         for tile in &places.tiles {
@@ -137,6 +140,7 @@ impl Renderer {
                 hdr.extend(red_green.iter().zip(&blue_omega).map(|([r, g], [b, omega])| [*r, *g, *b, *omega]));
             }
         }
+        // Corrections of projectors.
         for image in &mut images {
             if let Some(projector) = image.projector.clone() {
                 [image.width, image.height] = projector.size();
@@ -144,6 +148,7 @@ impl Renderer {
                 image.hdr = image.hdr.take().map(|picture| projector.hdr(picture));
             }
         }
+        // Statistics of the views.
         let exposure_ev100 = f64::from(exposure[0].ev100);
         let mut views = statistics(plan, names, exposure_ev100, &counters, &passes_ms);
         for technique in techniques.iter() {
@@ -165,7 +170,8 @@ impl Renderer {
     }
 }
 
-/// Stars drawn and GPU time of each view: the star pass is shared by stars drawn, the passes over pixels by pixels.
+/// Computes the statistics of each view. GPU time of the star pass is shared in proportion to stars drawn, that of
+/// passes over pixels in proportion to pixels.
 fn statistics(
     plan: &Plan,
     names: &[String],
@@ -178,8 +184,8 @@ fn statistics(
     let drawn = &counters[VIEW_COUNTERS..];
     let all_drawn: f64 = drawn.iter().map(|count| f64::from(*count)).sum::<f64>().max(1.0);
     let pixels_of = |view: usize| -> f64 {
-        let of_view = plan.viewports.iter().filter(|viewport| viewport.view == view);
-        of_view.map(|viewport| viewport.size().map(f64::from).iter().product::<f64>()).sum()
+        let viewports_of_view = plan.viewports.iter().filter(|viewport| viewport.view == view);
+        viewports_of_view.map(|viewport| viewport.size().map(f64::from).iter().product::<f64>()).sum()
     };
     let all_pixels: f64 = (0..names.len()).map(pixels_of).sum::<f64>().max(1.0);
     names

@@ -1,4 +1,4 @@
-//! What a frame is asked to be: the scene, the views, and options.
+//! Requests of frames: the scene, the views, and options.
 
 use std::{borrow::Cow, sync::LazyLock};
 
@@ -11,23 +11,23 @@ use crate::{
     view::Rig,
 };
 
-/// What frames without settings of their own are drawn with.
+/// Settings of frames that specify none.
 static DEFAULT_SETTINGS: LazyLock<RenderSettings> = LazyLock::new(RenderSettings::default);
 
 /// One frame of all views of a rig, for [`Renderer::render`] and [`Renderer::submit`].
 ///
-/// Without options it is drawn with the default [`RenderSettings`], the display image of every view is read back, and
-/// automatic exposure shows it as to an eye that has fully adapted.
+/// Without options, the frame is drawn with the default [`RenderSettings`], the display image of every view is read
+/// back, and automatic exposure corresponds to a fully adapted eye.
 ///
 /// ```
 /// # use steradian::{FrameRequest, Rig, SceneSnapshot, Wanted};
 /// # fn requests(scene: &SceneSnapshot, rig: &Rig) {
-/// let shown = FrameRequest::new(scene, rig);
+/// let displayed = FrameRequest::new(scene, rig);
 /// let measured = FrameRequest::new(scene, rig).wanted(Wanted::hdr()).adapted_ev100(-3.0);
 /// # }
 /// ```
 #[derive(Clone, Copy, Debug)]
-#[must_use = "a request draws nothing: hand it to a renderer"]
+#[must_use = "a request does nothing until it is passed to a renderer"]
 pub struct FrameRequest<'a> {
     pub(super) scene: &'a SceneSnapshot,
     pub(super) rig: &'a Rig,
@@ -37,21 +37,21 @@ pub struct FrameRequest<'a> {
     wanted: WantedViews<'a>,
     output: Option<Output>,
     pub(super) sky_map: SkyMapUse,
-    /// Number of the series that the frame belongs to, and how many there are.
+    /// Index of the frame's series, and number of series.
     pub(super) series: [usize; 2],
-    /// The views that an automatic exposure is found for, and the settings that it is found with.
+    /// Views and settings from which automatic exposure is computed, if they differ from those of the frame.
     pub(super) exposed_as: Option<(&'a Rig, &'a RenderSettings)>,
 }
 
-/// What a frame does that may read a map of faint light where none is there.
+/// Behaviour of a frame that may read a map of faint light if the map does not exist yet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SkyMapUse {
-    /// It waits for one.
+    /// Draw the whole map first.
     #[default]
     Wait,
-    /// It makes a part of one and draws every star by itself meanwhile.
+    /// Draw a part of the map, and draw every star individually until the map is complete.
     InTurn,
-    /// It draws every star by itself.
+    /// Draw every star individually.
     Off,
 }
 
@@ -62,7 +62,7 @@ enum WantedViews<'a> {
 }
 
 impl<'a> FrameRequest<'a> {
-    /// The display images of all views of `rig`, which is at the camera of `scene`.
+    /// Requests the display images of all views of `rig`, which is at the camera of `scene`.
     pub fn new(scene: &'a SceneSnapshot, rig: &'a Rig) -> Self {
         Self {
             scene,
@@ -78,12 +78,13 @@ impl<'a> FrameRequest<'a> {
         }
     }
 
-    /// The display images of the views of one of the frames that [`frame_groups`](crate::plan::view_settings::frame_groups) has made
-    /// of a rig. The renderer keeps maps of glare and of faint stars for each of them, so that they may be drawn in turn.
+    /// Requests the display images of one group of views of a rig, as made by
+    /// [`frame_groups`](crate::plan::view_settings::frame_groups). The renderer keeps separate maps of glare and of
+    /// faint stars for each group, so that groups can be drawn in turn.
     ///
     /// # Panics
     ///
-    /// There is no group of that number.
+    /// `number` is not the index of a group.
     pub fn of_group(scene: &'a SceneSnapshot, groups: &'a [FrameGroup], number: usize) -> Self {
         let group = &groups[number];
         let exposed_as = group.exposed_as.as_ref().map(|(rig, settings)| (rig, settings));
@@ -91,44 +92,43 @@ impl<'a> FrameRequest<'a> {
         Self { series, exposed_as, ..Self::new(scene, &group.rig).settings(&group.settings) }
     }
 
-    /// How it is drawn.
+    /// Sets the render settings.
     pub fn settings(self, settings: &'a RenderSettings) -> Self {
         Self { settings, ..self }
     }
 
-    /// What to read back of every view.
+    /// Sets the buffers to read back, the same for every view.
     pub fn wanted(self, wanted: Wanted) -> Self {
         Self { wanted: WantedViews::Every(wanted), ..self }
     }
 
-    /// What to read back of each view, in the order of the rig. A frame is refused with [`RenderError::WantedCount`] where there
-    /// are not as many as views.
+    /// Sets the buffers to read back for each view, in the order of the rig. The frame is refused with
+    /// [`RenderError::WantedCount`] if their number differs from the number of views.
     pub fn wanted_of_each(self, wanted: &'a [Wanted]) -> Self {
         Self { wanted: WantedViews::Each(wanted), ..self }
     }
 
-    /// With automatic exposure, the exposure to show the frame with (EV at ISO 100): that of an eye that adapts over time.
-    /// `None` is the same as no such call.
+    /// Sets the exposure of an eye that adapts over time (EV at ISO 100), for automatic exposure. `None` has no effect.
     pub fn adapted_ev100(self, adapted_ev100: impl Into<Option<f64>>) -> Self {
         Self { adapted_ev100: adapted_ev100.into(), ..self }
     }
 
-    /// Textures to draw images into, in the same submission, besides what is read back.
+    /// Sets textures to draw images into in the same submission, in addition to the readback.
     pub fn presentations(self, presentations: &'a [Presentation<'a>]) -> Self {
         Self { presentations, ..self }
     }
 
-    /// What to do where display images may read a map of faint light and none is there.
+    /// Sets the behaviour if display images may read a map of faint light and the map does not exist yet.
     pub fn sky_map(self, sky_map: SkyMapUse) -> Self {
         Self { sky_map, ..self }
     }
 
-    /// The scene, with its camera.
+    /// Returns the scene, with its camera.
     pub fn get_scene(&self) -> &'a SceneSnapshot {
         self.scene
     }
 
-    /// The views.
+    /// Returns the views.
     pub fn get_rig(&self) -> &'a Rig {
         self.rig
     }
@@ -143,13 +143,14 @@ impl<'a> FrameRequest<'a> {
         self.adapted_ev100
     }
 
-    /// Draws within the budget of that output, whatever is read back: to measure what a budget costs.
+    /// Draws within the error budget of the given output, regardless of what is read back, to measure the cost of a
+    /// budget.
     #[doc(hidden)]
     pub fn drawn_for(self, output: Output) -> Self {
         Self { output: Some(output), ..self }
     }
 
-    /// What the frame is for: its budget.
+    /// Output that determines the frame's error budget.
     pub(super) fn output(&self) -> Output {
         if let Some(output) = self.output {
             return output;
@@ -158,7 +159,7 @@ impl<'a> FrameRequest<'a> {
         if self.wanted_views().iter().any(exact) { Output::Hdr } else { Output::Display }
     }
 
-    /// What to read back in a frame of display images and in one of HDR images, where these are two frames.
+    /// Buffers to read back from a frame of display images and from one of HDR images, if these must be two frames.
     pub(super) fn outputs(&self) -> Option<[Vec<Wanted>; 2]> {
         let wanted = self.wanted_views();
         let apart = self.output.is_none() && self.presentations.is_empty() && {
@@ -167,13 +168,13 @@ impl<'a> FrameRequest<'a> {
         };
         let both = self.output() == Output::Hdr && wanted.iter().any(|wanted| wanted.display);
         (apart && both).then(|| {
-            let shown = |wanted: &Wanted| Wanted { hdr: false, hdr_stays: false, ..*wanted };
+            let display = |wanted: &Wanted| Wanted { hdr: false, hdr_stays: false, ..*wanted };
             let exact = |wanted: &Wanted| Wanted { display: false, ..*wanted };
-            [wanted.iter().map(shown).collect(), wanted.iter().map(exact).collect()]
+            [wanted.iter().map(display).collect(), wanted.iter().map(exact).collect()]
         })
     }
 
-    /// What to read back, view by view.
+    /// Buffers to read back for each view.
     pub fn wanted_views(&self) -> Cow<'a, [Wanted]> {
         match self.wanted {
             WantedViews::Every(wanted) => Cow::Owned(vec![wanted; self.rig.views().len()]),

@@ -1,4 +1,4 @@
-//! The order of a frame: which techniques there are, and the phases that they go through.
+//! Order of a frame: the techniques, and the phases in which they record.
 
 use super::{
     air::Air,
@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{gpu::Gpu, plan::Plan};
 
-/// All techniques. Within a phase they record in this order.
+/// Creates all techniques. Within a phase they record in this order.
 pub(super) fn techniques(gpu: &Gpu, baked: &BakedImpostors) -> Vec<Box<dyn Technique + Send>> {
     vec![
         Box::new(Asteroids::new(baked.clone())),
@@ -29,7 +29,7 @@ pub(super) fn techniques(gpu: &Gpu, baked: &BakedImpostors) -> Vec<Box<dyn Techn
     ]
 }
 
-/// The phases of a frame, one after the other: surfaces tile by tile, light batch by batch, the rest for all batches at once.
+/// Phases of a frame in order: surfaces tile by tile, then light batch by batch, then the rest for all batches at once.
 fn phases(plan: &Plan) -> Vec<Phase> {
     let mut phases = vec![Phase::Cull];
     for (number, batch) in plan.batches.iter().enumerate() {
@@ -44,7 +44,7 @@ fn phases(plan: &Plan) -> Vec<Phase> {
 
 /// Records a whole frame.
 pub(super) fn record(techniques: &mut [Box<dyn Technique + Send>], recording: &mut Recording<'_>) {
-    // An empty pass, for the time at which the GPU begins.
+    // An empty pass, whose timestamp marks the start of GPU work.
     drop(recording.compute_pass("begin"));
     for phase in phases(recording.frame.plan) {
         recording.targets.enter(phase, recording.encoder, recording.gpu, &recording.frame);

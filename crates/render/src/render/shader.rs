@@ -1,5 +1,6 @@
-//! Shaders: WGSL files below `shaders/`, joined with what they import. `build.rs` finds the files, so that no list of them
-//! stands anywhere; `tests/cpu/shaders.rs` checks every file with an entry point in every combination of its choices.
+//! Shaders: WGSL files below `shaders/`, joined with their imports. `build.rs` finds the files, so no list of them
+//! needs to be maintained. `tests/cpu/shaders.rs` checks every file with an entry point in every combination of its
+//! choices.
 
 use std::fmt;
 use std::sync::LazyLock;
@@ -9,7 +10,7 @@ use crate::gpu::{Choices, Gpu, Joined, Library, ShaderError, ShaderSource};
 
 include!(concat!(env!("OUT_DIR"), "/shader_files.rs"));
 
-/// All files, and the constants that they share with Rust.
+/// All files, and the constants shared with Rust.
 static LIBRARY: LazyLock<Library> = LazyLock::new(|| {
     let constants: Vec<(String, String)> =
         constants::tables().iter().map(|table| (format!("constants/{}", table.name), table.wgsl())).collect();
@@ -17,7 +18,7 @@ static LIBRARY: LazyLock<Library> = LazyLock::new(|| {
     Library::new(SHADER_FILES.iter().copied().chain(constants))
 });
 
-/// A shader: a file with one entry point, and what is chosen where it or what it imports has alternatives.
+/// A shader: a file with one entry point, and the files chosen for the import slots that have alternatives.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Shader {
     file: String,
@@ -44,12 +45,12 @@ impl Shader {
         self
     }
 
-    /// The file and all that it imports, whether it has an entry point or not.
+    /// Text of the file and of all its imports. An entry point is not required.
     pub fn text(&self) -> Result<String, ShaderError> {
         Ok(self.join()?.text)
     }
 
-    /// Files that project do so without tables, unless they are told otherwise.
+    /// Joins the file and its imports. Projections use no tables unless a choice says otherwise.
     fn join(&self) -> Result<Joined, ShaderError> {
         match LIBRARY.join(&self.file, &self.choices) {
             Err(ShaderError::NoChoice { slot, .. }) if slot == tabulated::SLOT => {
@@ -59,45 +60,46 @@ impl Shader {
         }
     }
 
-    /// The complete module.
+    /// Resolves the complete module.
     pub fn resolve(&self) -> Result<ShaderSource, ShaderError> {
         let (name, entry_point) = LIBRARY.entry(&self.file)?;
         let joined = self.join()?;
         Ok(ShaderSource { name, entry_point, text: joined.text, needs_u64: joined.needs_u64 })
     }
 
-    /// The complete module of a shader that the program itself names.
+    /// Resolves the complete module of a shader named in the program itself.
     ///
     /// # Panics
     ///
-    /// If there is no such shader, which is an error of the program: files and choices do not depend on input.
+    /// The shader does not exist. That is a bug of the program, since files and choices do not depend on input.
     pub fn source(&self) -> ShaderSource {
         self.resolve().unwrap_or_else(|error| panic!("shader {self}: {error}"))
     }
 }
 
-/// The constant by which loops of few turns stay loops: a software driver takes seconds to compile what is written out.
+/// Overridable constant that keeps short loops rolled on software drivers, which need seconds to compile unrolled
+/// loops.
 pub(crate) fn rolled_loops(gpu: &Gpu) -> (&'static str, f64) {
     ("ROLLED", f64::from(u8::from(gpu.software)))
 }
 
-/// Invocations of a workgroup whose size depends on the adapter: a wave or two of a GPU. A software driver runs a workgroup as a loop of
-/// SIMD steps and does again in each what concerns them all: one step.
+/// Workgroup size that depends on the adapter. On a GPU it is one or two waves. A software driver runs a workgroup as a
+/// loop of SIMD steps and repeats uniform work in each step, so there the size is a single step.
 pub(crate) fn workgroup(gpu: &Gpu) -> u32 {
     if gpu.software { 8 } else { 64 }
 }
 
-/// The constant of shaders with such workgroups.
+/// Overridable constant for shaders with this workgroup size.
 pub(crate) fn workgroup_constant(gpu: &Gpu) -> (&'static str, f64) {
     ("WORKGROUP", f64::from(workgroup(gpu)))
 }
 
-/// Every shader: every file with an entry point, in every combination of choices.
+/// Lists every shader: every file with an entry point, in every combination of choices.
 pub fn shaders() -> Result<Vec<Shader>, ShaderError> {
     let mut shaders = Vec::new();
     for file in LIBRARY.entry_files() {
-        let of_file = |choices| Shader { file: file.to_owned(), choices };
-        shaders.extend(LIBRARY.combinations(file)?.into_iter().map(of_file));
+        let with_choices = |choices| Shader { file: file.to_owned(), choices };
+        shaders.extend(LIBRARY.combinations(file)?.into_iter().map(with_choices));
     }
     Ok(shaders)
 }

@@ -1,9 +1,10 @@
-//! A frame in two halves: [`Renderer::submit`] plans, records and hands the commands over, [`Renderer::finish`] waits for them and
-//! reads back. [`Renderer::render`] does both at once.
+//! Frames in two halves: [`Renderer::submit`] plans, records and submits the commands, [`Renderer::finish`] waits for
+//! them and reads back. [`Renderer::render`] does both.
 //!
-//! Two frames may be in flight: the next one is planned and recorded while the device draws the last one. Buffers on the device are
-//! shared by both: what is written to them, and what is submitted, happens in the order of the calls, and each frame copies what is
-//! read back of it in its own submission. What the host keeps of a frame until it is finished is its own (`FrameSlot`).
+//! Two frames may be in flight: the next one is planned and recorded while the device draws the previous one. They
+//! share buffers on the device: writes and submissions are executed in the order of the calls, and each frame copies
+//! its results for readback in its own submission. The host keeps separate data for each frame until it is finished
+//! (`FrameSlot`).
 
 use std::{
     mem,
@@ -27,18 +28,18 @@ use crate::{
     view::projector::ProjectorOutput,
 };
 
-/// Frames that may be in flight.
+/// Maximum number of frames in flight.
 const MOST_IN_FLIGHT: usize = 2;
 
-/// A frame that the device has been given. [`Renderer::finish`] takes it back; one that is dropped instead is thrown away by the
-/// renderer's next frames, which wait for it.
-#[must_use = "a frame that is not finished is thrown away"]
+/// A frame submitted to the device. Pass it to [`Renderer::finish`] to get its result. If it is dropped, later frames
+/// of the renderer wait for it and discard it.
+#[must_use = "a frame that is not finished is discarded"]
 pub struct SubmittedFrame {
-    /// Which of all frames it is.
+    /// Identity of the frame.
     token: Arc<()>,
 }
 
-/// What the host keeps of one frame in flight: used again by a later frame when this one is finished.
+/// Host data of one frame in flight. A later frame reuses it.
 pub(super) struct FrameSlot {
     pub(super) timer: GpuTimer,
     pub(super) readback: ReadbackBuffer,
@@ -50,7 +51,7 @@ impl FrameSlot {
     }
 }
 
-/// A frame that the device is at work on.
+/// A frame that the device is drawing.
 pub(super) struct InFlight {
     token: Arc<()>,
     submission: wgpu::SubmissionIndex,
@@ -59,21 +60,22 @@ pub(super) struct InFlight {
     pub(super) places: Places,
     /// Names of the views.
     pub(super) views: Vec<String>,
-    /// Their shares of light.
+    /// Projector corrections of the views.
     pub(super) projectors: Vec<Option<Arc<ProjectorOutput>>>,
     scene_revision: u64,
     camera_revision: u64,
     plan_ms: f64,
     submit_ms: f64,
     objects_made: u64,
-    /// How long it was waited for so far.
+    /// Time for which the caller has waited so far.
     waited: Duration,
-    /// How the wait has ended. After an error the device is not asked again.
+    /// Result of the wait. After an error the device is not polled again.
     done: Option<Result<(), GpuError>>,
 }
 
 impl InFlight {
-    /// Waits for at most `timeout`, and all in all no longer than any frame takes; whether the wait has ended.
+    /// Waits for at most `timeout`, and in total at most for [`SUBMISSION_TIMEOUT`]. Returns whether the wait has
+    /// ended.
     fn wait(&mut self, gpu: &Gpu, timeout: Duration) -> bool {
         if self.done.is_none() {
             let start = Instant::now();
@@ -83,14 +85,14 @@ impl InFlight {
             self.done = match done {
                 Ok(true) => Some(gpu.take_failure()),
                 Ok(false) if self.waited < SUBMISSION_TIMEOUT => None,
-                Ok(false) => Some(Err(GpuError::Lost(format!("a frame takes longer than {SUBMISSION_TIMEOUT:?}")))),
+                Ok(false) => Some(Err(GpuError::Lost(format!("a frame takes more than {SUBMISSION_TIMEOUT:?}")))),
                 Err(error) => Some(Err(error)),
             };
         }
         self.done.is_some()
     }
 
-    /// Waits for the frame; what the device has complained of meanwhile is the error.
+    /// Waits for the frame. Returns an error that the device has reported meanwhile.
     fn wait_to_the_end(&mut self, gpu: &Gpu) -> Result<(), RenderError> {
         while !self.wait(gpu, SUBMISSION_TIMEOUT) {}
         Ok(self.done.take().unwrap_or(Ok(()))?)
@@ -98,15 +100,15 @@ impl InFlight {
 }
 
 impl Renderer {
-    /// Draws all views of a rig and waits for them. Display images and HDR images are drawn apart, each within its own budget: which of
-    /// them are asked for together changes neither.
+    /// Draws all views of a rig and waits for them. Display images and HDR images are drawn separately, each within its
+    /// own error budget, so requesting both at once changes neither.
     pub fn render(&mut self, request: FrameRequest<'_>) -> Result<Frame, RenderError> {
-        let Some([shown, exact]) = request.outputs() else { return self.render_at_once(request) };
-        let shown = self.render_at_once(request.wanted_of_each(&shown))?;
+        let Some([display, exact]) = request.outputs() else { return self.render_at_once(request) };
+        let display = self.render_at_once(request.wanted_of_each(&display))?;
         let exact = self.render_at_once(request.wanted_of_each(&exact))?;
-        // They are one frame to whoever asked.
+        // For the caller, both count as one frame.
         self.frames -= 1;
-        Ok(shown.with_hdr_of(exact))
+        Ok(display.with_hdr_of(exact))
     }
 
     fn render_at_once(&mut self, request: FrameRequest<'_>) -> Result<Frame, RenderError> {
@@ -114,10 +116,10 @@ impl Renderer {
         self.finish(submitted)
     }
 
-    /// Checks and holds all that a frame takes and that does not depend on where eyes stand and look: stars, fields of asteroids,
-    /// kernels and point-spread functions, and the map of the glaring sky for views like those of the last frame.
-    /// [`Renderer::submit`] does it too; what is held already takes no time there, so call this before the poses of a headset are
-    /// asked for.
+    /// Checks and uploads everything for a frame that does not depend on the positions and directions of the eyes:
+    /// stars, asteroid fields, kernels and point-spread functions, and the glare map for views like those of the last
+    /// frame. [`Renderer::submit`] does the same, but then takes no time for data already uploaded. So call this before
+    /// asking for the poses of a headset.
     ///
     /// Frames in flight are not disturbed.
     pub fn hold(&mut self, snapshot: &SceneSnapshot, settings: &RenderSettings) -> Result<(), RenderError> {
@@ -127,7 +129,7 @@ impl Renderer {
             technique.warm(holding);
             Ok(())
         })?;
-        self.forget_what_failed()
+        self.check_driver_errors()
     }
 
     pub(super) fn hold_scene(
@@ -137,33 +139,34 @@ impl Renderer {
         settings: &RenderSettings,
     ) -> Result<(), RenderError> {
         let held = self.holding(slot, snapshot, settings, |technique, holding| technique.hold(holding));
-        // Whatever could not be made or filled must not be used again.
+        // Buffers that could not be created or filled must not be used again.
         held.inspect_err(|_| self.forget_buffers())
     }
 
-    /// What the driver has refused since it was last asked is the error; then whatever could not be made or filled must not be used
-    /// again.
-    pub(super) fn forget_what_failed(&mut self) -> Result<(), RenderError> {
+    /// Returns an error that the driver has reported since the last call. In that case, buffers that could not be
+    /// created or filled are released.
+    pub(super) fn check_driver_errors(&mut self) -> Result<(), RenderError> {
         self.gpu.take_failure().inspect_err(|_| self.forget_buffers())?;
         Ok(())
     }
 
-    /// The first half of [`Renderer::render`]: hands the frame to the device and does not wait for it. Where HDR images are asked for, display
-    /// images of the same frame are drawn as exactly. With metering by `spot`, and no exposure to adapt from, the meter's small picture is waited
-    /// for.
+    /// The first half of [`Renderer::render`]: submits the frame to the device without waiting for it. If HDR images
+    /// are requested, the display images of the same frame are drawn with the same accuracy. With `spot` metering and
+    /// without an exposure to adapt from, this waits for the meter's small picture.
     ///
-    /// Two frames may be in flight, and are finished in the order of their submission. If two are in flight already, this waits for
-    /// the older one and throws it away, and finishing it later is [`RenderError::Abandoned`]. Had the device failed in it, that is
-    /// the error here.
+    /// Two frames may be in flight; finish them in the order of their submission. If two are in flight already, this
+    /// waits for the older one and discards it; finishing that frame returns [`RenderError::Abandoned`]. If the device
+    /// failed in it, this returns the error.
     ///
     /// # Errors
     ///
-    /// The request cannot be drawn, or the driver refuses its commands. Frames in flight are not concerned.
+    /// The request cannot be drawn, or the driver rejects its commands. Frames in flight are not affected.
     pub fn submit(&mut self, request: FrameRequest<'_>) -> Result<SubmittedFrame, RenderError> {
         let start = Instant::now();
         let made = self.gpu.made();
         let FrameRequest { scene: snapshot, rig, settings, presentations, .. } = request;
         let wanted = request.wanted_views();
+        // Check the request and make room in the queue of frames.
         self.limits.check(rig)?;
         if wanted.len() != rig.views().len() {
             return Err(RenderError::WantedCount { given: wanted.len(), views: rig.views().len() });
@@ -172,15 +175,17 @@ impl Renderer {
         if self.in_flight.len() >= MOST_IN_FLIGHT {
             self.abandon_oldest()?;
         }
+        // Plan the frame. Its exposure may need a meter.
         let series = self.keep_series(&request);
         let views: Vec<bool> = wanted.iter().map(|wanted| *wanted != Wanted::default()).collect();
-        // Presentations name viewports of the whole rig.
+        // Presentations refer to viewports of the whole rig, so then all views are drawn.
         let some = presentations.is_empty() && views.contains(&true);
         let sky = if request.sky_map == SkyMapUse::Off { SkyUse::StarByStar } else { SkyUse::Map };
         let Metered { exposure, adapted_ev100, buffer: metered } = self.meter_for(&request, series)?;
         let outputs = PlanOutputs { output: request.output(), views: some.then_some(&views[..]), sky, exposure };
         let planner = &mut self.planners[series.slot];
         let mut plan = planner.plan(snapshot, rig, settings, adapted_ev100, outputs, &self.limits)?;
+        // Upload resident data. If the map of faint light is incomplete, plan again without it.
         self.hold_tables(&plan.viewports)?;
         self.hold_scene(series.slot, snapshot, settings)?;
         if !self.draw_sky(&plan, snapshot, settings, request.sky_map, series)? {
@@ -188,6 +193,7 @@ impl Renderer {
             let planner = &mut self.planners[series.slot];
             plan = planner.plan(snapshot, rig, settings, adapted_ev100, outputs, &self.limits)?;
         }
+        // Record and submit.
         let outputs = Outputs { wanted: &wanted, presentations };
         let inputs = FrameInputs {
             plan: &plan,
@@ -203,8 +209,9 @@ impl Renderer {
         let plan_ms = start.elapsed().as_secs_f64() * 1e3;
         let submission = self.gpu.queue.submit([commands]);
         slot.readback.map(&self.gpu);
-        // The driver complains at once, so the complaint is about this frame and none that is still being drawn.
-        self.forget_what_failed()?;
+        // The driver reports errors of a submission at once, so an error belongs to this frame, not to an earlier one
+        // in flight.
+        self.check_driver_errors()?;
         let token = Arc::new(());
         self.in_flight.push_back(InFlight {
             token: Arc::clone(&token),
@@ -225,7 +232,7 @@ impl Renderer {
         Ok(SubmittedFrame { token })
     }
 
-    /// Draws what is missing of the map of faint light that a plan reads, or a part of it; whether all of it is there now.
+    /// Draws the missing pictures of the map of faint light, or one of them. Returns whether the map is complete.
     fn draw_sky(
         &mut self,
         plan: &Plan,
@@ -271,17 +278,17 @@ impl Renderer {
             series,
             metered: None,
         };
-        // Nothing is read back of it.
+        // No data is read back.
         let mut slot = FrameSlot::new(&self.gpu);
         let targets = self.sky_targets.take().unwrap_or_else(|| Targets::new(&self.gpu));
-        let of_frames = mem::replace(&mut self.targets, targets);
+        let frame_targets = mem::replace(&mut self.targets, targets);
         let (commands, _) = self.record(&inputs, 1, &mut slot);
-        self.sky_targets = Some(mem::replace(&mut self.targets, of_frames));
+        self.sky_targets = Some(mem::replace(&mut self.targets, frame_targets));
         self.gpu.queue.submit([commands]);
-        self.forget_what_failed()
+        self.check_driver_errors()
     }
 
-    /// Uploads what changes from frame to frame, and records all phases and the copies of what leaves the GPU.
+    /// Uploads the data of a frame, and records all phases and the copies for readback.
     pub(super) fn record(
         &mut self,
         inputs: &FrameInputs<'_>,
@@ -308,20 +315,21 @@ impl Renderer {
         (encoder.finish(), places)
     }
 
-    /// The second half of [`Renderer::render`]: waits for the frame and reads back what was wanted of it.
+    /// The second half of [`Renderer::render`]: waits for the frame and reads back the requested images.
     pub fn finish(&mut self, submitted: SubmittedFrame) -> Result<Frame, RenderError> {
         let found = self.in_flight.iter().position(|in_flight| Arc::ptr_eq(&in_flight.token, &submitted.token));
         let in_flight = found.and_then(|index| self.in_flight.remove(index)).ok_or(RenderError::Abandoned)?;
         self.take_back(in_flight)
     }
 
-    /// [`Renderer::finish`] for the frame that was submitted first.
+    /// Same as [`Renderer::finish`], for the frame that was submitted first.
     pub fn finish_oldest(&mut self) -> Result<Frame, RenderError> {
         let in_flight = self.in_flight.pop_front().ok_or(RenderError::Abandoned)?;
         self.take_back(in_flight)
     }
 
-    /// Waits for the frame that was submitted first, for at most `timeout`; whether finishing it takes no more waiting.
+    /// Waits for at most `timeout` for the frame that was submitted first. Returns whether it can be finished without
+    /// waiting.
     pub fn oldest_done_within(&mut self, timeout: Duration) -> bool {
         self.in_flight.front_mut().is_none_or(|in_flight| in_flight.wait(&self.gpu, timeout))
     }
@@ -343,21 +351,21 @@ impl Renderer {
         Ok(frame)
     }
 
-    /// Waits for the oldest frame in flight, if there is one, and throws it away.
+    /// Waits for the oldest frame in flight, if any, and discards it.
     pub(super) fn abandon_oldest(&mut self) -> Result<(), RenderError> {
         let Some(mut in_flight) = self.in_flight.pop_front() else { return Ok(()) };
         let waited = in_flight.wait_to_the_end(&self.gpu);
         self.end(in_flight.slot, waited)
     }
 
-    /// Keeps the slot of a frame for later ones, unless the device has failed in it.
+    /// Keeps the slot of a frame for reuse, unless the device failed.
     fn end<T>(&mut self, mut slot: FrameSlot, result: Result<T, RenderError>) -> Result<T, RenderError> {
         if let Err(RenderError::Gpu(error)) = &result {
             if matches!(error, GpuError::Lost(_)) {
-                // Nor will the others ever be done.
+                // The other frames will never finish either.
                 self.in_flight.clear();
             }
-            // Whatever could not be made or filled must not be used again.
+            // Buffers that could not be created or filled must not be used again.
             self.forget_buffers();
         } else {
             slot.readback.unmap(&self.gpu);

@@ -1,7 +1,9 @@
-//! The tables of tabulated projections on the adapter: one buffer with those of a rig, or two ([`TableBuffers`]), bound by every pass that projects.
+//! Tables of tabulated projections on the adapter: the tables of a rig are in one or two buffers ([`TableBuffers`]),
+//! bound by every pass that projects.
 //!
-//! Shaders know tables only if they are made so (`shaders/shared/tabulated.wgsl` in place of `tabulated_off.wgsl`), and those of
-//! rigs without tabulated pictures are not: a renderer has a set of pipelines for each kind of rig.
+//! A shader supports tables only if it is built with them (`shaders/shared/tabulated.wgsl` instead of
+//! `tabulated_off.wgsl`). Rigs without tabulated pictures use shaders without tables, so a renderer has one set of
+//! pipelines for each kind of rig.
 
 use std::sync::Arc;
 
@@ -15,20 +17,20 @@ use crate::{
     },
 };
 
-/// How files call the choice between tabulated projections and none, and what they import.
+/// Import slot for tabulated projections, and its files: without and with tables.
 pub(super) const SLOT: &str = "tabulated";
 const FILES: [&str; 2] = ["shared/tabulated_off", "shared/tabulated"];
-/// The same of one buffer and two.
+/// Import slot for the number of table buffers, and its files: one and two buffers.
 const BUFFERS_SLOT: &str = "tables";
 const BUFFERS_FILES: [&str; 2] = ["shared/tables_one", "shared/tables_two"];
 
-/// A shader that reads tables in so many buffers, or none.
+/// Chooses the files for a shader that reads tables from `buffers` buffers (0: no tables).
 pub(super) fn with_tables(shader: Shader, buffers: usize) -> Shader {
     let shader = shader.with(SLOT, FILES[usize::from(buffers > 0)]);
     if buffers > 0 { shader.with(BUFFERS_SLOT, BUFFERS_FILES[usize::from(buffers > 1)]) } else { shader }
 }
 
-/// The shader of a file that projects, for what the device holds.
+/// A shader that projects, built for the current tables of the device.
 pub(crate) fn projecting(gpu: &Gpu, file: &str) -> Shader {
     with_tables(Shader::new(file), gpu.table_buffers())
 }
@@ -40,7 +42,7 @@ fn table_of(viewport: &Viewport) -> Option<&Arc<TabulatedMapping>> {
     }
 }
 
-/// The tables of viewports, each once.
+/// Distinct tables of the viewports.
 fn tables_of(viewports: &[Viewport]) -> Vec<&Arc<TabulatedMapping>> {
     let mut tables: Vec<&Arc<TabulatedMapping>> = Vec::new();
     for table in viewports.iter().filter_map(table_of) {
@@ -56,10 +58,10 @@ fn buffers_of(gpu: &Gpu, tables: &[&Arc<TabulatedMapping>]) -> TableBuffers {
     TableBuffers::new(&bytes, gpu.max_binding_bytes())
 }
 
-/// Set in the number of a group of words of the second buffer.
+/// Bit in the index of a group of words: the group is in the second buffer.
 pub(super) const SECOND_BUFFER: u32 = 1 << 31;
 
-/// Which tables the device holds, each with its buffer and the number of its first group of words there.
+/// Tables on the device, each with its buffer and the index of its first group of words there.
 #[derive(Default)]
 pub(crate) struct MappingTables {
     held: Vec<(Arc<TabulatedMapping>, u32)>,
@@ -67,7 +69,8 @@ pub(crate) struct MappingTables {
 }
 
 impl MappingTables {
-    /// Has passes read the tables of these viewports, which go onto the device unless they are there; without any, passes read none.
+    /// Sets the tables of these viewports for the passes, and uploads them if necessary. Without tables, passes read
+    /// none.
     pub(crate) fn hold(&mut self, gpu: &mut Gpu, viewports: &[Viewport]) {
         let wanted = tables_of(viewports);
         if wanted.is_empty() {
@@ -76,24 +79,24 @@ impl MappingTables {
         }
         if wanted.iter().any(|table| self.first_of(table).is_none()) {
             self.release();
-            let TableBuffers { of, bytes } = buffers_of(gpu, &wanted);
+            let TableBuffers { of: buffer_of_table, bytes } = buffers_of(gpu, &wanted);
             let mut words: Vec<Vec<[u32; 4]>> = vec![Vec::new(); bytes.len()];
-            for (table, buffer) in wanted.into_iter().zip(of) {
-                let of_buffer = if buffer > 0 { SECOND_BUFFER } else { 0 };
-                self.held.push((Arc::clone(table), of_buffer | words[buffer].len() as u32));
+            for (table, buffer) in wanted.into_iter().zip(buffer_of_table) {
+                let buffer_bit = if buffer > 0 { SECOND_BUFFER } else { 0 };
+                self.held.push((Arc::clone(table), buffer_bit | words[buffer].len() as u32));
                 words[buffer].extend(table.words());
             }
-            // A buffer that is bound has something.
+            // A bound buffer must not be empty.
             words.iter_mut().filter(|words| words.is_empty()).for_each(|words| words.push([0; 4]));
             self.buffers = words.iter().map(|words| storage_buffer(gpu, "mapping tables", words)).collect();
         }
         gpu.set_tables(self.buffers.clone());
     }
 
-    /// Buffers that the tables of these viewports take; 0 if none is tabulated.
+    /// Number of buffers for the tables of these viewports; 0 if none is tabulated.
     pub(crate) fn needed(&self, gpu: &Gpu, viewports: &[Viewport]) -> usize {
         let wanted = tables_of(viewports);
-        // What is held stays where it is.
+        // Tables already on the device keep their distribution.
         match wanted.iter().all(|table| self.first_of(table).is_some()) {
             _ if wanted.is_empty() => 0,
             true => self.buffers.len(),
@@ -101,7 +104,7 @@ impl MappingTables {
         }
     }
 
-    /// Lets go of all tables.
+    /// Releases all tables.
     pub(crate) fn release(&mut self) {
         self.held.clear();
         self.buffers.clear();
@@ -111,7 +114,7 @@ impl MappingTables {
         self.held.iter().find(|(held, _)| held == table).map(|(_, first)| *first)
     }
 
-    /// The buffer and the first group of words of a viewport's table; `None` if it is not tabulated.
+    /// Buffer bit and index of the first group of words of a viewport's table; `None` if the viewport is not tabulated.
     pub(crate) fn first_group(&self, viewport: &Viewport) -> Option<u32> {
         self.first_of(table_of(viewport)?)
     }

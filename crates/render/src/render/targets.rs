@@ -1,7 +1,8 @@
-//! What techniques share in a frame: the buffers of every batch of tiles, what stands before the stars, and how they are bound.
+//! Shared by techniques in a frame: the buffers of every batch of tiles, surfaces that hide stars, and their bindings.
 //!
-//! A batch has two planes of half a pixel each, `pixels`: sums of light first, luminance and solid angle after the resolve pass. Its
-//! display image lies in a buffer of its own. [`Targets::begin`] makes room for a frame; [`Targets::enter`] clears what a phase fills.
+//! The buffer `pixels` of a batch has two planes of half a pixel each: first sums of light, then, after the resolve
+//! pass, luminance and solid angle. The display image has a separate buffer. [`Targets::begin`] allocates the buffers
+//! of a frame; [`Targets::enter`] clears those that a phase fills.
 
 use super::{
     layout,
@@ -22,11 +23,11 @@ use crate::{
 
 pub(crate) use crate::render::constants::pixel_grid::{COLUMNS, ROWS};
 
-/// Bytes of a partial sum: illuminance that counts, and solid angle that does not.
+/// Size of a partial sum, bytes: metered illuminance, and solid angle excluded from metering.
 pub(crate) const PARTIAL_SUM_BYTES: u64 = 8;
-/// Counter of sums that overflowed.
+/// Index of the counter of overflowed sums.
 pub(crate) const OVERFLOW_COUNTER: usize = counters::COUNTER_OVERFLOWS as usize;
-/// First of the counters of stars drawn, one per view.
+/// Index of the first counter of drawn stars, one per view.
 pub(crate) const VIEW_COUNTERS: usize = counters::FIRST_VIEW_COUNTER as usize;
 
 /// Buffers of one batch of tiles, kept from frame to frame.
@@ -53,31 +54,31 @@ impl BatchBuffers {
     }
 }
 
-/// The buffers of one batch in a frame.
+/// Buffers of one batch in a frame.
 pub(crate) struct BatchTargets {
-    /// Its tiles as shaders read them.
+    /// Encoded tiles on the adapter.
     pub tiles: wgpu::Buffer,
-    /// The same on this side.
+    /// Encoded tiles on the host.
     pub encoded_tiles: Vec<layout::Tile>,
-    /// First words of the sums, then the picture.
+    /// Low words of the sums, then the picture.
     pub pixels: wgpu::Buffer,
-    /// Second words of the sums.
+    /// High words of the sums.
     pub high_words: wgpu::Buffer,
-    /// First and second words of the stars that outshine the rest.
+    /// Low and high words of the separate sums of the brightest stars.
     pub bright: Option<[wgpu::Buffer; 2]>,
-    /// The display image, where one is made.
+    /// Display image, if one is made.
     pub display: Option<wgpu::Buffer>,
-    /// What the geometry pass leaves in the pixels; `None` without bodies and asteroids.
+    /// Result of the geometry pass per pixel; `None` without bodies and asteroids.
     pub geometry: Option<wgpu::Buffer>,
     /// Pixels of the batch.
     pub plane_pixels: u32,
-    /// Workgroups of the passes over its pixels.
+    /// Workgroups of the passes over its pixels: columns, rows, tiles.
     pub grid: [u32; 3],
-    /// Whether a display image of it is made, and what of the HDR image.
+    /// Images that are made of the batch.
     pub made: Made,
 }
 
-/// What is made of the pictures of a batch, for any of its tiles.
+/// Images made of the pictures of a batch, for any of its tiles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Made {
     pub display: bool,
@@ -85,18 +86,18 @@ pub(crate) struct Made {
     pub hdr_stays: bool,
 }
 
-/// Layers of samples that asteroids were drawn into, for one tile.
+/// Sample layers with the asteroids of one tile.
 #[derive(Clone)]
 pub(crate) struct RasterLayers {
     /// Luminance in units of `luminance_scale`, `samples` times as wide and high as the tile.
     pub colour: wgpu::TextureView,
-    /// Reversed depth of the same size: `near_m` over the distance; 0: nothing.
+    /// Reversed depth of the same size: `near_m` divided by the distance; 0: empty.
     pub depth: wgpu::TextureView,
-    /// The same of six cube faces, as arrays.
+    /// Colours of the six cube faces, as an array.
     pub faces_colour: wgpu::TextureView,
-    /// See `faces_colour`.
+    /// Depths of the six cube faces, as an array.
     pub faces_depth: wgpu::TextureView,
-    /// Bit set of the faces that were drawn; 0: the views of faces are stand-ins.
+    /// Bit set of the drawn faces; 0: the views of faces are placeholders.
     pub faces: u32,
     /// Side of a face, samples.
     pub face_size_px: u32,
@@ -108,17 +109,18 @@ pub(crate) struct RasterLayers {
     pub luminance_scale: f32,
 }
 
-/// Bodies as the passes that splat read them.
+/// Encoded bodies for the splatting passes.
 #[derive(Clone)]
 pub(crate) struct SeenBodies {
     pub view_bodies: wgpu::Buffer,
     pub body_runs: wgpu::Buffer,
 }
 
-/// Light over every picture that is smooth from pixel to pixel: see `shaders/shared/point_grid.wgsl`.
+/// Grid of points over every picture, for light that is smooth from pixel to pixel: see
+/// `shaders/shared/point_grid.wgsl`.
 #[derive(Clone)]
 pub(crate) struct SmoothGrid {
-    /// A grid per viewport.
+    /// One grid per viewport.
     pub grids: wgpu::Buffer,
     /// Luminance at the points of all grids, cd/m^2.
     pub points: wgpu::Buffer,
@@ -127,60 +129,60 @@ pub(crate) struct SmoothGrid {
 /// The map of faint light: see `shaders/shared/sky_map.wgsl`.
 #[derive(Clone)]
 pub(crate) struct SkyTexels {
-    /// Where its texels lie.
+    /// Scale of its texels.
     pub map: layout::SkyMap,
     /// The texels.
     pub texels: wgpu::Buffer,
 }
 
-/// Light of no single star: see `shaders/shared/diffuse_light.wgsl`.
+/// Diffuse light: see `shaders/shared/diffuse_light.wgsl`.
 #[derive(Clone)]
 pub(crate) struct DiffuseTexels {
-    /// How it is read.
+    /// Parameters for reading it.
     pub light: layout::DiffuseLight,
     /// The texels.
     pub texels: wgpu::Buffer,
-    /// What of it is smooth; `None`: every pixel reads it by itself.
+    /// Grid for its smooth parts; `None`: every pixel reads the texels.
     pub smooth: Option<SmoothGrid>,
 }
 
-/// Everything that techniques share in a frame.
+/// Buffers shared by techniques in a frame.
 pub(crate) struct Targets {
     batch_buffers: Vec<BatchBuffers>,
     viewport_buffer: GrowingBuffer,
     counter_buffer: GrowingBuffer,
     partial_buffer: GrowingBuffer,
     stand_in: wgpu::Buffer,
-    /// The exposure that was found.
+    /// Exposure of the frame.
     pub exposure: wgpu::Buffer,
-    /// One per batch.
+    /// One entry per batch.
     pub batches: Vec<BatchTargets>,
-    /// All viewports as shaders read them.
+    /// All encoded viewports.
     pub viewports: wgpu::Buffer,
     /// Counters that are read back, then the flags of the blocks of all tiles.
     pub counters: wgpu::Buffer,
-    /// How many counters are read back.
+    /// Number of counters that are read back.
     pub counter_count: usize,
-    /// Sums for the exposure.
+    /// Partial sums for the exposure.
     pub partial_sums: wgpu::Buffer,
-    /// How many there are.
+    /// Number of partial sums.
     pub partial_count: u32,
-    /// Bodies; `None`: there are neither bodies nor asteroids.
+    /// Encoded bodies; `None` without bodies and asteroids.
     pub bodies: Option<SeenBodies>,
-    /// Asteroids of the tile whose geometry is being recorded.
+    /// Asteroid layers of the tile whose geometry is being recorded.
     pub layers: Option<RasterLayers>,
-    /// The smooth part of scattered light, where the resolve pass adds it.
+    /// Smooth part of scattered light, if the resolve pass adds it.
     pub veil: Option<SmoothGrid>,
-    /// The map of faint light, where the resolve pass adds it.
+    /// Map of faint light, if the resolve pass adds it.
     pub sky: Option<SkyTexels>,
-    /// Light of no single star, where the resolve pass adds it.
+    /// Diffuse light, if the resolve pass adds it.
     pub diffuse: Option<DiffuseTexels>,
 }
 
 impl Targets {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-        // As large as the largest structure of a binding that is not read.
+        // As large as the largest structure of an unused binding.
         let stand_in = storage_buffer(gpu, "nothing", &[[0_u32; 64]]);
         let exposure = gpu.create_buffer(&wgpu::BufferDescriptor {
             label: Some("exposure"),
@@ -209,7 +211,7 @@ impl Targets {
         }
     }
 
-    /// Lets go of everything that belongs to a size.
+    /// Releases everything that belongs to a size.
     pub(crate) fn release(&mut self) {
         self.batch_buffers.clear();
         self.batches.clear();
@@ -226,7 +228,7 @@ impl Targets {
         self.diffuse = None;
     }
 
-    /// Makes room for a frame, and uploads its viewports and tiles.
+    /// Allocates the buffers of a frame, and uploads its viewports and tiles.
     pub(crate) fn begin(
         &mut self,
         gpu: &Gpu,
@@ -236,6 +238,7 @@ impl Targets {
         tables: &MappingTables,
     ) {
         let plan = frame.plan;
+        // Viewports, counters and partial sums.
         let encoded: Vec<layout::Viewport> =
             plan.viewports.iter().zip(&plan.kernels).map(|(v, kernels)| encode(v, kernels, tables)).collect();
         self.viewports = self.viewport_buffer.upload(gpu, &encoded).clone();
@@ -252,6 +255,7 @@ impl Targets {
         self.sky = None;
         self.diffuse = None;
 
+        // Buffers of each batch, depending on the images made of it.
         self.batch_buffers.truncate(plan.batches.len().max(1));
         self.batch_buffers.resize_with(plan.batches.len(), BatchBuffers::new);
         let made = frame.outputs.made(&plan.viewports);
@@ -261,7 +265,7 @@ impl Targets {
             .zip(&mut self.batch_buffers)
             .zip(tiles)
             .map(|((batch, buffers), encoded_tiles)| {
-                let of_batch = batch.tiles.iter().fold(Made::default(), |all, tile| Made {
+                let made_of_batch = batch.tiles.iter().fold(Made::default(), |all, tile| Made {
                     display: all.display || made[tile.viewport].display,
                     hdr: all.hdr || made[tile.viewport].hdr,
                     hdr_stays: all.hdr_stays || made[tile.viewport].hdr_stays,
@@ -281,19 +285,19 @@ impl Targets {
                     pixels: buffers.pixels.with_room(gpu, bytes).clone(),
                     high_words: buffers.high_words.with_room(gpu, bytes / 2).clone(),
                     bright,
-                    display: of_batch
+                    display: made_of_batch
                         .display
                         .then(|| buffers.display.with_room(gpu, batch.pixels * DISPLAY_BYTES).clone()),
                     geometry: None,
                     plane_pixels: batch.pixels as u32,
                     grid: grid_of(plan, batch),
-                    made: of_batch,
+                    made: made_of_batch,
                 }
             })
             .collect();
     }
 
-    /// Clears what a phase fills.
+    /// Clears the buffers that a phase fills.
     pub(crate) fn enter(
         &mut self,
         phase: Phase,
@@ -306,7 +310,7 @@ impl Targets {
             Phase::Splat(number) if adds_up(frame) => {
                 let batch = &self.batches[number];
                 let plane_bytes = frame.plan.batches[number].pixels * BYTES_PER_PIXEL / 2;
-                // The second plane needs no clearing: what stands there beside a dark pixel is not read.
+                // The second plane needs no clearing: its entry for a dark pixel is not read.
                 encoder.clear_buffer(&batch.pixels, 0, Some(plane_bytes));
                 if !gpu.wide_accumulator {
                     encoder.clear_buffer(&batch.high_words, 0, Some(plane_bytes));
@@ -319,17 +323,17 @@ impl Targets {
         }
     }
 
-    /// Where the light of a batch adds up: of the stars that outshine the rest, or of everything else.
+    /// Returns the sums of a batch: those of the brightest stars if `bright`, otherwise those of everything else.
     pub(crate) fn sums(&self, batch: usize, bright: bool) -> Option<Sums<'_>> {
-        let of_batch = &self.batches[batch];
-        let [low_words, high_words] = match &of_batch.bright {
+        let batch_targets = &self.batches[batch];
+        let [low_words, high_words] = match &batch_targets.bright {
             Some([low, high]) if bright => [low, high],
             None if bright => return None,
-            _ => [&of_batch.pixels, &of_batch.high_words],
+            _ => [&batch_targets.pixels, &batch_targets.high_words],
         };
         Some(Sums {
             viewports: &self.viewports,
-            tiles: &of_batch.tiles,
+            tiles: &batch_targets.tiles,
             counters: &self.counters,
             low_words,
             high_words,
@@ -337,19 +341,19 @@ impl Targets {
         })
     }
 
-    /// The picture of a batch.
+    /// Returns the picture of a batch.
     pub(crate) fn picture(&self, batch: usize) -> PictureTarget<'_> {
-        let of_batch = &self.batches[batch];
+        let batch_targets = &self.batches[batch];
         PictureTarget {
             viewports: &self.viewports,
-            tiles: &of_batch.tiles,
-            pixels: &of_batch.pixels,
+            tiles: &batch_targets.tiles,
+            pixels: &batch_targets.pixels,
             partial_sums: &self.partial_sums,
-            plane_pixels: of_batch.plane_pixels,
+            plane_pixels: batch_targets.plane_pixels,
         }
     }
 
-    /// What stands before the stars of a batch.
+    /// Returns the surfaces that hide the stars of a batch.
     pub(crate) fn occlusion(&self, batch: usize) -> Occlusion<'_> {
         match (&self.bodies, &self.batches[batch].geometry) {
             (Some(bodies), Some(geometry)) => {
@@ -365,18 +369,18 @@ impl Targets {
     }
 }
 
-/// What bodies and asteroids leave for what is drawn behind and beside them: see `shaders/shared/occlusion.wgsl`.
+/// Surfaces of bodies and asteroids that hide lights behind them: see `shaders/shared/occlusion.wgsl`.
 #[derive(Clone, Copy)]
 pub(crate) struct Occlusion<'a> {
-    /// Whether there is anything; the buffers are stand-ins otherwise.
+    /// Whether there are surfaces; if not, the buffers are placeholders.
     pub present: bool,
-    /// What the geometry pass has left in the pixels of the batch.
+    /// Result of the geometry pass for the pixels of the batch.
     pub geometry: &'a wgpu::Buffer,
     pub view_bodies: &'a wgpu::Buffer,
     pub body_runs: &'a wgpu::Buffer,
 }
 
-/// Buffers in which the light of a batch adds up.
+/// Buffers for the sums of light of a batch.
 #[derive(Clone, Copy)]
 pub(crate) struct Sums<'a> {
     pub viewports: &'a wgpu::Buffer,
@@ -387,7 +391,7 @@ pub(crate) struct Sums<'a> {
     pub occlusion: Occlusion<'a>,
 }
 
-/// Buffers of a batch whose picture is written, or written over, as luminance and summed for the exposure.
+/// Buffers of a batch whose picture is written or modified as luminance, with partial sums for the exposure.
 #[derive(Clone, Copy)]
 pub(crate) struct PictureTarget<'a> {
     pub viewports: &'a wgpu::Buffer,
@@ -398,7 +402,7 @@ pub(crate) struct PictureTarget<'a> {
     pub plane_pixels: u32,
 }
 
-/// Binds what stands before the stars as every pass that splats does.
+/// Bind group 2 of every splatting pass: the surfaces that hide stars.
 pub(crate) fn bind_occlusion(
     gpu: &Gpu,
     pipeline: &wgpu::ComputePipeline,
@@ -408,13 +412,13 @@ pub(crate) fn bind_occlusion(
     bind_in_order(gpu, pipeline, 2, &buffers)
 }
 
-/// The complete module of a shader that splats in fixed point, with the words that the adapter can add to.
+/// Resolves a shader that splats in fixed point, with the accumulator that the adapter supports.
 pub(crate) fn splatting(gpu: &Gpu, file: &str) -> ShaderSource {
     let accumulate = if gpu.wide_accumulator { "shared/accumulate_u64" } else { "shared/accumulate_u32" };
     projecting(gpu, file).with("accumulate", accumulate).source()
 }
 
-/// Parameters and sums, as every pass that splats in fixed point binds them; `others` follow.
+/// Bind group 0 of every pass that splats in fixed point: parameters, sums, and `others`.
 pub(crate) fn bind_sums(
     gpu: &Gpu,
     pipeline: &wgpu::ComputePipeline,
@@ -422,7 +426,7 @@ pub(crate) fn bind_sums(
     sums: &Sums<'_>,
     others: &[(u32, wgpu::BindingResource<'_>)],
 ) -> wgpu::BindGroup {
-    let of_sums = [
+    let sum_bindings = [
         (0, parameters.as_entire_binding()),
         (1, sums.viewports.as_entire_binding()),
         (2, sums.tiles.as_entire_binding()),
@@ -430,10 +434,10 @@ pub(crate) fn bind_sums(
         (4, sums.low_words.as_entire_binding()),
         (6, sums.high_words.as_entire_binding()),
     ];
-    bind_buffers(gpu, pipeline, 0, &[&of_sums[..], others].concat())
+    bind_buffers(gpu, pipeline, 0, &[&sum_bindings[..], others].concat())
 }
 
-/// Parameters and picture, as every pass over pictures of luminance binds them.
+/// Bind group 0 of every pass over luminance pictures: parameters and picture.
 pub(crate) fn bind_picture(
     gpu: &Gpu,
     pipeline: &wgpu::ComputePipeline,
@@ -444,7 +448,7 @@ pub(crate) fn bind_picture(
     bind_in_order(gpu, pipeline, 0, &buffers)
 }
 
-/// A viewport, with the place of its table if it is tabulated.
+/// Encodes a viewport, including the position of its table if it is tabulated.
 fn encode(viewport: &Viewport, kernels: &KernelPlan, tables: &MappingTables) -> layout::Viewport {
     let mut encoded = encode_viewport(viewport, kernels);
     if let Some(first) = tables.first_group(viewport) {
@@ -453,19 +457,19 @@ fn encode(viewport: &Viewport, kernels: &KernelPlan, tables: &MappingTables) -> 
     encoded
 }
 
-/// Flags of a tile: one for each block of pixels of the grid, in rows.
+/// Number of flags of a tile: one per block of pixels of the grid, row by row.
 fn flags_of(width: u32, rows: u32) -> u32 {
     width.div_ceil(COLUMNS) * rows.div_ceil(ROWS)
 }
 
-/// Workgroups over all pixels of a batch's tiles: columns, rows, tiles. `widths` are those of the tiles.
+/// Workgroups over all pixels of a batch's tiles: columns, rows, tiles. `widths` are the widths of the tiles.
 pub(crate) fn pixel_grid(tiles: &[Tile], widths: &[u32]) -> [u32; 3] {
     let columns = widths.iter().max().copied().unwrap_or(0).div_ceil(COLUMNS);
     let rows = tiles.iter().map(|tile| tile.rows).max().unwrap_or(0).div_ceil(ROWS);
     [columns, rows, tiles.len() as u32]
 }
 
-/// The same of a single tile.
+/// Workgroups over all pixels of a single tile: columns, rows, 1.
 pub(crate) fn tile_grid(tile: &Tile, viewport: &Viewport) -> [u32; 3] {
     pixel_grid(std::slice::from_ref(tile), &[viewport.size()[0]])
 }
@@ -475,13 +479,13 @@ fn grid_of(plan: &Plan, batch: &Batch) -> [u32; 3] {
     pixel_grid(&batch.tiles, &widths)
 }
 
-/// Partial sums that a tile's workgroups write: one per column of pixels and row of workgroups.
+/// Number of partial sums that a tile's workgroups write: one per column of pixels and row of workgroups.
 pub(crate) fn partial_sums(width: u32, rows: u32) -> u32 {
     width * rows.div_ceil(ROWS)
 }
 
-/// The tiles of every batch as shaders read them, the number of partial sums of all, and the number of counters with the
-/// flags of all tiles, which follow the first `counters`.
+/// Encodes the tiles of every batch. Also returns the total number of partial sums, and the number of counters
+/// including the flags of all tiles, which follow the first `counters`.
 fn encoded_tiles(plan: &Plan, counters: u32) -> (Vec<Vec<layout::Tile>>, u32, u32) {
     let mut first_flag = counters;
     let mut first_partial = 0;
@@ -510,18 +514,18 @@ fn encoded_tiles(plan: &Plan, counters: u32) -> (Vec<Vec<layout::Tile>>, u32, u3
     (tiles, first_partial, first_flag)
 }
 
-/// Whether light adds up in sums that the resolve pass turns into luminance.
+/// Whether light is summed in fixed point, for the resolve pass to convert to luminance.
 pub(crate) fn adds_up(frame: &FrameInputs<'_>) -> bool {
     frame.settings.stars.method.accumulator() == Accumulator::FixedPoint
 }
 
-/// Whether the resolve pass writes the display images itself: where the exposure is known before the pixels are, and nothing is scattered
-/// afterwards.
+/// Whether the resolve pass writes the display images: if the exposure is known in advance and no scattered light is
+/// added afterwards.
 pub(crate) fn resolves_to_display(frame: &FrameInputs<'_>) -> bool {
     frame.plan.known_ev100.is_some() && !is_scattered_after(&frame.plan.glare) && adds_up(frame)
 }
 
-/// Whether scattered light is added to pictures that are resolved already.
+/// Whether scattered light is added to resolved pictures.
 pub(crate) fn is_scattered_after(glare: &GlarePlan) -> bool {
     glare.method != GlareMethod::None && glare.in_sums.is_none()
 }

@@ -1,8 +1,9 @@
-//! What every technique of drawing does, and what it is given to do it.
+//! The interface of drawing techniques, and its inputs.
 //!
-//! A technique has a folder of its own, with its passes, its GPU structures and their encoding; it knows no other technique. What two
-//! of them share lies in [`super::targets`]. In the life of a frame: [`Technique::hold`], [`Technique::encode`], then
-//! [`Technique::record`] phase by phase, and [`Technique::read`] once the device is through with it.
+//! A technique has its own folder with its passes, GPU structures and their encoding, and does not depend on other
+//! techniques. Shared buffers are in [`super::targets`]. Order of calls for a frame: [`Technique::hold`],
+//! [`Technique::encode`], then [`Technique::record`] phase by phase, and [`Technique::read`] after the device has
+//! finished.
 
 use std::sync::Arc;
 
@@ -20,32 +21,32 @@ use crate::{
     view::Viewport,
 };
 
-/// A step of a frame. What is recorded in one has been finished before the next one reads it.
+/// Step of a frame. The results of one step are complete before the next one reads them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Phase {
-    /// What may be seen is found on the adapter.
+    /// Find visible objects on the adapter.
     Cull,
-    /// Surfaces, into what stands before the stars of one tile: number of the batch, number of the tile in it.
+    /// Draw the surfaces of one tile, which hide stars: index of the batch, index of the tile in the batch.
     Geometry(usize, usize),
-    /// Light adds up in the pixels of a batch.
+    /// Add light to the sums of a batch.
     Splat(usize),
-    /// Sums of a batch become luminance.
+    /// Convert the sums of a batch to luminance.
     Resolve(usize),
-    /// Scattered light is added.
+    /// Add scattered light.
     Glare,
-    /// The exposure is found.
+    /// Compute the exposure.
     Meter,
-    /// Display images are made.
+    /// Make display images.
     Display,
-    /// Lines and text are drawn onto display images.
+    /// Draw lines and text onto display images.
     Overlay,
-    /// Images are drawn into textures that leave the renderer.
+    /// Draw images into textures that leave the renderer.
     Present,
-    /// What is only counted, after everything that is timed, and what is read back besides images.
+    /// Count drawn objects, after all timed passes, and copy counts for readback.
     Count,
 }
 
-/// What a frame is made from.
+/// Inputs of a frame.
 #[derive(Clone, Copy)]
 pub(crate) struct FrameInputs<'a> {
     pub plan: &'a Plan,
@@ -54,31 +55,31 @@ pub(crate) struct FrameInputs<'a> {
     pub outputs: Outputs<'a>,
     /// See [`super::Renderer::catalogue_order`].
     pub catalogue_order: Option<u64>,
-    /// Which frames it shares maps with.
+    /// Series of frames with shared maps.
     pub series: Series,
-    /// What a meter has found that looked for this frame; `None`: the frame's own light tells.
+    /// Result of a separate meter for this frame; `None`: the frame is metered by its own light.
     pub metered: Option<&'a wgpu::Buffer>,
 }
 
-/// Frames that are drawn in turn with different settings: each series keeps maps of its own.
+/// Series of frames, drawn in turn with different settings. Each series has separate maps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Series {
-    /// Number of the series.
+    /// Index of the series.
     pub slot: usize,
-    /// How many series there are.
+    /// Number of series.
     pub slots: usize,
 }
 
-/// Whom a frame is made for: what is read back, and what is drawn into textures.
+/// Outputs of a frame: images to read back, and textures to draw into.
 #[derive(Clone, Copy)]
 pub(crate) struct Outputs<'a> {
-    /// One per view.
+    /// Buffers to read back, one entry per view.
     pub wanted: &'a [Wanted],
     pub presentations: &'a [Presentation<'a>],
 }
 
 impl Outputs<'_> {
-    /// What is made of each viewport, whether it is read back or not.
+    /// Images to make for each viewport, whether they are read back or not.
     pub(crate) fn made(&self, viewports: &[Viewport]) -> Vec<Wanted> {
         let mut made: Vec<Wanted> = viewports.iter().map(|viewport| self.wanted[viewport.view]).collect();
         for presentation in self.presentations {
@@ -90,58 +91,58 @@ impl Outputs<'_> {
     }
 }
 
-/// What a technique holds for a scene.
+/// Inputs for holding a scene: data that stays on the adapter from frame to frame.
 #[derive(Clone, Copy)]
 pub(crate) struct Holding<'a> {
     pub gpu: &'a Gpu,
     pub scene: &'a SceneSnapshot,
     pub settings: &'a RenderSettings,
-    /// The kernel of glare, where the method has one.
+    /// Glare kernel, if the method has one.
     pub kernel: Option<&'a Arc<dyn GlareKernel>>,
     /// See [`super::Renderer::catalogue_order`].
     pub catalogue_order: Option<u64>,
 }
 
-/// What frames are going to be asked for, as far as it tells which pipelines they take.
+/// Properties of future frames that determine the pipelines they need.
 #[derive(Clone, Copy)]
 pub(crate) struct Wish<'a> {
     pub gpu: &'a Gpu,
     pub objects: &'a SceneObjects,
     pub settings: &'a RenderSettings,
     pub viewports: &'a [Viewport],
-    /// What is made of any view.
+    /// Images to make of any view.
     pub made: Wanted,
     /// Formats of the textures that images are drawn into.
     pub formats: &'a [wgpu::TextureFormat],
 }
 
 impl Wish<'_> {
-    /// Whether display and HDR images are frames of their own.
+    /// Whether display and HDR images are drawn as separate frames.
     pub(crate) fn draws_outputs_apart(&self) -> bool {
         draws_outputs_apart(self.settings, self.objects, self.viewports)
     }
 
-    /// Whether frames that have display images alone may have the veil of single sources in their sums of light: see
+    /// Whether frames with display images only may include the veil of single sources in their sums of light: see
     /// [`crate::plan::GlarePlan::in_sums`].
     pub(crate) fn may_have_veil_in_sums(&self) -> bool {
         may_have_veil_in_sums(self.settings, self.objects, self.viewports)
     }
 }
 
-/// Pipelines that are made ahead, in one go on one thread.
+/// Job that creates pipelines in advance, on one thread.
 pub(crate) struct PipelineJob<'a> {
     pub name: &'static str,
     pub make: Box<dyn FnOnce() + Send + 'a>,
 }
 
 impl<'a> PipelineJob<'a> {
-    /// `make` makes and keeps pipelines. What it returns is what is kept, or a handle to it.
+    /// Creates a job. `make` creates and stores pipelines; its return value is dropped.
     pub(crate) fn new<P>(name: &'static str, make: impl FnOnce() -> P + Send + 'a) -> Self {
         Self { name, make: Box::new(move || drop(make())) }
     }
 }
 
-/// Where a technique records.
+/// Recording state passed to techniques.
 pub(crate) struct Recording<'a> {
     pub gpu: &'a Gpu,
     pub encoder: &'a mut wgpu::CommandEncoder,
@@ -169,40 +170,40 @@ pub(crate) fn begin_pass<'a>(
     encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(name), timestamp_writes })
 }
 
-/// A way of drawing something.
+/// Drawing technique.
 pub(crate) trait Technique {
-    /// Holds what does not depend on where eyes stand and look, until the scene or the settings are others. What is held already takes
-    /// no time.
+    /// Makes resident the data that does not depend on the positions and directions of the eyes, until the scene or the
+    /// settings change. Data already resident takes no time.
     fn hold(&mut self, _holding: &Holding<'_>) -> Result<(), RenderError> {
         Ok(())
     }
 
-    /// Makes ahead what a frame like the last one would make, after [`Technique::hold`].
+    /// Computes in advance, after [`Technique::hold`], data for a frame like the last one.
     fn warm(&mut self, _holding: &Holding<'_>) {}
 
-    /// The pipelines that such frames take, to be made ahead. What is made already takes no time; what is not made ahead is made by the
-    /// first frame that needs it.
+    /// Jobs that create the pipelines of such frames in advance. Existing pipelines take no time; missing ones are
+    /// created by the first frame that needs them.
     fn pipelines<'a>(&'a self, _wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
         Vec::new()
     }
 
-    /// Pictures of the map of faint light that the frame of a plan reads and that are not there yet.
+    /// Pictures of the map of faint light that a plan's frame reads and that have not been drawn yet.
     fn missing(&self, _plan: &Plan, _scene: &SceneSnapshot, _series: Series) -> Vec<SkyFace> {
         Vec::new()
     }
 
-    /// Uploads what the plan of a frame says, and leaves in `targets` what others read.
+    /// Uploads the data of a planned frame, and stores in `targets` what other techniques read.
     fn encode(&mut self, _gpu: &Gpu, _frame: &FrameInputs<'_>, _targets: &mut Targets) {}
 
-    /// Records what belongs into a phase.
+    /// Records the work of a phase.
     fn record(&mut self, phase: Phase, recording: &mut Recording<'_>);
 
-    /// Bytes that it reads back besides images, alignment of 16 included.
+    /// Size of its readback besides images, bytes, including alignment to 16.
     fn readback_bytes(&self, _plan: &Plan) -> u64 {
         0
     }
 
-    /// Takes back what was recorded to be read, besides images.
+    /// Reads its results besides images.
     fn read(
         &self,
         _gpu: &Gpu,
@@ -214,6 +215,6 @@ pub(crate) trait Technique {
         Ok(())
     }
 
-    /// Lets go of everything that belongs to a scene or a size.
+    /// Releases everything that belongs to a scene or a size.
     fn release(&mut self);
 }

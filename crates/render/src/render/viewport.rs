@@ -1,4 +1,4 @@
-//! A viewport in the form that shaders read.
+//! Encodes viewports for the shaders.
 
 use std::f64::consts::PI;
 
@@ -19,10 +19,11 @@ use crate::{
     },
 };
 
-/// Solid angles whose one-point form errs by more than this are averaged over nine points in the shader.
+/// If the midpoint formula of the solid angle has a greater relative error, the shader averages nine points.
 const MIDPOINT_TOLERANCE: f64 = 3e-6;
 
-/// Encodes a viewport with the kernels of its stars. Where the table of a tabulated one begins is up to who holds it.
+/// Encodes a viewport with the kernels of its stars. For a tabulated viewport the caller adds the position of the
+/// table.
 pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layout::Viewport {
     let view_from_world = DMat3::from_quat(viewport.world_from_view.conjugate());
     let eye_pc = viewport.eye_offset_m / PARSEC_M;
@@ -35,6 +36,7 @@ pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layo
         GaussianKernel::Round(width) => Some(width),
         GaussianKernel::Plane => None,
     };
+    // Fields common to all projections.
     let mut encoded = layout::Viewport {
         view_from_world_x: row(0),
         view_from_world_y: row(1),
@@ -51,6 +53,7 @@ pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layo
         viewing_circle_m: viewport.viewing_circle_m as f32,
         ..Default::default()
     };
+    // Fields of the projection.
     match &viewport.projection {
         Projection::Perspective(plane) => encode_plane(&mut encoded, plane, size),
         Projection::CubeFace(face) => {
@@ -70,7 +73,7 @@ pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layo
                 FisheyeMapping::Orthographic => (KIND_ORTHOGRAPHIC, fisheye.half_fov_rad.cos().powi(2) as f32),
                 FisheyeMapping::Stereographic => (KIND_STEREOGRAPHIC, 0.0),
             };
-            // The centre and half way out; the orthographic rim is treated apart in the shader.
+            // At the centre and at three points further out. The shader treats the orthographic rim separately.
             let [x, y] = [size[0] / 2, size[1] / 2];
             encoded.quadrature = u32::from([0.0, 0.3, 0.6, 0.9].iter().any(|part| {
                 let column = (x + (fisheye.radius_px() * part) as u32).min(size[0] - 1);
@@ -89,7 +92,7 @@ pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layo
     encoded
 }
 
-/// The nearest number that f32 holds.
+/// Converts to f32; values that are too large become the greatest finite f32.
 fn finite_f32(value: f64) -> f32 {
     value.min(f64::from(f32::MAX)) as f32
 }
@@ -99,7 +102,7 @@ fn encode_plane(encoded: &mut layout::Viewport, plane: &Perspective, size: [u32;
     let scale = [f64::from(size[0]) / (right - left), -f64::from(size[1]) / (up - down)];
     encoded.plane_scale = scale.map(|value| value as f32);
     encoded.plane_offset = [(-left * scale[0]) as f32, (-up * scale[1]) as f32];
-    // The term of fourth order that the shader's series leaves out is about (step)^4 / 40.
+    // The fourth-order term that the shader's series omits is about (step)^4 / 40.
     let step = (1.0 / scale[0]).abs().max((1.0 / scale[1]).abs());
     encoded.quadrature = u32::from(step.powi(4) / 40.0 > MIDPOINT_TOLERANCE / 3.0);
 }

@@ -1,4 +1,4 @@
-//! The pass over a tile.
+//! The pass that adds air and ground to one tile.
 
 use std::sync::OnceLock;
 
@@ -18,22 +18,23 @@ use crate::{
     scene::surroundings::LocalSky,
 };
 
-/// Pixels that show a part of the ground lie lower than its highest place and this, in sines: they are no larger than that.
+/// Margin above the highest ground, as a sine. Pixels that show ground are at most this large.
 const NEAR_GROUND: f64 = 0.1;
 
-/// The pass.
+/// Pipelines of the pass.
 pub(super) struct AirPass {
-    /// By form.
+    /// One pipeline per form.
     pipelines: Variants<Form, wgpu::ComputePipeline>,
     points: OnceLock<wgpu::ComputePipeline>,
 }
 
-/// Forms of the pass.
+/// Form (pipeline variant) of the pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Form {
-    /// There is a picture of the ground.
+    /// Whether the ground has a picture.
     pub has_landscape: bool,
-    /// What the air adds is read between the points of a grid: in display images that have a budget.
+    /// Whether the light added by the air is interpolated between points of a grid: in display images with an error
+    /// budget.
     pub from_grid: bool,
 }
 
@@ -51,7 +52,7 @@ fn encode(sky: &LocalSky, glare: &GlarePlan, tile: u32) -> layout::AirParameters
             ..Default::default()
         };
     }
-    let of_air = |of: &dyn Fn(&Air) -> [f64; 3]| sky.air.as_ref().map_or([0.0; 3], of);
+    let air_values = |value: &dyn Fn(&Air) -> [f64; 3]| sky.air.as_ref().map_or([0.0; 3], value);
     layout::AirParameters {
         tile,
         has_air: u32::from(sky.air.is_some()),
@@ -63,9 +64,9 @@ fn encode(sky: &LocalSky, glare: &GlarePlan, tile: u32) -> layout::AirParameters
         is_flat: u32::from(sky.horizon.as_ref().is_none_or(|horizon| horizon.is_flat())),
         south: axis(2),
         above_ground: sky.highest_ground_sine().map_or(-1.0, |sine| (sine + NEAR_GROUND) as f32),
-        extinction: f32s(of_air(&|air| air.extinction_log2())),
-        // Without what the first air mass takes, which the shader takes with the others.
-        glow: f32s(of_air(&|air| {
+        extinction: f32s(air_values(&|air| air.extinction_log2())),
+        // Excludes the extinction of the first air mass, which the shader applies together with the others.
+        glow: f32s(air_values(&|air| {
             let log2 = air.extinction_log2();
             [0, 1, 2].map(|c| air.glow_cd_m2[c] * (-log2[c]).exp2())
         })),
@@ -78,7 +79,7 @@ fn encode(sky: &LocalSky, glare: &GlarePlan, tile: u32) -> layout::AirParameters
     }
 }
 
-/// The tables of a sky's sources, as the shader reads them.
+/// Scattering tables of a sky's sources, in the layout that the shader reads.
 pub(super) fn encode_tables(sky: &LocalSky) -> Vec<[f32; 4]> {
     let nodes = sky.sources.iter().flat_map(|source| source.table.smooth.iter().chain(&source.table.aerosol));
     nodes.map(|[r, g, b]| [*r as f32, *g as f32, *b as f32, 0.0]).collect()
@@ -89,7 +90,7 @@ impl AirPass {
         Self { pipelines: Variants::new(), points: OnceLock::new() }
     }
 
-    /// The pipeline of a form.
+    /// Returns the pipeline of a form, which is created at the first call.
     pub(super) fn pipeline(&self, gpu: &Gpu, form: Form) -> wgpu::ComputePipeline {
         self.pipelines.get(form, || {
             let constants = [("HAS_LANDSCAPE", form.has_landscape), ("FROM_GRID", form.from_grid)];
@@ -98,30 +99,32 @@ impl AirPass {
         })
     }
 
-    /// The pipeline over the points of grids.
+    /// Returns the pipeline over the points of grids.
     pub(super) fn points_pipeline(&self, gpu: &Gpu) -> &wgpu::ComputePipeline {
         self.points.get_or_init(|| gpu.compute_pipeline(&projecting(gpu, "air/points").source()))
     }
 
-    /// Records what the air adds at the points of the grids of all pictures, of which there are `count`. Buffers: viewports, tables, the grids, the points.
+    /// Records the evaluation of the air's light at the points of the grids of all pictures. Buffers: viewports,
+    /// tables, grids, points.
     pub(super) fn record_points(
         &self,
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
         (sky, glare): (&LocalSky, &GlarePlan),
         grids: &[PointGrid],
-        [viewports, tables, of_grids, points]: [&wgpu::Buffer; 4],
+        [viewports, tables, grid_buffer, points]: [&wgpu::Buffer; 4],
     ) {
         let parameters = gpu.frame_uniform("air parameters", &encode(sky, glare, 0));
         let pipeline = self.points_pipeline(gpu);
-        let buffers = [&parameters, viewports, of_grids, tables, points];
+        let buffers = [&parameters, viewports, grid_buffer, tables, points];
         pass.set_pipeline(pipeline);
         gpu.bind_tables(pass, pipeline);
         pass.set_bind_group(0, &bind_in_order(gpu, pipeline, 0, &buffers), &[]);
         dispatch_points(pass, grids);
     }
 
-    /// Records one tile: its number in its batch, and its size in pixels. Buffers: viewports, tiles, geometry, the horizon, tables, the landscape, the grids, their points.
+    /// Records one tile, given its number in its batch and its size in pixels. Buffers: viewports, tiles, geometry,
+    /// horizon, tables, landscape, grids, grid points.
     pub(super) fn record(
         &self,
         gpu: &Gpu,

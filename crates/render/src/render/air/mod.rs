@@ -1,4 +1,6 @@
-//! The ground and the air around an observer (`crate::scene::surroundings`), over what bodies and asteroids show. What air takes of the light of stars is the star pass's own business.
+//! Ground and air around an observer (`crate::scene::surroundings`), in front of bodies and asteroids. The extinction
+//! of starlight is done by the star pass.
+//!
 //! Shader: `shaders/air/light.wgsl`; the f64 twin is `crate::reference::air::light`.
 
 pub(crate) mod layout;
@@ -18,17 +20,18 @@ use crate::{
     scene::{landscape::Landscape, surroundings::Horizon},
 };
 
-/// What the sky adds is smooth over a degree and more; towards the horizon less, where it is as dark as the air is thick.
+/// Grid spacing. Sky light is smooth over a degree and more, less so near the horizon; there thick air also makes it
+/// darker.
 const SPACING: GridSpacing = GridSpacing { most_rad: 0.0125, most_px: 8 };
 
-/// The pass, and what it reads.
+/// The pass and the buffers that it reads.
 pub(super) struct Air {
     pass: AirPass,
     horizon: GrowingBuffer,
     tables: GrowingBuffer,
     landscape: GrowingBuffer,
     points: GrowingBuffer,
-    /// Of the frame that is recorded.
+    /// Grids of the frame being recorded.
     grids: Option<wgpu::Buffer>,
     stand_in: wgpu::Buffer,
     held: Option<Horizon>,
@@ -98,7 +101,7 @@ impl Technique for Air {
         let are_same = tables.iter().zip(&self.held_tables).all(|(a, b)| Arc::ptr_eq(a, b));
         if !are_same || tables.len() != self.held_tables.len() || self.tables.held().is_none() {
             let nodes = encode_tables(sky);
-            // Bindings must hold one item at least.
+            // A binding must hold at least one item.
             self.tables.upload(gpu, if nodes.is_empty() { &[[0.0_f32; 4]] } else { &nodes[..] });
             self.held_tables = tables;
         }
@@ -116,22 +119,22 @@ impl Technique for Air {
         let from_grid = plan.display_step_cd_m2.is_some();
         if from_grid && (batch, index) == (0, 0) {
             let (grids, count) = point_grids(&plan.viewports, SPACING);
-            let of_grids = gpu.frame_storage("air grids", &grids);
+            let grid_buffer = gpu.frame_storage("air grids", &grids);
             let points = self.points.with_room(gpu, 16 * u64::from(count));
-            let buffers = [&targets.viewports, tables, &of_grids, points];
+            let buffers = [&targets.viewports, tables, &grid_buffer, points];
             let mut pass = begin_pass(recording.encoder, recording.timer, "air");
             self.pass.record_points(gpu, &mut pass, (sky, &plan.glare), &grids, buffers);
             drop(pass);
-            self.grids = Some(of_grids);
+            self.grids = Some(grid_buffer);
         }
-        let of_grid = (self.grids.as_ref(), self.points.held());
-        let (grids, points) = if let (true, (Some(grids), Some(points))) = (from_grid, of_grid) {
+        let grid_and_points = (self.grids.as_ref(), self.points.held());
+        let (grids, points) = if let (true, (Some(grids), Some(points))) = (from_grid, grid_and_points) {
             (grids, points)
         } else {
             (&self.stand_in, &self.stand_in)
         };
-        let of_batch = &targets.batches[batch].tiles;
-        let buffers = [&targets.viewports, of_batch, geometry, horizon, tables, landscape, grids, points];
+        let tiles_of_batch = &targets.batches[batch].tiles;
+        let buffers = [&targets.viewports, tiles_of_batch, geometry, horizon, tables, landscape, grids, points];
         let form = Form { has_landscape: sky.landscape.is_some(), from_grid };
         let mut pass = begin_pass(recording.encoder, recording.timer, "air");
         self.pass.record(gpu, &mut pass, (sky, &plan.glare), form, (index as u32, [width, tile.rows]), buffers);

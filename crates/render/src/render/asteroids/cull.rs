@@ -1,4 +1,6 @@
-//! Culling and detail of asteroids on the adapter, for all planes at once: counts per group, plane and list, places from counts, lists.
+//! Culls asteroids and selects their level of detail on the adapter, for all planes at once, in three steps: count per
+//! group, plane and list; turn counts into offsets; write the lists.
+//!
 //! Shaders: `shaders/asteroids/cull*.wgsl`; the f64 twin is `crate::plan::asteroids::cpu_cull`.
 
 use crate::render::shader::{Shader, workgroup_constant};
@@ -7,7 +9,7 @@ use crate::{
     render::asteroids::layout,
 };
 
-/// The pass.
+/// Pipelines of the culling pass.
 pub(crate) struct AsteroidCullPass {
     count: wgpu::ComputePipeline,
     write: wgpu::ComputePipeline,
@@ -15,24 +17,24 @@ pub(crate) struct AsteroidCullPass {
     place: wgpu::ComputePipeline,
 }
 
-/// How much there is to do.
+/// Sizes of the culling work.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CullNumbers {
-    /// Groups.
+    /// Number of groups.
     pub items: u32,
-    /// Planes.
+    /// Number of planes.
     pub planes: u32,
-    /// Lists per plane, the count of those seen included.
+    /// Lists per plane, including the one that counts visible asteroids.
     pub kinds: u32,
-    /// Lists of meshes among them.
+    /// Number of mesh lists among them.
     pub mesh_kinds: u32,
-    /// Entries that there is room for.
+    /// Capacity of the lists, entries.
     pub capacity: u32,
-    /// Impostors per workgroup where they are splatted; 0: they are drawn as squares.
+    /// Impostors per workgroup if they are splatted; 0 if they are drawn as squares.
     pub splats_per_workgroup: u32,
 }
 
-/// What it reads and writes.
+/// Buffers that culling reads and writes.
 pub(crate) struct CullBuffers<'a> {
     pub views: &'a wgpu::Buffer,
     pub tables: &'a wgpu::Buffer,
@@ -45,14 +47,14 @@ pub(crate) struct CullBuffers<'a> {
     pub lods: &'a wgpu::Buffer,
     /// Per mesh: number of indices, first index, first vertex.
     pub meshes: &'a wgpu::Buffer,
-    /// One per list and group linked to its plane.
+    /// One count per list and per group linked to the list's plane.
     pub counts: &'a wgpu::Buffer,
-    /// The length of all lists, then of each.
+    /// Total length of all lists, then the length of each list.
     pub totals: &'a wgpu::Buffer,
-    /// First entry of each list.
+    /// Index of the first entry of each list.
     pub bases: &'a wgpu::Buffer,
     pub entries: &'a wgpu::Buffer,
-    /// Arguments of each list's draw.
+    /// Indirect draw arguments of each list.
     pub arguments: &'a wgpu::Buffer,
 }
 
@@ -68,7 +70,7 @@ impl AsteroidCullPass {
         }
     }
 
-    /// Records everything; `counts` holds zeros before.
+    /// Records all culling dispatches. `counts` must be zeroed before.
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
@@ -76,6 +78,7 @@ impl AsteroidCullPass {
         numbers: CullNumbers,
         buffers: &CullBuffers<'_>,
     ) {
+        // Uniforms of the dispatches over groups and over lists.
         let lists = numbers.planes * numbers.kinds;
         let parameters = |row: u32| layout::AsteroidCullParameters {
             items: numbers.items,
@@ -89,13 +92,14 @@ impl AsteroidCullPass {
         };
         let uniform = |row: u32| gpu.frame_uniform("asteroid culling", &parameters(row));
         let [row, rows] = dispatch_rows(gpu, numbers.items);
-        let of_items = uniform(row);
+        let item_parameters = uniform(row);
         let [list_row, list_rows] = dispatch_rows(gpu, lists);
-        let of_lists = uniform(list_row);
+        let list_parameters = uniform(list_row);
+        // The shader that counts in its first run and writes entries in its second.
         let cull = |pass: &mut wgpu::ComputePass<'_>, pipeline: &wgpu::ComputePipeline| {
             pass.set_pipeline(pipeline);
             let first = [
-                &of_items,
+                &item_parameters,
                 buffers.views,
                 buffers.tables,
                 buffers.planes,
@@ -112,12 +116,13 @@ impl AsteroidCullPass {
         if numbers.items > 0 {
             cull(pass, &self.count);
         }
+        // Offsets within each list, then the start of each list and its draw arguments.
         pass.set_pipeline(&self.scan);
-        let scanned = [&of_lists, buffers.planes, buffers.counts, buffers.totals];
+        let scanned = [&list_parameters, buffers.planes, buffers.counts, buffers.totals];
         pass.set_bind_group(0, &bind_in_order(gpu, &self.scan, 0, &scanned), &[]);
         pass.dispatch_workgroups(list_row, list_rows, 1);
         pass.set_pipeline(&self.place);
-        let placed = [&of_lists, buffers.totals, buffers.meshes, buffers.bases, buffers.arguments];
+        let placed = [&list_parameters, buffers.totals, buffers.meshes, buffers.bases, buffers.arguments];
         pass.set_bind_group(0, &bind_in_order(gpu, &self.place, 0, &placed), &[]);
         pass.dispatch_workgroups(1, 1, 1);
         if numbers.items > 0 {

@@ -1,4 +1,4 @@
-//! The plan of asteroids in the form that shaders read.
+//! Encodes the asteroid plan into GPU structures.
 
 use std::sync::Arc;
 
@@ -29,7 +29,7 @@ use crate::{
     },
 };
 
-/// The lists of a plan, encoded.
+/// Encoded lists of a plan.
 pub(super) struct Encoded {
     pub planes: Vec<layout::AsteroidPlane>,
     pub items: Vec<layout::AsteroidItem>,
@@ -72,7 +72,7 @@ impl Encoded {
     }
 }
 
-/// The plane that a picture or a face is drawn on, as shaders read it.
+/// Encodes the viewport of a plane: a picture, or one face of the cube behind it.
 pub(super) fn encoded_viewport(plan: &AsteroidPlan, plane: &Plane) -> layout::Viewport {
     let viewport = &plan.viewports[plane.viewport];
     match plane.face {

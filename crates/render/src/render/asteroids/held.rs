@@ -1,4 +1,4 @@
-//! What the adapter holds of the fields of a scene, until they change: instances, shapes and meshes.
+//! Buffers of a scene's asteroid fields that stay on the adapter until the fields change: instances, shapes and meshes.
 
 use std::sync::Arc;
 
@@ -23,43 +23,43 @@ use crate::{
     },
 };
 
-/// The fields of a scene on the adapter.
+/// Asteroid fields of a scene on the adapter.
 pub(super) struct Held {
-    of: Vec<(Arc<Instances>, Arc<ShapeSet>)>,
+    sources: Vec<(Arc<Instances>, Arc<ShapeSet>)>,
     pub(super) kinds: Kinds,
     pub(super) instances: wgpu::Buffer,
     pub(super) shapes: wgpu::Buffer,
     pub(super) lods: wgpu::Buffer,
-    /// Projected areas of every shape, over pi.
+    /// Projected area of every shape, divided by pi.
     pub(super) areas: wgpu::Buffer,
-    /// The same of each set.
+    /// The same areas, set by set.
     areas_of_sets: Vec<Vec<f32>>,
     pub(super) meshes: wgpu::Buffer,
     /// Per mesh: number of indices, first index, first vertex.
     mesh_arguments: Vec<[u32; 3]>,
     pub(super) vertices: wgpu::Buffer,
     pub(super) indices: wgpu::Buffer,
-    /// Impostors of every set, and which.
+    /// Impostor atlases of every set, with their method and size.
     atlases: Option<Atlases>,
-    /// Those of sets that fields of a scene before had.
+    /// Areas and atlases of a previous scene, for reuse.
     spare: Option<Spare>,
 }
 
-/// What another scene may use again of shapes: their areas and atlases.
+/// Areas and atlases of shapes that another scene can reuse.
 pub(super) struct Spare {
     areas: Vec<(Arc<ShapeSet>, Vec<f32>)>,
-    /// Of a method and a size.
+    /// Atlases with their method and size.
     atlases: Option<SpareAtlases>,
 }
 
 type SpareAtlases = (ImpostorMethod, [u32; 2], Vec<(Arc<ShapeSet>, ImpostorAtlas)>);
 
-/// Atlases of all sets, in their order, and what they are of.
+/// Atlases of all sets in order, with their method and size.
 struct Atlases {
     method: ImpostorMethod,
     size: [u32; 2],
     atlases: Vec<ImpostorAtlas>,
-    /// The same for squares.
+    /// Bind groups of the atlases for impostors drawn as squares.
     groups: Vec<wgpu::BindGroup>,
 }
 
@@ -67,7 +67,7 @@ impl Held {
     pub(super) fn new(gpu: &Gpu, objects: &SceneObjects, spare: Option<Spare>, ahead: &BakedImpostors) -> Self {
         let fields = objects.fields.iter().map(Arc::as_ref);
         let kinds = Kinds::new(fields);
-        let of = objects.fields.iter().map(|field| (field.instances.clone(), field.shapes.clone())).collect();
+        let sources = objects.fields.iter().map(|field| (field.instances.clone(), field.shapes.clone())).collect();
         let instances = match objects.fields.as_slice() {
             [field] => storage_buffer(gpu, "asteroids", &field.instances.packed),
             fields => {
@@ -76,12 +76,14 @@ impl Held {
                 storage_buffer(gpu, "asteroids", &all)
             }
         };
+        // Projected areas of each set: kept from a previous scene, prepared in advance, or computed now.
         let known = |shapes: &Arc<ShapeSet>| {
-            let mut of = spare.iter().flat_map(|spare| &spare.areas);
-            of.find(|(known, _)| Arc::ptr_eq(known, shapes)).map(|(_, areas)| areas.clone())
+            let mut areas = spare.iter().flat_map(|spare| &spare.areas);
+            areas.find(|(known, _)| Arc::ptr_eq(known, shapes)).map(|(_, areas)| areas.clone())
         };
         let areas_of = |set: &SetKinds| known(&set.shapes).unwrap_or_else(|| ahead.areas_of(&set.shapes));
         let areas_of_sets: Vec<Vec<f32>> = kinds.sets.iter().map(areas_of).collect();
+        // Shapes, levels of detail and meshes of all sets, one after the other.
         let (mut shapes, mut lods, mut meshes) = (Vec::new(), Vec::new(), Vec::new());
         let (mut vertices, mut indices): (Vec<MeshVertex>, Vec<u32>) = (Vec::new(), Vec::new());
         for set in &kinds.sets {
@@ -105,7 +107,7 @@ impl Held {
             }
         }
         Self {
-            of,
+            sources,
             instances,
             shapes: storage_buffer(gpu, "asteroid shapes", &shapes),
             areas: storage_buffer(gpu, "asteroid areas", &areas_of_sets.concat()),
@@ -121,16 +123,19 @@ impl Held {
         }
     }
 
-    /// What is left of it that fields of other scenes may use.
+    /// Keeps the parts that fields of another scene can reuse.
     pub(super) fn into_spare(self) -> Spare {
         let sets: Vec<Arc<ShapeSet>> = self.kinds.sets.iter().map(|set| Arc::clone(&set.shapes)).collect();
-        let of = |Atlases { method, size, atlases, .. }: Atlases| {
+        let without_groups = |Atlases { method, size, atlases, .. }: Atlases| {
             (method, size, sets.iter().cloned().zip(atlases).collect())
         };
-        Spare { atlases: self.atlases.map(of), areas: sets.iter().cloned().zip(self.areas_of_sets).collect() }
+        Spare {
+            atlases: self.atlases.map(without_groups),
+            areas: sets.iter().cloned().zip(self.areas_of_sets).collect(),
+        }
     }
 
-    /// Holds the atlases of a method, until its settings change.
+    /// Makes the atlases of a method, unless those in use have the same method and size.
     pub(super) fn hold_atlases(
         &mut self,
         gpu: &Gpu,
@@ -143,16 +148,16 @@ impl Held {
         if self.atlases.as_ref().is_some_and(|held| held.method == method && held.size == size) {
             return Ok(());
         }
-        // Gone before its successor is made, so that both never exist at once.
+        // Drop the old atlases before their successors are made, so that both never exist at once.
         self.atlases = None;
         let spare = self.spare.take().and_then(|spare| spare.atlases);
-        let of_same = spare.filter(|(of, of_size, _)| (*of, *of_size) == (method, size));
+        let of_same = spare.filter(|(spare_method, spare_size, _)| (*spare_method, *spare_size) == (method, size));
         let mut spare = of_same.map_or(Vec::new(), |(_, _, atlases)| atlases);
         let mut atlases = Vec::new();
         for set in &self.kinds.sets {
             let known = spare.iter().position(|(shapes, _)| Arc::ptr_eq(shapes, &set.shapes));
             let atlas = match known {
-                Some(at) => Some(spare.swap_remove(at).1),
+                Some(index) => Some(spare.swap_remove(index).1),
                 None => ImpostorAtlas::new(gpu, bake, ahead, &set.shapes, method, settings).map_err(Box::new)?,
             };
             atlases.extend(atlas);
@@ -165,12 +170,12 @@ impl Held {
         Ok(())
     }
 
-    /// The atlases of all sets; none if there are no impostors.
+    /// Atlases of all sets; empty if there are no impostors.
     pub(super) fn atlases(&self) -> &[ImpostorAtlas] {
         self.atlases.as_ref().map_or(&[], |held| &held.atlases)
     }
 
-    /// The same as squares bind them; none where none are drawn.
+    /// Bind groups of the atlases for squares; empty if no squares are drawn.
     pub(super) fn atlas_groups(&self) -> &[wgpu::BindGroup] {
         self.atlases.as_ref().map_or(&[], |held| &held.groups)
     }
@@ -180,10 +185,10 @@ impl Held {
         &self.mesh_arguments
     }
 
-    /// Whether these are the instances and shapes of a scene.
+    /// Whether these buffers hold the instances and shapes of `objects`.
     pub(super) fn holds(&self, objects: &SceneObjects) -> bool {
-        self.of.len() == objects.fields.len()
-            && self.of.iter().zip(&objects.fields).all(|((instances, shapes), field)| {
+        self.sources.len() == objects.fields.len()
+            && self.sources.iter().zip(&objects.fields).all(|((instances, shapes), field)| {
                 Arc::ptr_eq(instances, &field.instances) && Arc::ptr_eq(shapes, &field.shapes)
             })
     }

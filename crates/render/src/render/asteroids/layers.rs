@@ -1,4 +1,4 @@
-//! The layers of meshes and impostors: textures that are reused from tile to tile, and what draws into them.
+//! Colour and depth layers of meshes and impostors: textures reused from tile to tile, and the draws into them.
 
 use super::{
     Asteroids,
@@ -17,21 +17,21 @@ use crate::{
     view::projection::Face,
 };
 
-/// Colour and depth of one size, and views of them.
+/// Colour and depth textures of one size, with their views.
 struct Layers {
     size: wgpu::Extent3d,
     colour: wgpu::TextureView,
     depth: wgpu::TextureView,
-    /// Per layer, to draw into.
+    /// One pair of views per layer, for drawing.
     single: Vec<[wgpu::TextureView; 2]>,
 }
 
-/// See the module.
+/// Textures of windows and cube faces.
 pub(super) struct LayerTargets {
     window: Option<Layers>,
     faces: Option<Layers>,
     no_faces: Option<Layers>,
-    /// Whose faces are drawn.
+    /// Viewport whose faces are currently drawn.
     faces_of: Option<usize>,
 }
 
@@ -52,7 +52,7 @@ impl Layers {
                 view_formats: &[],
             })
         };
-        // Splats write colour from a compute pass.
+        // Splats write colours from a compute pass.
         let colour = texture("asteroid colour", ASTEROID_COLOUR, wgpu::TextureUsages::STORAGE_BINDING);
         let depth = texture("asteroid depth", ASTEROID_DEPTH, wgpu::TextureUsages::empty());
         let whole = |texture: &wgpu::Texture| {
@@ -71,7 +71,7 @@ impl Layers {
         Self { size, colour: whole(&colour), depth: whole(&depth), single }
     }
 
-    /// Layers of at least that size; those held if they are large enough.
+    /// Ensures that `held` has at least the given size.
     fn at_least(held: &mut Option<Self>, gpu: &Gpu, [width, height, layers]: [u32; 3], array: bool) {
         let mut size = wgpu::Extent3d { width, height, depth_or_array_layers: layers };
         if let Some(old) = held {
@@ -82,7 +82,7 @@ impl Layers {
                 size.width = width.max(old.size.width);
                 size.height = height.max(old.size.height);
             }
-            // Gone before its successor is made, so that both never exist at once.
+            // Drop the old textures before their successors are made, so that both never exist at once.
             *held = None;
         }
         *held = Some(Self::new(gpu, size, array));
@@ -94,15 +94,15 @@ impl LayerTargets {
         Self { window: None, faces: None, no_faces: None, faces_of: None }
     }
 
-    /// A frame begins: what faces hold is old.
+    /// Begins a frame: invalidates the contents of the faces.
     pub(super) fn begin(&mut self) {
         self.faces_of = None;
     }
 }
 
 impl Asteroids {
-    /// Records meshes and impostors of one tile: onto its window, and onto the faces behind its picture, if they are not there already.
-    /// `None` if nothing is held.
+    /// Records meshes and impostors of one tile: onto its window, and onto the faces behind its picture unless they are
+    /// drawn already. Returns `None` if no fields are held.
     pub(crate) fn record_layers(
         &mut self,
         gpu: &Gpu,
@@ -152,7 +152,7 @@ impl Asteroids {
         })
     }
 
-    /// Draws the lists of a plane, the target cleared before.
+    /// Clears the target and draws the lists of a plane.
     #[expect(clippy::too_many_arguments, reason = "a draw takes its plane, its window and its target")]
     fn draw(
         &mut self,
@@ -165,10 +165,11 @@ impl Asteroids {
         [width, height]: [u32; 2],
         [colour, depth]: &[wgpu::TextureView; 2],
     ) {
-        let of = &plan.planes[plane];
+        // Uniform of the target.
+        let source = &plan.planes[plane];
         let target = layout::AsteroidTarget {
-            viewport: encoded_viewport(plan, of),
-            eye: plan.viewports[of.viewport].eye_offset_m.as_vec3().to_array(),
+            viewport: encoded_viewport(plan, source),
+            eye: plan.viewports[source.viewport].eye_offset_m.as_vec3().to_array(),
             near: NEAR_M as f32,
             plane: plane as u32,
             units_per_cd_m2: plan.luminance_scale.recip() as f32,
@@ -176,6 +177,7 @@ impl Asteroids {
             ..window
         };
         let target = gpu.frame_uniform("asteroid target", &target);
+        // Meshes, and impostors drawn as squares.
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("asteroids"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -224,7 +226,7 @@ impl Asteroids {
         };
         pass.set_viewport(0.0, 0.0, width as f32, height as f32, 0.0, 1.0);
         pass.set_scissor_rect(0, 0, width, height);
-        // Without impostors of a method there are lists of meshes alone.
+        // Without impostors only the mesh lists exist.
         if let Some(impostors) = impostors {
             for (set, atlas) in held.atlas_groups().iter().enumerate() {
                 impostors.record(&mut pass, &draw, held.kinds.impostor_kind(set) as u32, atlas);
@@ -232,6 +234,7 @@ impl Asteroids {
         }
         passes.mesh(gpu).record(&mut pass, &draw, &held.vertices, &held.indices, held.kinds.meshes as u32);
         drop(pass);
+        // Impostors that are splatted.
         let Some(splats) = &plan.splats else { return };
         let lists = SplatLists {
             target: &target,

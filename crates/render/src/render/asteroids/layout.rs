@@ -1,4 +1,4 @@
-//! Structures that the shaders of asteroids read.
+//! Structures that the asteroid shaders read.
 
 use crate::gpu::gpu_structs;
 pub(crate) use crate::render::layout::Viewport;
@@ -6,54 +6,54 @@ pub(crate) use crate::render::layout::Viewport;
 gpu_structs! {
     /// A group of asteroids; see `shaders/asteroids/instance.wgsl`.
     AsteroidItem {
-        /// Its middle minus camera, world axes, m.
+        /// Centre minus camera, world axes, m.
         origin: [f32; 3],
         /// First asteroid in the buffer of all fields.
         first: u32,
-        /// What the rounding of `origin` left, m.
+        /// Rounding error of `origin`, m.
         origin_low: [f32; 3],
         /// Number of asteroids.
         count: u32,
-        /// To the sun, unit vector, world axes.
+        /// Unit vector towards the sun, world axes.
         sun: [f32; 3],
         /// Index of the field.
         field: u32,
         /// Illuminance of a surface that faces the sun, lx.
         illuminance: [f32; 3],
-        /// Bit 0: may hold points; bit 1: may hold shapes.
+        /// Bit 0: may contain points; bit 1: may contain shapes.
         flags: u32,
-        /// Bit set of the viewports that may see it.
+        /// Bit set of the viewports that may show the group.
         viewports: [u32; 2],
-        /// First link to a plane that it may be drawn on.
+        /// First link to a plane on which the group may be drawn.
         first_link: u32,
         /// Number of links.
         link_count: u32,
     }
-    /// A plane that a group may be drawn on.
+    /// Link between a group and a plane on which the group may be drawn.
     AsteroidLink {
         /// Index of the plane.
         plane: u32,
-        /// The group's number among those of the plane.
+        /// Index of the group among the groups of the plane.
         column: u32,
-        /// Of a picture itself: the faces of its cube that the group is linked to, by bits.
+        /// For the plane of a whole picture: bit set of the cube faces that the group is linked to.
         faces: u32,
         /// Padding.
         unused_0: u32,
     }
-    /// What a list of asteroids goes onto: a picture, or a face of the cube behind it.
+    /// Plane that lists of asteroids are drawn on: a picture, or a face of the cube behind it.
     AsteroidPlane {
         /// Index of the viewport.
         view: u32,
         /// Number of the face; 6: the picture itself.
         face: u32,
-        /// First count.
+        /// Index of its first count.
         first_count: u32,
-        /// Groups that are linked to it.
+        /// Number of groups linked to it.
         columns: u32,
     }
     /// A field of asteroids.
     AsteroidField {
-        /// First row of the rotation from the field's axes to world axes; w: m per part of a radius.
+        /// First row of the rotation from the field's axes to world axes; w: metres per radius step.
         world_from_field_x: [f32; 4],
         /// Second row.
         world_from_field_y: [f32; 4],
@@ -63,13 +63,13 @@ gpu_structs! {
         albedo: [f32; 3],
         /// 0: Lambert; 1: Lommel-Seeliger.
         law: u32,
-        /// The moment, in 2^32 parts of the base period.
+        /// Scene time, in units of 2^-32 of the base period.
         time_parts: u32,
         /// First shape.
         first_shape: u32,
         /// Number of shapes.
         shape_count: u32,
-        /// First of the kinds of its meshes.
+        /// Kind of its first mesh.
         first_kind: u32,
         /// Number of its meshes.
         kinds: u32,
@@ -82,16 +82,16 @@ gpu_structs! {
     }
     /// A shape of a field.
     AsteroidShape {
-        /// Kind of its finest mesh; the others follow.
+        /// Kind of its finest mesh; coarser levels follow.
         first_kind: u32,
-        /// Levels of detail.
+        /// Number of levels of detail.
         levels: u32,
-        /// Radius of the sphere that holds it, mean radii.
+        /// Radius of the bounding sphere, mean radii.
         bound: f32,
         /// Padding.
         unused_0: u32,
     }
-    /// A picture as culling and detail see it; see `src/plan/asteroids/views.rs`.
+    /// Picture parameters for culling and level of detail; see `src/plan/asteroids/views.rs`.
     AsteroidView {
         /// First row of the rotation from world to view axes; w: eye minus camera along world x, m.
         view_from_world_x: [f32; 4],
@@ -99,88 +99,88 @@ gpu_structs! {
         view_from_world_y: [f32; 4],
         /// Third row.
         view_from_world_z: [f32; 4],
-        /// Normals of the left and right edge's planes: x and z of each.
+        /// Normals of the planes of the left and right edges: x and z of each.
         edges_x: [f32; 4],
-        /// Normals of the lower and upper edge's planes: y and z of each.
+        /// Normals of the planes of the lower and upper edges: y and z of each.
         edges_y: [f32; 4],
-        /// Sine of half the angle of the cone that holds the picture.
+        /// Sine of the half-angle of the cone that contains the picture.
         cone_sine: f32,
-        /// Its cosine.
+        /// Cosine of the half-angle.
         cone_cosine: f32,
         /// 0: flat; 1: round; 2: longitude and latitude.
         kind: u32,
-        /// First entry of its table.
+        /// Index of the first entry of its table.
         first_entry: u32,
-        /// Distance of the eyes, m.
+        /// Distance between the eyes, m.
         impostor_eyes: f32,
-        /// Where impostors begin; negative: nowhere.
+        /// Linear coefficient of the distance at which impostors begin; negative: no impostors.
         impostor_linear: f32,
-        /// See there.
+        /// Exponent of that distance.
         impostor_exponent: f32,
-        /// Factor on distances.
+        /// Quality factor on distances.
         quality: f32,
-        /// 1: only the finest mesh.
+        /// 1: use only the finest mesh.
         finest_only: u32,
-        /// The view whose classes hold for this one: the other eye's, or this one itself.
+        /// View whose class decisions apply to this view: the other eye's, or this view itself.
         class_view: u32,
         /// Padding.
         unused_0: u32,
         /// Padding.
         unused_1: u32,
     }
-    /// An asteroid in a list.
+    /// Entry of a list of asteroids.
     AsteroidEntry {
         /// Index in the buffer of all fields.
         instance: u32,
-        /// Its group; bit 31: on the other side of the seam.
+        /// Its group; bit 31: beyond the seam.
         item: u32,
-        /// How it fades; see `faded` in `shaders/asteroids/listed.wgsl`.
+        /// Cross-fade; see `faded` in `shaders/asteroids/listed.wgsl`.
         fade: f32,
     }
-    /// Parameters of culling asteroids.
+    /// Parameters of asteroid culling.
     AsteroidCullParameters {
         /// Number of groups.
         items: u32,
         /// Workgroups per row of the dispatch.
         row: u32,
-        /// Kinds of lists per plane.
+        /// Number of lists per plane.
         kinds: u32,
         /// Number of lists.
         buckets: u32,
-        /// Entries that the lists have room for.
+        /// Capacity of the lists, entries.
         capacity: u32,
-        /// Kinds that are meshes.
+        /// Number of lists per plane that hold meshes.
         mesh_kinds: u32,
-        /// Workgroups along a row where impostors are splatted; 0: they are drawn.
+        /// Workgroups per row of the dispatch if impostors are splatted; 0: they are drawn as squares.
         splat_row: u32,
-        /// Impostors per workgroup there.
+        /// Impostors per workgroup if they are splatted.
         splats_per_workgroup: u32,
     }
-    /// Samples that impostors are splatted onto at once; see `shaders/asteroids/impostors/splat_band.wgsl`.
+    /// Band of samples that impostors are splatted onto at once; see `shaders/asteroids/impostors/splat_band.wgsl`.
     SplatBand {
         /// Samples in a row.
         width: u32,
-        /// First of the rows.
+        /// First row.
         first_row: u32,
-        /// Their number.
+        /// Number of rows.
         rows: u32,
-        /// Blocks of samples in a row of them.
+        /// Blocks of samples per row.
         blocks: u32,
     }
-    /// What impostors are splatted onto; see `shaders/asteroids/impostors/footprint.wgsl`.
+    /// Target of splatted impostors; see `shaders/asteroids/impostors/footprint.wgsl`.
     SplatTarget {
-        /// The samples.
+        /// Band of samples.
         band: SplatBand,
-        /// First word of the list's arguments.
+        /// Index of the first word of the list's arguments.
         arguments: u32,
-        /// 0: depths are found; 1: whose they are; 2: samples are lit.
+        /// 0: find depths; 1: find owners; 2: light samples.
         stage: u32,
-        /// Factor on distances of detail.
+        /// Quality factor on distances of detail.
         quality: f32,
-        /// Greatest error of the direction of the nearest tile, rad.
+        /// Greatest angle between the view direction and the direction of the nearest tile, rad.
         tile_error_rad: f32,
     }
-    /// Parameters of the pass over asteroids that are points.
+    /// Parameters of the pass over asteroids drawn as points.
     AsteroidPointParameters {
         /// Fixed-point units per lux.
         units_per_lx: f32,
@@ -188,20 +188,20 @@ gpu_structs! {
         items: u32,
         /// Workgroups per row of the dispatch.
         row: u32,
-        /// Tiles of the batch.
+        /// Number of tiles of the batch.
         tiles: u32,
     }
-    /// What asteroids are drawn onto; see `shaders/asteroids/listed.wgsl`.
+    /// Target that asteroids are drawn onto; see `shaders/asteroids/listed.wgsl`.
     AsteroidTarget {
-        /// The picture, or the face.
+        /// Viewport of the picture or of the cube face.
         viewport: Viewport,
         /// Eye minus camera, world axes, m.
         eye: [f32; 3],
-        /// Distance of depth 1, m.
+        /// Distance at depth 1, m.
         near: f32,
         /// First row of the window, pixels.
         first_row: u32,
-        /// Its rows, pixels.
+        /// Number of rows of the window, pixels.
         rows: u32,
         /// Samples along each side of a pixel.
         samples: u32,
@@ -209,16 +209,16 @@ gpu_structs! {
         plane: u32,
         /// Units of the target per cd/m^2.
         units_per_cd_m2: f32,
-        /// Kinds of lists per plane.
+        /// Number of lists per plane.
         kinds: u32,
         /// Padding.
         unused_0: u32,
         /// Padding.
         unused_1: u32,
     }
-    /// Which list a draw takes.
+    /// List that a draw reads.
     AsteroidBucket {
-        /// Its kind.
+        /// Kind of the list.
         kind: u32,
         /// Padding.
         unused_0: u32,
@@ -227,11 +227,11 @@ gpu_structs! {
         /// Padding.
         unused_2: u32,
     }
-    /// What given asteroids are drawn onto; see `shaders/asteroids/impostors/given.wgsl`.
+    /// Target of the impostor probe; see `shaders/asteroids/impostors/given.wgsl`.
     GivenTarget {
-        /// The picture.
+        /// Viewport of the picture.
         viewport: Viewport,
-        /// Distance of depth 1, m.
+        /// Distance at depth 1, m.
         near: f32,
         /// Padding.
         unused_0: u32,
@@ -240,9 +240,9 @@ gpu_structs! {
         /// Padding.
         unused_2: u32,
     }
-    /// An asteroid that is given by itself.
+    /// Single asteroid of the impostor probe.
     GivenAsteroid {
-        /// Its middle relative to the eye, view axes, m.
+        /// Centre relative to the eye, view axes, m.
         centre: [f32; 3],
         /// Mean radius, m.
         radius: f32,
@@ -258,7 +258,7 @@ gpu_structs! {
         view_from_shape_z: [f32; 3],
         /// Padding.
         unused_0: u32,
-        /// To the sun, unit vector, view axes.
+        /// Unit vector towards the sun, view axes.
         sun: [f32; 3],
         /// Padding.
         unused_1: u32,
@@ -273,9 +273,9 @@ gpu_structs! {
         tiles: u32,
         /// Texels along a side of a tile.
         tile_px: u32,
-        /// Mip levels.
+        /// Number of mip levels.
         levels: u32,
-        /// Factor on the albedo that is stored as 1.
+        /// Albedo factor that is stored as 1.
         albedo_scale: f32,
     }
     /// Parameters of baking a block of an atlas; see `shaders/asteroids/impostors/bake_block.wgsl`.
@@ -286,24 +286,24 @@ gpu_structs! {
         scale: f32,
         /// Radius of the bounding sphere, mean radii.
         bound: f32,
-        /// Factor on the albedo that is stored as 1.
+        /// Albedo factor that is stored as 1.
         albedo_scale: f32,
     }
-    /// A tile of the block.
+    /// Tile of the block.
     ImpostorBakeTile {
-        /// To the right of the picture, shape's axes.
+        /// Right direction of the picture, shape's axes.
         right: [f32; 3],
         /// Padding.
         unused_0: f32,
-        /// To its top.
+        /// Up direction of the picture.
         up: [f32; 3],
         /// Padding.
         unused_1: f32,
-        /// Towards the eye.
+        /// Direction towards the eye.
         direction: [f32; 3],
         /// Padding.
         unused_2: f32,
-        /// Its middle on the block, samples.
+        /// Centre on the block, samples.
         middle: [f32; 2],
         /// Padding.
         unused_3: [f32; 2],

@@ -1,4 +1,4 @@
-//! Lists that the CPU has made, in the form in which culling on the adapter leaves them; and what counts say.
+//! Uploads CPU-made lists in the layout that culling on the adapter writes, and evaluates counts.
 
 use super::{AsteroidCounts, FrameBuffers, held::Held};
 use crate::render::constants::asteroid_lists::{IMPOSTOR_VERTICES, SEAM_BIT};
@@ -14,7 +14,7 @@ use crate::{
     render::asteroids::layout,
 };
 
-/// Uploads lists, their places, totals and arguments.
+/// Uploads lists, their offsets, totals and draw arguments.
 pub(super) fn upload_lists(
     gpu: &Gpu,
     plan: &AsteroidPlan,
@@ -29,13 +29,13 @@ pub(super) fn upload_lists(
     let (mut bases, mut arguments) = (Vec::new(), Vec::new());
     let meshes = held.mesh_arguments();
     for plane in &plan.planes {
-        let of = &found[plane.viewport];
-        let lists = &of.lists[plane.face.map_or(WHOLE_PICTURE, |face| face as usize)];
+        let lists_of_viewport = &found[plane.viewport];
+        let lists = &lists_of_viewport.lists[plane.face.map_or(WHOLE_PICTURE, |face| face as usize)];
         for kind in 0..kinds {
             let list = lists.get(kind).map_or(&[][..], Vec::as_slice);
             bases.push(entries.len() as u32);
             let count = list.len() as u32;
-            let seen = if plane.face.is_none() { of.seen as u32 } else { 0 };
+            let seen = if plane.face.is_none() { lists_of_viewport.seen as u32 } else { 0 };
             totals.push(if kind == kinds - 1 { seen } else { count });
             let [indices, first_index, first_vertex] = meshes.get(kind).copied().unwrap_or([IMPOSTOR_VERTICES, 0, 0]);
             if splats_per_workgroup > 0 && kind >= plan.numbers.meshes {
@@ -58,7 +58,7 @@ pub(super) fn upload_lists(
     buffers.arguments.upload(gpu, &arguments);
 }
 
-/// What the totals of all lists say of each of `views` views.
+/// Computes the asteroid counts of each of `views` views from the totals of all lists.
 pub(super) fn counts_of(
     plan: &AsteroidPlan,
     totals: &[u32],

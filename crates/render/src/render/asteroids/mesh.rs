@@ -1,20 +1,20 @@
-//! Meshes of asteroids: one indirect draw per mesh and plane, with the list that culling wrote. Shaders:
+//! Draws asteroid meshes: one indirect draw per mesh and plane, with the list written by culling. Shaders:
 //! `shaders/asteroids/mesh*.wgsl`.
 
 use super::raster::{AsteroidDraw, AsteroidPipeline};
 use crate::gpu::Gpu;
 use crate::render::shader::Shader;
 
-/// The pass.
+/// Draw pass of meshes.
 pub(crate) struct AsteroidMeshPass {
     pipeline: wgpu::RenderPipeline,
 }
 
-/// A vertex of a mesh: place (mean radii), normal, factor on the albedo.
+/// Vertex of a mesh: position (mean radii), normal, factor on the albedo.
 pub(crate) type MeshVertex = [f32; 7];
 
 impl AsteroidMeshPass {
-    /// A pass whose group 0 has that layout.
+    /// Creates the pass; `group` is the layout of group 0.
     pub(crate) fn new(gpu: &Gpu, group: &wgpu::BindGroupLayout) -> Self {
         let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32];
         let buffer = wgpu::VertexBufferLayout {
@@ -29,7 +29,7 @@ impl AsteroidMeshPass {
         };
         let shaders = [&Shader::new("asteroids/mesh").source(), &Shader::new("asteroids/mesh_shade").source()];
         let (groups, buffers) = ([Some(group)], [Some(buffer)]);
-        let of = AsteroidPipeline {
+        let pipeline = AsteroidPipeline {
             shaders,
             constants: &[],
             groups: Some(&groups),
@@ -37,7 +37,7 @@ impl AsteroidMeshPass {
             primitive,
             colour: true,
         };
-        Self { pipeline: of.make(gpu) }
+        Self { pipeline: pipeline.make(gpu) }
     }
 
     /// Records the draws of all meshes onto one plane.

@@ -1,7 +1,8 @@
-//! Fields of asteroids in a frame: what the adapter holds of them, culling for all pictures at once, and the layers of meshes and impostors
-//! that the geometry pass reads, tile by tile.
+//! Asteroid fields in a frame: resident buffers, culling for all pictures at once, and the layers of meshes and
+//! impostors that the geometry pass reads tile by tile.
 //!
-//! Culling is recorded once per frame, layers once per tile, points once per batch; the counts come back after the frame.
+//! Culling is recorded once per frame, layers once per tile, points once per batch. The counts are read back after the
+//! frame.
 
 mod cull;
 mod encode;
@@ -53,30 +54,31 @@ use crate::{
     scene::SceneObjects,
 };
 
-/// Names of what is counted: totals of the lists, and points.
+/// Names of the counts read back: totals of the lists, points, and hidden impostors.
 const TOTALS: &str = "asteroid totals";
 const POINTS: &str = "asteroid points";
 const HIDDEN: &str = "asteroids hidden";
 
-/// Asteroids of a view, by what they are drawn as. One that is between two classes counts in both.
+/// Asteroids of a view, by the form they are drawn in. An asteroid that fades between two forms counts in both.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct AsteroidCounts {
-    /// Drawn as meshes, by level of detail, the finest first; on faces of a cube behind the picture once per face.
+    /// Drawn as meshes, by level of detail, the finest first. A mesh on faces of the cube behind the picture counts
+    /// once per face.
     pub meshes: Vec<u64>,
-    /// Drawn as impostors, likewise.
+    /// Drawn as impostors, counted like meshes.
     pub impostors: u64,
-    /// Impostors among them, with their middle in the picture, of which no sample is seen: nearer asteroids hide them, or they fall between
-    /// samples. They are not lit. Of `octahedral_splat` alone.
+    /// Impostors with their centre in the picture and no visible sample: hidden by nearer asteroids, or between
+    /// samples. They are not lit. Counted for `octahedral_splat` only.
     pub hidden: u64,
     /// Drawn as points.
     pub points: u64,
-    /// Part of points of light that stand for whole groups.
+    /// Represented by points of light that combine whole groups.
     pub unresolved: u64,
-    /// Not seen: outside of every picture of the view, and of the margin around it that points reach over.
+    /// Outside every picture of the view, including the margin that points reach over.
     pub culled: u64,
 }
 
-/// Passes and what they need.
+/// Lazily created passes and their shared layout.
 struct Passes {
     cull: OnceLock<AsteroidCullPass>,
     mesh: OnceLock<AsteroidMeshPass>,
@@ -124,7 +126,7 @@ impl Passes {
         self.bake.get_or_init(|| ImpostorBakePass::new(gpu))
     }
 
-    /// The pass of a method that draws squares; `None` for others.
+    /// Returns the pass of a method that draws squares; `None` for other methods.
     fn impostors(&self, gpu: &Gpu, method: ImpostorMethod) -> Option<AsteroidImpostorPass> {
         if method == ImpostorMethod::OctahedralSplat {
             return None;
@@ -134,7 +136,7 @@ impl Passes {
     }
 }
 
-/// Buffers that are filled anew every frame.
+/// Buffers that are refilled every frame.
 struct FrameBuffers {
     items: GrowingBuffer,
     links: GrowingBuffer,
@@ -148,22 +150,23 @@ struct FrameBuffers {
     entries: GrowingBuffer,
     arguments: GrowingBuffer,
     drawn_points: GrowingBuffer,
-    /// Per plane the impostors that nearer ones hide; then of every entry of the list at hand whether a sample of it may be seen.
+    /// Number of impostors hidden by nearer ones, per plane; then, for every entry of the current list, whether any of
+    /// its samples may be visible.
     still_seen: GrowingBuffer,
-    /// Samples that impostors are splatted onto.
+    /// Sample buffer of splatted impostors.
     samples: GrowingBuffer,
     /// One uniform per kind of list.
     kinds: Option<(wgpu::Buffer, u32)>,
 }
 
-/// See the module.
+/// Asteroid technique.
 pub(super) struct Asteroids {
     held: Option<Held>,
-    /// Atlases that are baked already.
+    /// Atlases baked in advance.
     ahead: BakedImpostors,
-    /// Each made when it is first asked for.
+    /// Each pass is created on first use.
     passes: Passes,
-    /// Of the method in use.
+    /// Pass of the current method, if it draws squares.
     impostors: Option<AsteroidImpostorPass>,
     buffers: FrameBuffers,
     targets: LayerTargets,
@@ -205,7 +208,7 @@ impl Asteroids {
         }
     }
 
-    /// Holds the fields of a scene on the adapter, until their instances or shapes are others.
+    /// Uploads the fields of a scene, unless their instances and shapes are already on the adapter.
     fn hold_fields(
         &mut self,
         gpu: &Gpu,
@@ -213,7 +216,8 @@ impl Asteroids {
         settings: &AsteroidSettings,
     ) -> Result<(), RenderError> {
         if self.held.as_ref().is_none_or(|held| !held.holds(objects)) {
-            // Gone before its successor is made, so that both never exist at once; but for what is of use to that.
+            // Drop the old buffers before their successors are made, so that both never exist at once; keep only the
+            // reusable parts.
             let spare = self.held.take().map(Held::into_spare);
             self.held = Some(Held::new(gpu, objects, spare, &self.ahead));
         }
@@ -228,7 +232,7 @@ impl Asteroids {
         Ok(())
     }
 
-    /// Records culling for all pictures, unless the lists have come from the CPU.
+    /// Records culling for all pictures, unless the CPU has made the lists.
     fn record_cull(
         &mut self,
         gpu: &Gpu,
@@ -277,12 +281,12 @@ impl Asteroids {
         self.passes.cull(gpu).record(gpu, &mut pass, numbers, &cull);
     }
 
-    /// Impostors per workgroup where they are splatted; 0 where they are not.
+    /// Impostors per workgroup if they are splatted; 0 otherwise.
     fn splats_per_workgroup(&self, gpu: &Gpu, plan: &AsteroidPlan) -> u32 {
         plan.splats.map_or(0, |_| self.passes.splats(gpu).per_workgroup)
     }
 
-    /// Uploads a plan.
+    /// Uploads the encoded plan.
     fn upload(&mut self, gpu: &Gpu, plan: &AsteroidPlan, objects: &SceneObjects) {
         let per_workgroup = self.splats_per_workgroup(gpu, plan);
         let Some(held) = &self.held else { return };
@@ -314,7 +318,7 @@ impl Asteroids {
         }
     }
 
-    /// Records asteroids that are points into the sums of one batch.
+    /// Records asteroids drawn as points into the sums of one batch.
     fn record_points(
         &mut self,
         gpu: &Gpu,
@@ -341,7 +345,7 @@ impl Asteroids {
         self.passes.points(gpu).record(gpu, pass, range, sums, tiles, &points);
     }
 
-    /// Records the copy of the counts.
+    /// Records the copy of the counts into the readback buffer.
     fn copy_counts(
         &mut self,
         gpu: &Gpu,
@@ -372,22 +376,22 @@ impl Technique for Asteroids {
             PipelineJob::new("asteroids", move || {
                 passes.mesh(gpu);
             }),
-            PipelineJob::new("asteroids that are points", move || {
+            PipelineJob::new("asteroid points", move || {
                 passes.points(gpu);
             }),
         ];
         if settings.culling == Culling::Gpu {
-            jobs.push(PipelineJob::new("culling of asteroids", move || {
+            jobs.push(PipelineJob::new("asteroid culling", move || {
                 passes.cull(gpu);
             }));
         }
         let method = settings.impostor.chosen();
         if !settings.finest_only && method != ImpostorMethod::None {
             jobs.push(match method {
-                ImpostorMethod::OctahedralSplat => PipelineJob::new("splats of impostors", move || passes.splats(gpu)),
+                ImpostorMethod::OctahedralSplat => PipelineJob::new("impostor splats", move || passes.splats(gpu)),
                 squares => PipelineJob::new("impostors", move || passes.impostors(gpu, squares)),
             });
-            jobs.push(PipelineJob::new("baking of impostors", move || {
+            jobs.push(PipelineJob::new("impostor baking", move || {
                 passes.bake(gpu);
             }));
         }
@@ -460,7 +464,7 @@ impl Technique for Asteroids {
     }
 }
 
-/// The counts of each of `views` views.
+/// Reads the counts of each of `views` views.
 fn read_counts(
     gpu: &Gpu,
     readback: &mut ReadbackBuffer,
@@ -468,9 +472,9 @@ fn read_counts(
     plan: &AsteroidPlan,
     views: usize,
 ) -> Result<Vec<AsteroidCounts>, RenderError> {
-    let mut words = |name: &str| match places.counts.iter().find(|(of, ..)| *of == name) {
+    let mut words = |name: &str| match places.counts.iter().find(|(count_name, ..)| *count_name == name) {
         Some((_, place, count)) => readback.read::<u32>(gpu, *place, *count).map_err(RenderError::from),
-        None => unreachable!("asteroids are counted in every frame that has any"),
+        None => unreachable!("every frame with asteroids counts them"),
     };
     let (totals, points, hidden) = (words(TOTALS)?, words(POINTS)?, words(HIDDEN)?);
     if u64::from(totals[0]) > plan.capacity {
@@ -480,20 +484,20 @@ fn read_counts(
     Ok(counts_of(plan, &totals[1..], &points, &hidden, views))
 }
 
-/// Bytes that the counts need in the readback buffer.
+/// Size of the counts in the readback buffer, bytes.
 fn count_bytes(plan: &AsteroidPlan) -> u64 {
     4 * (totals_of(plan) + POINT_COUNTS + plan.planes.len()) as u64 + 64
 }
 
-/// Words of the totals of all lists.
+/// Number of words of the totals of all lists.
 fn totals_of(plan: &AsteroidPlan) -> usize {
     1 + plan.planes.len() * plan.kinds as usize
 }
 
-/// Counts of the pass over points: per viewport points, and those of groups that hold nothing else.
+/// Number of counts of the point pass: points per viewport, then asteroids of point-only groups per viewport.
 const POINT_COUNTS: usize = 2 * MAX_VIEWPORTS;
 
-/// Bytes between the uniforms of two kinds.
+/// Stride between the uniforms of two kinds, bytes.
 fn kind_stride(gpu: &Gpu) -> u32 {
     gpu.device.limits().min_uniform_buffer_offset_alignment.max(size_of::<layout::AsteroidBucket>() as u32)
 }

@@ -1,4 +1,4 @@
-//! Asteroids that are points, splatted as stars are. Shader: `shaders/asteroids/points.wgsl`.
+//! Splats asteroids drawn as points, like stars. Shader: `shaders/asteroids/points.wgsl`.
 
 use crate::{
     gpu::{Gpu, bind_in_order, dispatch_rows},
@@ -10,15 +10,15 @@ use crate::{
     },
 };
 
-/// The pass.
+/// Pipeline of the point pass.
 pub(crate) struct AsteroidPointPass {
     pipeline: wgpu::ComputePipeline,
 }
 
-/// What it reads of asteroids, and where it counts.
+/// Asteroid buffers that the pass reads, and the buffer of counts.
 pub(crate) struct AsteroidPoints<'a> {
     pub items: &'a wgpu::Buffer,
-    /// How many items.
+    /// Number of groups.
     pub count: u32,
     pub instances: &'a wgpu::Buffer,
     pub fields: &'a wgpu::Buffer,
@@ -27,7 +27,7 @@ pub(crate) struct AsteroidPoints<'a> {
     pub views: &'a wgpu::Buffer,
     pub tables: &'a wgpu::Buffer,
     pub areas: &'a wgpu::Buffer,
-    /// Points seen, one count per viewport (64 of them), then those of groups that hold nothing but points.
+    /// Visible points per viewport (64 counts), then visible asteroids of groups that contain only points.
     pub drawn: &'a wgpu::Buffer,
 }
 

@@ -1,17 +1,17 @@
-//! What meshes and impostors share: the lists that they draw, the formats that they draw onto, and their pipelines.
+//! Shared by meshes and impostors: the lists they draw, the target formats, and their pipelines.
 
 use crate::gpu::{Gpu, ShaderSource};
 
-/// Lists of asteroids for one plane, as the passes that draw them bind them: `group` is group 0 of `shaders/asteroids/listed.wgsl`, whose
-/// dynamic offset is the kind times `kind_stride`; `arguments` are five words per list.
+/// Lists of asteroids for one plane. `group` is group 0 of `shaders/asteroids/listed.wgsl`; its dynamic offset is the
+/// kind times `kind_stride`. `arguments` holds five words per list.
 pub(crate) struct AsteroidDraw<'a> {
-    /// Bindings of the plane.
+    /// Bind group of the plane.
     pub group: &'a wgpu::BindGroup,
-    /// Bytes between the kinds' uniforms.
+    /// Stride between the uniforms of two kinds, bytes.
     pub kind_stride: u32,
-    /// Arguments of all lists.
+    /// Indirect draw arguments of all lists.
     pub arguments: &'a wgpu::Buffer,
-    /// First list of the plane.
+    /// Index of the plane's first list.
     pub first_list: u64,
 }
 
@@ -22,15 +22,15 @@ impl AsteroidDraw<'_> {
     }
 }
 
-/// Bytes of the arguments of one draw.
+/// Size of the arguments of one draw, bytes.
 pub(crate) const ASTEROID_ARGUMENT_BYTES: u64 = 20;
 
-/// Format of what asteroids are drawn onto.
+/// Colour format that asteroids are drawn in.
 pub(crate) const ASTEROID_COLOUR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
-/// Format of their depth: greater is nearer.
+/// Depth format of asteroids: greater values are nearer.
 pub(crate) const ASTEROID_DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
-/// Group 0 of every pass that draws asteroids.
+/// Layout of group 0 of every pass that draws asteroids.
 pub(crate) fn asteroid_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     let uniform = |dynamic: bool| wgpu::BindingType::Buffer {
         ty: wgpu::BufferBindingType::Uniform,
@@ -58,24 +58,24 @@ pub(crate) fn asteroid_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
         .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("asteroids"), entries: &entries })
 }
 
-/// A pipeline that draws asteroids.
+/// Description of a render pipeline that draws asteroids.
 pub(crate) struct AsteroidPipeline<'a> {
-    /// Vertices and fragments.
+    /// Vertex shader and fragment shader.
     pub shaders: [&'a ShaderSource; 2],
-    /// Values of the overridable constants of both.
+    /// Values of the overridable constants of both shaders.
     pub constants: &'a [(&'a str, f64)],
-    /// Bind groups, the first that of [`asteroid_layout`]; `None`: those that the shaders imply.
+    /// Bind group layouts, the first from [`asteroid_layout`]; `None`: derived from the shaders.
     pub groups: Option<&'a [Option<&'a wgpu::BindGroupLayout>]>,
-    /// Vertices.
+    /// Vertex buffer layouts.
     pub buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
-    /// What they make up.
+    /// Primitive state.
     pub primitive: wgpu::PrimitiveState,
-    /// Whether colour is written, or depth alone.
+    /// Whether colour is written in addition to depth.
     pub colour: bool,
 }
 
 impl AsteroidPipeline<'_> {
-    /// Makes it.
+    /// Creates the pipeline.
     pub(crate) fn make(self, gpu: &Gpu) -> wgpu::RenderPipeline {
         let Self { shaders: [vertex, fragment], constants, groups, buffers, primitive, colour } = self;
         let module = |source: &ShaderSource| {

@@ -1,4 +1,5 @@
-//! Lists of the adapter against those of f64, and rastered spheres against closed forms, read back from buffers and layers.
+//! Compares lists of the adapter with f64 lists, and rasterised spheres with closed forms, read back from buffers and
+//! layers.
 
 mod lists;
 mod points;
@@ -19,14 +20,14 @@ use crate::{
     view::{Rig, View, ViewKind, Viewport, projection::FisheyeMapping},
 };
 
-/// Around pictures.
+/// Margin around pictures, pixels.
 const MARGIN_PX: f64 = 2.0;
 
 fn gpu() -> Gpu {
     Gpu::open(&GpuOptions::default()).expect("tests need a Vulkan adapter; `make test` installs the software one")
 }
 
-/// A sphere out of an icosahedron whose faces are halved `halvings` times.
+/// Sphere made from an icosahedron by halving the edges of its faces `halvings` times.
 fn sphere(halvings: u32) -> Mesh {
     let t = (1.0 + 5.0_f64.sqrt()) / 2.0;
     let corner = |x: f64, y: f64, z: f64| DVec3::new(x, y, z).normalize();
@@ -78,18 +79,18 @@ fn sphere(halvings: u32) -> Mesh {
 
 fn lod(halvings: u32) -> Lod {
     let mesh = sphere(halvings);
-    let at = |i: u32| DVec3::from_array(mesh.positions[i as usize].map(f64::from));
+    let position = |i: u32| DVec3::from_array(mesh.positions[i as usize].map(f64::from));
     let mut error = 0.0_f64;
     let mut longest_edge = 0.0_f64;
     for [a, b, c] in &mesh.triangles {
-        let (a, b, c) = (at(*a), at(*b), at(*c));
+        let (a, b, c) = (position(*a), position(*b), position(*c));
         error = error.max(1.0 - ((a + b + c) / 3.0).length());
         longest_edge = longest_edge.max(a.distance(b)).max(b.distance(c)).max(c.distance(a));
     }
     Lod { mesh, error, longest_edge }
 }
 
-/// Spheres at three levels of detail, and another shape of two.
+/// A sphere with three levels of detail, and another shape with two.
 fn shapes() -> Arc<ShapeSet> {
     let finest = Lod { error: 0.0, ..lod(4) };
     let shape = |levels: Vec<Lod>| Shape { lods: levels, bound: 1.0 };
@@ -126,7 +127,7 @@ fn packed(offset: DVec3, radius_share: f64, shape: u32, random: &mut Random) -> 
     }
 }
 
-/// A tree over asteroids in the order in which they come: (place in the field, radius, shape).
+/// Builds a tree over asteroids in the given order: (position in the field, radius, shape).
 fn instances(asteroids: &[(DVec3, f64, u32)], seed: u64) -> Arc<Instances> {
     let mut random = Random(seed);
     let largest_m = asteroids.iter().map(|asteroid| asteroid.1).fold(0.0, f64::max);
@@ -209,7 +210,7 @@ fn viewports(kinds: &[(&str, ViewKind)], orientation: DQuat) -> Vec<Viewport> {
     Rig::new(kinds.iter().enumerate().map(view).collect()).unwrap().viewports(orientation)
 }
 
-/// What runs a plan and reads buffers and textures back.
+/// Runs a plan and reads buffers and textures back.
 struct Bench {
     gpu: Gpu,
     asteroids: Asteroids,
@@ -260,7 +261,7 @@ impl Bench {
         self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
     }
 
-    /// Submits, and gives the values of buffers.
+    /// Submits the encoder and returns the contents of buffers.
     fn read<T: bytemuck::Pod>(
         &self,
         mut encoder: wgpu::CommandEncoder,

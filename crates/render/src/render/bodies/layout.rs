@@ -3,23 +3,23 @@
 use crate::gpu::gpu_structs;
 
 gpu_structs! {
-    /// An ellipsoid as an eye sees it; see `shaders/shared/ellipsoid.wgsl`.
+    /// Ellipsoid in the frame of a view; see `shaders/shared/ellipsoid.wgsl`.
     ViewBody {
         /// First row of the map from view axes, in units of `distance_m`, to the body's axes, in semi-axes.
         unit_from_view_x: [f32; 3],
-        /// How far the middle is, m over the length of `centre`.
+        /// Distance of the centre, m per length of `centre`.
         distance_m: f32,
         /// Second row.
         unit_from_view_y: [f32; 3],
-        /// 1: `centre` is a tangent of a flat picture; 0: a unit vector.
+        /// 1: `centre` is a point on the plane of a flat picture; 0: a unit vector.
         on_plane: u32,
         /// Third row.
         unit_from_view_z: [f32; 3],
         /// 1 / smallest semi-axis, 1/m.
         inverse_smallest: f32,
-        /// Direction of the middle, view axes.
+        /// Direction of the body's centre, view axes.
         centre: [f32; 3],
-        /// Share of its light that is drawn as a disc.
+        /// Share of the body's light that is drawn as a disc.
         part: f32,
         /// `centre` in the body's axes.
         unit_centre: [f32; 3],
@@ -29,40 +29,40 @@ gpu_structs! {
         reflectance: [f32; 3],
         /// Linear limb darkening.
         limb_darkening: f32,
-        /// Luminance of its own, cd/m^2.
+        /// Emitted luminance, cd/m^2.
         emission: [f32; 3],
-        /// First of the suns that shine on it.
+        /// First of the suns that illuminate the body.
         first_sun: u32,
-        /// How many do.
+        /// Number of those suns.
         sun_count: u32,
-        /// First word of its texture, or the greatest number.
+        /// First word of the body's texture, or `NO_TEXTURE`.
         texture: u32,
         /// Width and height of the texture.
         texture_size: [u32; 2],
-        /// Luminance of its rings over what they reflect, or mean luminance of the disc by which its corona is measured, cd/m^2.
+        /// Rings: luminance divided by their reflectance. Corona: mean luminance of the disc that scales it. In cd/m^2.
         around_light: [f32; 3],
-        /// What is around it: one of `AROUND_...`.
+        /// Surroundings of the body: one of `AROUND_...`.
         around: u32,
-        /// Unit vector to the first sun, body's axes.
+        /// Unit vector towards the first sun, body's axes.
         to_sun: [f32; 3],
-        /// Semi-axis along the pole over that of the equator.
+        /// Polar semi-axis divided by the equatorial one.
         flattening: f32,
-        /// Unit vector to the middle, view axes.
+        /// Unit vector towards the body's centre, view axes.
         towards: [f32; 3],
-        /// Chord beyond which no pixel shows anything of it.
+        /// Chord beyond which no pixel shows any part of the body.
         reach: f32,
     }
-    /// Light that falls on a body; see `shaders/bodies/rays.wgsl`.
+    /// Light of one sun on a body; see `shaders/bodies/rays.wgsl`.
     BodySun {
-        /// Unit vector towards it, view axes.
+        /// Unit vector towards the sun, view axes.
         direction: [f32; 3],
-        /// Radius of what casts a shadow, in the body's largest semi-axis; 0: nothing does.
+        /// Radius of the shadow caster, in units of the body's largest semi-axis; 0: no shadow.
         occluder_radius: f32,
         /// Illuminance, lx.
         illuminance: [f32; 3],
         /// Angular radius of the sun, rad.
         sun_radius: f32,
-        /// Middle of what casts the shadow, body's axes, in its largest semi-axis.
+        /// Centre of the shadow caster, body's axes, in units of the body's largest semi-axis.
         occluder: [f32; 3],
         /// Padding.
         unused_0: u32,
@@ -70,11 +70,11 @@ gpu_structs! {
         to_sun: [f32; 3],
         /// Padding.
         unused_1: u32,
-        /// Semi-axes in the largest one.
+        /// The body's semi-axes divided by the largest one.
         shape: [f32; 3],
         /// Padding.
         unused_2: u32,
-        /// Share of light that arrives in the umbra.
+        /// Share of the light that refraction brings into the umbra.
         refracted: [f32; 3],
         /// Padding.
         unused_3: u32,
@@ -106,9 +106,9 @@ gpu_structs! {
         count: u32,
         /// Invocations per row of the dispatch.
         per_row: u32,
-        /// Fainter light is left to other sums, lx.
+        /// Faintest light in these sums, lx; other sums take fainter light.
         faintest_lx: f32,
-        /// Brighter light too, lx.
+        /// Limit above which other sums take the light, lx.
         brightest_lx: f32,
         /// Padding.
         unused_0: u32,
@@ -117,15 +117,15 @@ gpu_structs! {
         /// Padding.
         unused_2: u32,
     }
-    /// A point of light that is no star; see `shaders/bodies/points.wgsl`.
+    /// Point of light other than a star; see `shaders/bodies/points.wgsl`.
     Point {
-        /// Place relative to the camera, world axes, m.
+        /// Position relative to the camera, world axes, m.
         offset: [f32; 3],
         /// Bit set of tiles.
         tiles: u32,
         /// Intensity, linear Rec. 709, cd.
         intensity: [f32; 3],
-        /// How much nearer than its place it begins, m.
+        /// Distance by which the source's surface is nearer than its position, m.
         radius: f32,
     }
 }

@@ -1,4 +1,5 @@
-//! Bodies and points of light on the adapter: what the geometry pass and the point pass read, and what they leave for the others.
+//! Bodies and points of light on the adapter: inputs of the geometry pass and of the point pass, and results for other
+//! techniques.
 
 pub(crate) mod layout;
 pub(crate) mod points;
@@ -40,11 +41,11 @@ use crate::{
     },
 };
 
-/// Passes and buffers, made when they are first asked for.
+/// Lazily created passes, and buffers.
 pub(super) struct Bodies {
     rays: OnceLock<GeometryPass>,
     points: OnceLock<PointPass>,
-    /// What the pixels of each batch show.
+    /// Visible surfaces of the pixels of each batch.
     batches: Vec<GrowingBuffer>,
     view_bodies: GrowingBuffer,
     body_runs: GrowingBuffer,
@@ -56,15 +57,15 @@ pub(super) struct Bodies {
     stand_in: wgpu::Buffer,
 }
 
-/// The textures of a scene's bodies, with all their levels, in one buffer.
+/// Textures of a scene's bodies, with all levels, in one buffer.
 struct Textures {
     held: Vec<Arc<Texture>>,
-    /// First word of each.
+    /// First word of each texture.
     first: Vec<u32>,
     words: wgpu::Buffer,
 }
 
-/// Words of a texture: three channels of 10 bits each, of the square root, all levels from the finest on.
+/// Words of a texture: three channels of 10 bits that hold the square root; all levels, the finest first.
 pub(super) fn texture_words(texture: &Texture) -> Vec<u32> {
     let mut words = Vec::new();
     let [mut width, mut height] = texture.size.map(|side| side as usize);
@@ -78,7 +79,7 @@ pub(super) fn texture_words(texture: &Texture) -> Vec<u32> {
             return words;
         }
         let (half_width, half_height) = ((width / 2).max(1), (height / 2).max(1));
-        // The last row and column of an odd side count with the one before.
+        // An odd side is divided into bins of two or three rows or columns.
         let mut coarser = Vec::with_capacity(half_width * half_height);
         for y in 0..half_height {
             let rows = y * height / half_height..(y + 1) * height / half_height;
@@ -144,7 +145,7 @@ impl Bodies {
         self.points.get_or_init(|| PointPass::new(gpu))
     }
 
-    /// Holds the textures of a scene.
+    /// Uploads the textures of a scene, unless they are already on the adapter.
     fn hold_textures(&mut self, gpu: &Gpu, objects: &SceneObjects) -> &Textures {
         let textures = distinct_textures(objects);
         let same = |held: &Textures| {
@@ -154,7 +155,7 @@ impl Bodies {
         self.textures.insert(held.unwrap_or_else(|| Textures::new(gpu, textures)))
     }
 
-    /// What the passes over sums read of points of light, and how many there are in a batch.
+    /// Points of light of a batch and their number; `None` if the batch has no points.
     fn points_of(&self, batch: usize) -> Option<(&wgpu::Buffer, u32)> {
         let count = *self.point_counts.get(batch)?;
         self.point_buffers.get(batch)?.held().filter(|_| count > 0).map(|buffer| (buffer, count))
@@ -189,10 +190,10 @@ impl Bodies {
             suns: self.suns.held().unwrap_or(&self.stand_in),
             texels: self.textures.as_ref().map_or(&self.stand_in, |textures| &textures.words),
         };
-        let of_tile = RayTile { index: index as u32, layers };
+        let ray_tile = RayTile { index: index as u32, layers };
         let rays = self.rays(gpu);
         let mut pass = begin_pass(recording.encoder, recording.timer, "geometry");
-        rays.record(gpu, &mut pass, &of_tile, &target);
+        rays.record(gpu, &mut pass, &ray_tile, &target);
     }
 
     fn record_points(&self, recording: &mut Recording<'_>, batch: usize) {
@@ -200,7 +201,7 @@ impl Bodies {
         let gpu = recording.gpu;
         let ranges = recording.frame.plan.ranges;
         let share = recording.frame.plan.glare.share_in_sums();
-        // The faintest magnitude is one of stars.
+        // The limit of the faintest magnitude applies to stars only.
         let main = FixedPoint { faintest_lx: 0.0, ..ranges.main };
         for (range, bright) in [(Some(main), false), (ranges.bright, true)] {
             let (Some(range), Some(sums)) = (range, recording.targets.sums(batch, bright)) else { continue };
@@ -218,7 +219,7 @@ impl Technique for Bodies {
         if objects.is_empty() {
             return Vec::new();
         }
-        // With fields, pictures that none of them reaches are drawn without layers.
+        // In a scene with asteroid fields, pictures that no field reaches are drawn without layers.
         let mut jobs = vec![PipelineJob::new("bodies", move || self.rays(gpu).pipeline(gpu, false))];
         if !objects.fields.is_empty() {
             jobs.push(PipelineJob::new("bodies and asteroids", move || self.rays(gpu).pipeline(gpu, true)));
@@ -246,7 +247,7 @@ impl Technique for Bodies {
                 suns.extend(body.suns.iter().map(|sun| encode_sun(sun, objects.bodies[body.body].radii_m)));
             }
         }
-        // Bindings must hold one item at least.
+        // A binding must hold at least one item.
         if view_bodies.is_empty() {
             view_bodies.push(layout::ViewBody::default());
         }
@@ -334,7 +335,7 @@ fn encode_body(objects: &SceneObjects, seen: &BodyDisc, first_sun: u32, textures
         to_sun: seen.suns.first().map_or([0.0; 3], |sun| sun.in_body.direction.as_vec3().to_array()),
         flattening: (body.radii_m.z / body.radii_m.x) as f32,
         towards: seen.centre.normalize().as_vec3().to_array(),
-        // With room for the rounding of both directions.
+        // Margin for the rounding of both directions.
         reach: (1.001 * 2.0 * (0.5 * seen.reach_rad.min(PI)).sin() + 1e-6) as f32,
     }
 }
@@ -347,7 +348,7 @@ fn encode_sun(sun: &DiscSun, radii_m: DVec3) -> layout::BodySun {
         ..Default::default()
     };
     let Some(shadow) = sun.in_body.shadow else { return lit };
-    // In units of the body's size f32 has all digits of its surface.
+    // In units of the body's size, f32 resolves its surface.
     let unit_m = radii_m.max_element();
     layout::BodySun {
         occluder_radius: (shadow.radius_m / unit_m) as f32,
@@ -360,7 +361,7 @@ fn encode_sun(sun: &DiscSun, radii_m: DVec3) -> layout::BodySun {
     }
 }
 
-/// The points that tiles of a batch may show, as shaders read them.
+/// Encodes the points that tiles of a batch may show.
 pub(super) fn encode_points(points: &[PointSource], tiles: &[Tile]) -> Vec<layout::Point> {
     points
         .iter()

@@ -1,4 +1,4 @@
-//! The point pass: points of light that are no stars, splatted as stars are. Shader: `shaders/bodies/points.wgsl`.
+//! The point pass: splats points of light other than stars, like stars. Shader: `shaders/bodies/points.wgsl`.
 
 use crate::render::constants::workgroups::POINT_THREADS;
 use crate::{
@@ -11,7 +11,7 @@ use crate::{
     },
 };
 
-/// The pass.
+/// Pipeline of the point pass.
 pub(crate) struct PointPass {
     pipeline: wgpu::ComputePipeline,
 }
@@ -22,7 +22,7 @@ impl PointPass {
         Self { pipeline: gpu.compute_pipeline_with(&splatting(gpu, "bodies/points"), &constants) }
     }
 
-    /// Records `count` points into one batch.
+    /// Records `count` points into the sums of one batch.
     pub(crate) fn record(
         &self,
         gpu: &Gpu,

@@ -1,5 +1,6 @@
-//! The geometry pass: what bodies and asteroids show in each pixel of a tile. Shader: `shaders/bodies/rays.wgsl`; the f64 twin of its bodies
-//! is `crate::reference::bodies::rays`.
+//! The geometry pass: finds the surfaces of bodies and asteroids that the pixels of a tile show.
+//!
+//! Shader: `shaders/bodies/rays.wgsl`; the f64 twin of its bodies is `crate::reference::bodies::rays`.
 
 use crate::render::constants::workgroups::RAY_SIDE;
 use crate::{
@@ -8,15 +9,15 @@ use crate::{
     render::{bodies::layout, tabulated::projecting, targets::RasterLayers},
 };
 
-/// The pass.
+/// Pipelines of the geometry pass.
 pub(crate) struct GeometryPass {
-    /// By whether there are layers of asteroids.
+    /// One pipeline with and one without layers of asteroids.
     pipelines: Variants<bool, wgpu::ComputePipeline>,
-    /// Stand in for the layers where there are none.
+    /// Placeholders for missing layers.
     no_layers: [wgpu::TextureView; 4],
 }
 
-/// Buffers of one frame and of the batch that the tile lies in.
+/// Buffers of a frame and of the tile's batch.
 pub(crate) struct GeometryTarget<'a> {
     pub viewports: &'a wgpu::Buffer,
     pub tiles: &'a wgpu::Buffer,
@@ -27,16 +28,16 @@ pub(crate) struct GeometryTarget<'a> {
     pub texels: &'a wgpu::Buffer,
     /// Blocks of the tile that are drawn.
     pub blocks: &'a wgpu::Buffer,
-    /// How many there are.
+    /// Number of blocks.
     pub block_count: u32,
 }
 
-/// A tile to be drawn.
+/// Tile to draw.
 #[derive(Clone, Copy)]
 pub(crate) struct RayTile<'a> {
-    /// Its number in its batch.
+    /// Index of the tile in its batch.
     pub index: u32,
-    /// Asteroids that were drawn before.
+    /// Layers of asteroids drawn before, if any.
     pub layers: Option<&'a RasterLayers>,
 }
 
@@ -47,7 +48,7 @@ fn pipeline(gpu: &Gpu, has_layers: bool) -> wgpu::ComputePipeline {
     )
 }
 
-/// A texture of one texel that nothing has been drawn into.
+/// Empty texture of one texel, as a placeholder.
 fn stand_in(gpu: &Gpu, format: wgpu::TextureFormat, dimension: wgpu::TextureViewDimension) -> wgpu::TextureView {
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some("no layer"),
@@ -75,7 +76,7 @@ impl GeometryPass {
         }
     }
 
-    /// The pipeline with or without layers of asteroids.
+    /// Returns the pipeline with or without layers of asteroids.
     pub(crate) fn pipeline(&self, gpu: &Gpu, has_layers: bool) -> wgpu::ComputePipeline {
         self.pipelines.get(has_layers, || pipeline(gpu, has_layers))
     }
@@ -85,10 +86,10 @@ impl GeometryPass {
         &self,
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
-        of_tile: &RayTile<'_>,
+        tile: &RayTile<'_>,
         target: &GeometryTarget<'_>,
     ) {
-        let RayTile { index, layers } = *of_tile;
+        let RayTile { index, layers } = *tile;
         let pipeline = &self.pipeline(gpu, layers.is_some());
         let mut parameters = layout::GeometryParameters { tile: index, ..Default::default() };
         if let Some(layers) = layers {

@@ -6,13 +6,13 @@ use crate::{
 };
 
 gpu_structs! {
-    /// How points of the grids over pictures read the light; see `shaders/diffuse/points.wgsl`.
+    /// Parameters of the pass over grid points; see `shaders/diffuse/points.wgsl`.
     DiffusePointParameters {
-        /// The light.
+        /// The diffuse light.
         light: DiffuseLight,
-        /// The air before it.
+        /// The air in front of it.
         air: AirAbove,
-        /// What it may err by between points, cd/m^2.
+        /// Maximum roughness at which light is interpolated between points, cd/m^2.
         most_rough: f32,
         /// Padding.
         unused_0: u32,

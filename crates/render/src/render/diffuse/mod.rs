@@ -1,4 +1,6 @@
-//! Light of no single star from all over the sky (`crate::catalogue::diffuse`): its pictures lie on the adapter, and the resolve pass adds what a pixel's direction has of it to the light of the stars.
+//! Diffuse light from the whole sky (`crate::catalogue::diffuse`), such as the Milky Way. Its pictures stay on the
+//! adapter, and the resolve pass adds the light from each pixel's direction to that of the stars.
+//!
 //! Shader: `shaders/shared/diffuse_light.wgsl`.
 
 pub(crate) mod layout;
@@ -18,7 +20,7 @@ use crate::{
     plan::Plan,
 };
 
-/// The pictures, and of which sky they are.
+/// Pictures on the adapter, and the sky that they show.
 pub(super) struct Diffuse {
     texels: GrowingBuffer,
     roughness: GrowingBuffer,

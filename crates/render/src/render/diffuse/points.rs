@@ -1,5 +1,8 @@
-//! The pass over the points of a grid over each picture. Most of the sky is so smooth that a display image within its budget reads its light between points; cells where it is not, the pass tells by the
-//! roughness that the map has there, and their pixels read it one by one. Shader: `shaders/diffuse/points.wgsl`.
+//! The pass over the grid points of each picture. Most of the sky is smooth enough that a display image with an error
+//! budget can interpolate its light between grid points. The pass marks the other cells by the roughness stored in the
+//! map, and pixels in them read the light individually.
+//!
+//! Shader: `shaders/diffuse/points.wgsl`.
 
 use std::sync::OnceLock;
 
@@ -17,14 +20,15 @@ use crate::{
     },
 };
 
-/// Points stand no farther apart than this, rad, and than the roughness of a map tells.
+/// Maximum distance between grid points, rad. The spacing of the map's roughness values is a second limit.
 const MOST_RAD: f64 = 0.0125;
-/// Nor than so many pixels.
+/// Maximum distance between grid points, pixels.
 const MOST_PX: u32 = 8;
-/// Roughness over the budget that is allowed where points stand as far apart as it is told for. Measured: light between them errs by a third of it at most, along both axes together.
+/// Roughness per budget that is allowed at the spacing to which the roughness values refer. Measured: the error of
+/// interpolated light is at most a third of the roughness, along both axes together.
 const ROUGHNESS_OF_BUDGET: f64 = 1.5;
 
-/// The pass, and what it writes.
+/// Pipeline of the pass and its output.
 pub(super) struct DiffusePoints {
     pipeline: OnceLock<wgpu::ComputePipeline>,
     points: GrowingBuffer,
@@ -39,7 +43,7 @@ impl DiffusePoints {
         self.pipeline.get_or_init(|| gpu.compute_pipeline(&projecting(gpu, "diffuse/points").source()))
     }
 
-    /// Records the pass for a plan whose light may err by `step_cd_m2`. Buffers: texels, roughness.
+    /// Records the pass for a plan whose light may have an error of `step_cd_m2`. Buffers: texels, roughness.
     pub(super) fn record(
         &mut self,
         recording: &mut Recording<'_>,
@@ -48,15 +52,15 @@ impl DiffusePoints {
     ) -> SmoothGrid {
         let gpu = recording.gpu;
         let plan: &Plan = recording.frame.plan;
-        let of_map_rad = 2.0 * f64::from(ROUGHNESS_TEXELS) * sky.pictures().texel_rad();
-        let most_rad = MOST_RAD.min(of_map_rad);
+        let roughness_spacing_rad = 2.0 * f64::from(ROUGHNESS_TEXELS) * sky.pictures().texel_rad();
+        let most_rad = MOST_RAD.min(roughness_spacing_rad);
         let spacing = GridSpacing { most_rad, most_px: MOST_PX };
         let (grids, count) = point_grids(&plan.viewports, spacing);
         let parameters = DiffusePointParameters {
             light,
-            air: AirAbove::of(plan.local_sky.as_deref()),
-            // It grows with the square of the distance.
-            most_rough: (ROUGHNESS_OF_BUDGET * step_cd_m2 * (of_map_rad / most_rad).powi(2)) as f32,
+            air: AirAbove::from_sky(plan.local_sky.as_deref()),
+            // Roughness grows with the square of the distance.
+            most_rough: (ROUGHNESS_OF_BUDGET * step_cd_m2 * (roughness_spacing_rad / most_rad).powi(2)) as f32,
             ..Default::default()
         };
         let parameters = gpu.frame_uniform("diffuse points", &parameters);

@@ -1,4 +1,4 @@
-//! The exposure pass: one exposure for all views from the mean luminance, weighted by solid angle. Shader:
+//! The exposure pass: computes one exposure for all views from the mean luminance, weighted by solid angle. Shader:
 //! `shaders/display/exposure.wgsl`; the f64 twin is `crate::photometry::exposure`.
 
 use std::sync::OnceLock;
@@ -10,15 +10,15 @@ use crate::{
     render::display::layout,
 };
 
-/// The pass.
+/// Pipeline of the exposure pass.
 pub(crate) struct ExposurePass {
     pipeline: OnceLock<wgpu::ComputePipeline>,
 }
 
-/// What the exposure goes by.
+/// Inputs of the exposure.
 pub(crate) struct ExposureInputs<'a> {
     pub settings: &'a ExposureSettings,
-    /// Takes the place of the metered exposure where it is given.
+    /// Exposure to use instead of the metered one.
     pub known_ev100: Option<f64>,
     pub total_solid_angle_sr: f64,
     pub partial_count: u32,
@@ -29,7 +29,7 @@ impl ExposurePass {
         Self { pipeline: OnceLock::new() }
     }
 
-    /// The pipeline, made if it is the first time.
+    /// Returns the pipeline, which is created at the first call.
     pub(crate) fn pipeline(&self, gpu: &Gpu) -> &wgpu::ComputePipeline {
         self.pipeline.get_or_init(|| gpu.compute_pipeline(&Shader::new("display/exposure").source()))
     }

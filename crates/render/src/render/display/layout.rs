@@ -4,19 +4,19 @@ use crate::gpu::gpu_structs;
 pub(crate) use crate::render::layout::{AirAbove, DiffuseLight, SkyMap};
 
 gpu_structs! {
-    /// The numbers of the tone mapping; see `shaders/display/encode.wgsl`.
+    /// Parameters of the tone mapping; see `shaders/display/encode.wgsl`.
     Display {
-        /// Luminance over display white that Reinhard's operator shows white.
+        /// Luminance, relative to display white, that Reinhard's operator maps to white.
         white: f32,
         /// White of a calibrated display, cd/m^2.
         peak_cd_m2: f32,
-        /// Its black, cd/m^2.
+        /// Black of a calibrated display, cd/m^2.
         black_cd_m2: f32,
-        /// How much of the hue is kept where the display's range ends.
+        /// Share of the hue that is kept at the limit of the display's range.
         desaturation: f32,
-        /// How much dim light is seen as rods see it.
+        /// Strength of scotopic (rod) vision for dim light.
         scotopic: f32,
-        /// 1: rounding is spread over neighbouring pixels.
+        /// 1: dither, which spreads the rounding over neighbouring pixels.
         dither: u32,
         /// Padding.
         unused_0: u32,
@@ -27,21 +27,21 @@ gpu_structs! {
     ResolveParameters {
         /// Lux per fixed-point unit.
         lx_per_unit: f32,
-        /// The same for the sums of the brightest stars; 0 without them.
+        /// Lux per unit of the sums of the brightest stars; 0: no such sums.
         lx_per_bright_unit: f32,
-        /// Display values per cd/m^2, where the display image is written by this pass.
+        /// Display values per cd/m^2, if this pass writes the display image.
         display_per_cd_m2: f32,
         /// Pixels of the batch.
         plane_pixels: u32,
-        /// How the display image is made there.
+        /// Tone mapping of that display image.
         shown: Display,
-        /// The map of faint light.
+        /// Map of faint light.
         sky: SkyMap,
-        /// Light of no single star.
+        /// Diffuse light.
         diffuse: DiffuseLight,
-        /// The air around the camera.
+        /// Air around the camera.
         air: AirAbove,
-        /// 1: that light is read between points where it is smooth.
+        /// 1: smooth parts of the diffuse light are interpolated between grid points.
         diffuse_is_smooth: u32,
         /// Padding.
         unused_0: u32,
@@ -58,9 +58,9 @@ gpu_structs! {
         min_ev100: f32,
         /// Highest exposure.
         max_ev100: f32,
-        /// Added to what the meter reads: compensation and key.
+        /// Offset added to the metered exposure: compensation and key, EV.
         offset_ev: f32,
-        /// The exposure if `fixed`.
+        /// Exposure used if `fixed` is 1.
         fixed_ev100: f32,
         /// 1: use `fixed_ev100`.
         fixed: u32,
@@ -79,20 +79,20 @@ gpu_structs! {
         unused_1: u32,
         /// Padding.
         unused_2: u32,
-        /// How the display image is made.
+        /// Tone mapping of the display image.
         shown: Display,
     }
     /// Parameters of the present pass, for one tile.
     PresentParameters {
         /// Pixels of the batch.
         plane_pixels: u32,
-        /// The tile's first pixel in the batch.
+        /// Index of the tile's first pixel in the batch.
         first_pixel: u32,
-        /// Its first row in the picture.
+        /// Row of the picture at which the tile begins.
         first_row: u32,
         /// Width of the picture, pixels.
         width: u32,
-        /// How light is shown.
+        /// Tone mapping.
         shown: Display,
     }
 }

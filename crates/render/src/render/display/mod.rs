@@ -1,5 +1,5 @@
-//! From light to display images: the resolve pass, the exposure of all views, tone mapping, and images in textures that leave the
-//! renderer, those of a headset's swapchain for example.
+//! From light to display images: the resolve pass, the exposure of all views, tone mapping, and the draw of images into
+//! textures of other owners, for example a headset's swapchain.
 
 pub(crate) mod exposure;
 pub(crate) mod layout;
@@ -25,7 +25,7 @@ use crate::{
     plan::settings::{Accumulator, GlareMethod},
 };
 
-/// The passes.
+/// Passes of this technique.
 pub(super) struct Display {
     resolve: ResolvePass,
     exposure: ExposurePass,
@@ -58,7 +58,7 @@ impl Display {
             known_ev100,
             tone_map: &frame.settings.tone_map,
             shows: resolves_to_display(&frame) && made.display,
-            air: AirAbove::of(frame.plan.local_sky.as_deref()),
+            air: AirAbove::from_sky(frame.plan.local_sky.as_deref()),
         };
         let gpu = recording.gpu;
         let mut pass = super::technique::begin_pass(recording.encoder, recording.timer, "resolve");
@@ -114,7 +114,7 @@ impl Display {
                     view: presentation.target,
                     depth_slice: None,
                     resolve_target: None,
-                    // Every pixel is written: what was there is not wanted.
+                    // Every pixel is overwritten, so the old contents need not be loaded.
                     ops: wgpu::Operations {
                         load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
                         store: wgpu::StoreOp::Store,
@@ -141,7 +141,8 @@ impl Display {
     }
 }
 
-/// How much of the HDR image is made of a batch, of which the display image, the HDR image and one that stays on the adapter are made.
+/// Which part of the HDR image of a batch is made. The flags say whether the display image, the HDR image for readback,
+/// and an HDR image that stays on the adapter are wanted.
 fn hdr_image(is_scattered_after: bool, [display, hdr, hdr_stays]: [bool; 3], exposure_is_known: bool) -> HdrImage {
     if is_scattered_after || hdr {
         HdrImage::Whole
@@ -153,8 +154,8 @@ fn hdr_image(is_scattered_after: bool, [display, hdr, hdr_stays]: [bool; 3], exp
 }
 
 impl Technique for Display {
-    /// With an exposure by the mean the first frame is metered; later ones may be shown with an exposure that adapts, and where nothing is
-    /// scattered the resolve pass writes their display images: both forms are made then.
+    /// With metered exposure, the first frame is metered and later frames may use an adapted exposure. Without
+    /// scattering, the resolve pass then writes the display images. So both forms are created in advance.
     fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
         let Wish { gpu, objects, settings, made, formats, .. } = *wish;
         let tone_map = &settings.tone_map;
@@ -165,16 +166,17 @@ impl Technique for Display {
             hdr: made.hdr,
             hdr_stays: made.hdr_stays || presents_light,
         };
-        let shown = Made { hdr: false, hdr_stays: presents_light, ..exact };
-        // Of each kind of frame: what is made, and whether glare is part of the sums.
+        let display_only = Made { hdr: false, hdr_stays: presents_light, ..exact };
+        // For each kind of frame: its outputs, and whether glare is part of the sums.
         let veil = wish.may_have_veil_in_sums();
         let kinds = match wish.draws_outputs_apart() {
             false => vec![(exact, false)],
             true if made.hdr || made.hdr_stays => {
-                vec![(shown, veil), (exact, false), (Made { display: false, ..exact }, false)]
+                vec![(display_only, veil), (exact, false), (Made { display: false, ..exact }, false)]
             }
-            true => vec![(shown, veil)],
+            true => vec![(display_only, veil)],
         };
+        // Forms of the resolve pass, for known and unknown exposure.
         let glare = settings.glare.chosen(settings.stars.method);
         let adds_up = settings.stars.method.accumulator() == Accumulator::FixedPoint;
         let may_be_metered = settings.exposure.is_metered();
@@ -186,7 +188,8 @@ impl Technique for Display {
             let is_scattered_after = glare != GlareMethod::None && !veil;
             let resolves_to_display = known && !is_scattered_after && adds_up;
             let hdr_made = hdr_image(is_scattered_after, [display, hdr, hdr_stays], known);
-            // Whether there is a map depends on the stars: that form is made by the first frame that reads one, and that of a camera that moves by the first one that does.
+            // Two forms are created by the first frame that needs them: the form with a map, which depends on the
+            // stars, and that of a moving camera.
             let outputs = ResolveOutputs {
                 geometry: !objects.is_empty(),
                 air: objects.surroundings.as_ref().is_some_and(|around| around.air.is_some()),
@@ -198,6 +201,7 @@ impl Technique for Display {
             }
             maps_tones |= display && !resolves_to_display;
         }
+        // Jobs for these forms.
         let mut jobs: Vec<PipelineJob<'a>> = resolves
             .into_iter()
             .map(|outputs| PipelineJob::new("resolve", move || self.resolve.pipeline(gpu, outputs, tone_map)))

@@ -1,5 +1,5 @@
-//! The present pass: a tile of a picture into a texture that leaves the renderer. Shader: `shaders/display/present.wgsl`; the f64 twin is
-//! `crate::photometry::tone_map`.
+//! The present pass: draws a tile of a picture into a texture that leaves the renderer. Shader:
+//! `shaders/display/present.wgsl`; the f64 twin is `crate::photometry::tone_map`.
 
 use super::variant::{DisplayVariant, encode_display};
 use crate::render::presentation::{PresentSource, present_source};
@@ -10,7 +10,7 @@ use crate::{
     render::display::layout,
 };
 
-/// The file of what is written.
+/// Shader file that defines the written values.
 fn file_of(source: PresentSource) -> &'static str {
     match source {
         PresentSource::Codes => "display/present_codes",
@@ -18,27 +18,27 @@ fn file_of(source: PresentSource) -> &'static str {
     }
 }
 
-/// What is compiled into a pipeline.
+/// Parameters compiled into a pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct PresentVariant {
     format: wgpu::TextureFormat,
-    /// Of light alone: codes are what the tone mapping has left.
-    shown: DisplayVariant,
+    /// Tone mapping, used for light only: display codes are already tone-mapped.
+    tone_map: DisplayVariant,
 }
 
-/// The pass.
+/// Pipelines of the present pass.
 pub(crate) struct PresentPass {
     pipelines: Variants<PresentVariant, wgpu::RenderPipeline>,
 }
 
-/// A tile, and the buffers of its batch.
+/// A tile and the buffers of its batch.
 pub(crate) struct PresentTile<'a> {
     pub tile: &'a Tile,
     /// Width of the picture, pixels.
     pub width: u32,
     /// Pixels of the batch.
     pub plane_pixels: u32,
-    /// The display image for codes, the HDR image for light.
+    /// The display image for codes, or the HDR image for light.
     pub pixels: &'a wgpu::Buffer,
     pub exposure: &'a wgpu::Buffer,
 }
@@ -48,7 +48,7 @@ impl PresentPass {
         Self { pipelines: Variants::new() }
     }
 
-    /// The pipeline into textures of that format; `None`: [`present_source`] knows no such format.
+    /// Returns the pipeline for textures of a format; `None` if [`present_source`] does not support it.
     pub(crate) fn pipeline(
         &self,
         gpu: &Gpu,
@@ -56,13 +56,13 @@ impl PresentPass {
         settings: &ToneMapSettings,
     ) -> Option<wgpu::RenderPipeline> {
         let source = present_source(format)?;
-        let shown = match source {
+        let tone_map = match source {
             PresentSource::Codes => DisplayVariant::default(),
-            PresentSource::Light => DisplayVariant::of(settings),
+            PresentSource::Light => DisplayVariant::from_settings(settings),
         };
-        let variant = PresentVariant { format, shown };
+        let variant = PresentVariant { format, tone_map };
         Some(self.pipelines.get(variant, || {
-            let constants = variant.shown.constants();
+            let constants = variant.tone_map.constants();
             let constants = if source == PresentSource::Light { &constants[..] } else { &[] };
             gpu.colour_pipeline(
                 &Stage { source: &Shader::new("shared/whole_target").source(), constants: &[] },
@@ -73,7 +73,7 @@ impl PresentPass {
         }))
     }
 
-    /// Records one tile into a target of that format; nothing where [`present_source`] knows no such format.
+    /// Records one tile into a target of `format`. Does nothing if [`present_source`] does not support it.
     pub(crate) fn record(
         &self,
         gpu: &Gpu,

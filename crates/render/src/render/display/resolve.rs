@@ -1,6 +1,7 @@
-//! The resolve pass: fixed-point illuminance becomes luminance by the pixel's solid angle, and display values where the
-//! exposure is known before. Shader: `shaders/display/resolve.wgsl`; the f64 twin is `crate::reference::stars`, which divides at
-//! its end.
+//! The resolve pass: divides fixed-point illuminance by the pixel's solid angle to get luminance, and computes display
+//! values if the exposure is known in advance.
+//!
+//! Shader: `shaders/display/resolve.wgsl`; the f64 twin is the final division of `crate::reference::stars`.
 
 use super::variant::{DisplayVariant, encode_display};
 use crate::{
@@ -10,64 +11,64 @@ use crate::{
     render::{display::layout, layout::AirAbove, tabulated::projecting, targets::Targets},
 };
 
-/// What a batch's resolve pass writes.
+/// Outputs and inputs of the resolve pass of a batch, compiled into its pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ResolveOutputs {
-    /// Luminance and solid angle, in the place of the sums.
+    /// Write luminance and solid angle, in place of the sums.
     pub hdr: bool,
-    /// The display image.
+    /// Write the display image.
     pub display: bool,
-    /// Dark pixels too.
+    /// Write dark pixels too.
     pub dark: bool,
-    /// Whether there is anything but stars.
+    /// Whether the scene has surfaces that hide stars.
     pub geometry: bool,
     /// Whether the smooth part of scattered light is added.
     pub veil: bool,
     /// Whether the map of faint light is added.
     pub sky: bool,
-    /// Whether there is air around the camera.
+    /// Whether the camera is in air.
     pub air: bool,
-    /// Whether the camera moves, which counts for light of no single star.
+    /// Whether the camera moves, which shifts diffuse light.
     pub moves: bool,
 }
 
-/// The pass.
+/// Pipelines of the resolve pass.
 pub(crate) struct ResolvePass {
     source: ShaderSource,
-    /// By outputs and variant of the display image.
+    /// One pipeline per set of outputs and tone-mapping variant.
     pipelines: Variants<(ResolveOutputs, DisplayVariant), wgpu::ComputePipeline>,
-    /// Stands in for the bright sums, for smooth light and for pictures of the sky where there are none.
+    /// Placeholder for missing bright sums, smooth light and sky pictures.
     no_bright: wgpu::Buffer,
-    /// Stands in for the display image where it is not written.
+    /// Placeholder for the display image if it is not written.
     no_display: wgpu::Buffer,
 }
 
-/// How much of the HDR image is made.
+/// Part of the HDR image that is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum HdrImage {
-    /// Nothing.
+    /// No part.
     None,
-    /// Where there is light; what a dark pixel has in the second plane may be left from another frame.
+    /// Lit pixels only. The second plane of a dark pixel may contain data of another frame.
     Lit,
     /// Every pixel, with its solid angle.
     Whole,
 }
 
-/// What decides what is written.
+/// Inputs that determine the outputs.
 pub(crate) struct ResolveInputs<'a> {
     pub ranges: &'a Ranges,
     pub hdr: HdrImage,
-    /// Exposure of the display image, as far as it is known before.
+    /// Exposure of the display image, if it is known in advance.
     pub known_ev100: Option<f64>,
     pub tone_map: &'a ToneMapSettings,
-    /// Whether the display image is written: the exposure is known then.
+    /// Whether to write the display image. The exposure must be known.
     pub shows: bool,
-    /// The air around the camera.
+    /// Air around the camera.
     pub air: AirAbove,
 }
 
 impl ResolveOutputs {
-    /// What is written where that much of the HDR image is made; with nothing added to the sums.
+    /// Outputs for a part of the HDR image, with no light added to the sums.
     pub(crate) fn new(hdr: HdrImage, display: bool) -> Self {
         let (hdr, dark) = (hdr != HdrImage::None, hdr == HdrImage::Whole);
         Self { hdr, dark, display, geometry: false, veil: false, sky: false, air: false, moves: false }
@@ -85,14 +86,14 @@ impl ResolvePass {
         }
     }
 
-    /// The pipeline that writes that.
+    /// Returns the pipeline with the given outputs.
     pub(crate) fn pipeline(
         &self,
         gpu: &Gpu,
         outputs: ResolveOutputs,
         tone_map: &ToneMapSettings,
     ) -> wgpu::ComputePipeline {
-        let variant = if outputs.display { DisplayVariant::of(tone_map) } else { DisplayVariant::default() };
+        let variant = if outputs.display { DisplayVariant::from_settings(tone_map) } else { DisplayVariant::default() };
         self.pipelines.get((outputs, variant), || {
             let written = [
                 ("WRITE_HDR", outputs.hdr),
@@ -119,6 +120,7 @@ impl ResolvePass {
         targets: &Targets,
         number: usize,
     ) {
+        // Outputs and inputs that select the pipeline.
         let ResolveInputs { ranges, hdr, known_ev100, tone_map, shows, air } = *inputs;
         let batch = &targets.batches[number];
         let occlusion = targets.occlusion(number);
@@ -132,6 +134,7 @@ impl ResolvePass {
             moves: diffuse.is_some_and(|diffuse| diffuse.light.beta > 0.0),
             ..ResolveOutputs::new(hdr, display.is_some())
         };
+        // Parameters.
         let parameters = layout::ResolveParameters {
             lx_per_unit: (1.0 / ranges.main.units_per_lx) as f32,
             lx_per_bright_unit: ranges.bright.map_or(0.0, |bright| (1.0 / bright.units_per_lx) as f32),
@@ -146,6 +149,7 @@ impl ResolvePass {
         };
         let parameters = gpu.frame_uniform("resolve parameters", &parameters);
         let pipeline = &self.pipeline(gpu, outputs, tone_map);
+        // Buffers, or placeholders for missing ones.
         let [bright, bright_high] = batch.bright.as_ref().map_or([&self.no_bright; 2], |[low, high]| [low, high]);
         let [veil_grids, veil_points] =
             targets.veil.as_ref().map_or([&self.no_bright; 2], |veil| [&veil.grids, &veil.points]);

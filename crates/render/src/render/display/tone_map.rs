@@ -1,5 +1,5 @@
-//! The tone-mapping pass: luminance to 8 bits of a display. Shader: `shaders/display/tone_map.wgsl`; the f64 twin
-//! is `crate::photometry::tone_map`.
+//! The tone-mapping pass: converts luminance to 8-bit display values. Shader: `shaders/display/tone_map.wgsl`; the f64
+//! twin is `crate::photometry::tone_map`.
 
 use super::variant::{DisplayVariant, encode_display};
 use crate::render::shader::Shader;
@@ -9,7 +9,7 @@ use crate::{
     render::{display::layout, targets::PictureTarget},
 };
 
-/// The pass.
+/// Pipelines of the tone-mapping pass.
 pub(crate) struct ToneMapPass {
     pipelines: Variants<DisplayVariant, wgpu::ComputePipeline>,
 }
@@ -19,9 +19,9 @@ impl ToneMapPass {
         Self { pipelines: Variants::new() }
     }
 
-    /// The pipeline for these settings.
+    /// Returns the pipeline for these settings.
     pub(crate) fn pipeline(&self, gpu: &Gpu, settings: &ToneMapSettings) -> wgpu::ComputePipeline {
-        let variant = DisplayVariant::of(settings);
+        let variant = DisplayVariant::from_settings(settings);
         let make = || gpu.compute_pipeline_with(&Shader::new("display/tone_map").source(), &variant.constants());
         self.pipelines.get(variant, make)
     }

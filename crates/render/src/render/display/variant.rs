@@ -1,4 +1,4 @@
-//! What the passes that make display values share: the variant of the tone mapping, and its numbers.
+//! Shared by the passes that compute display values: the variant of the tone mapping and its parameters.
 
 use crate::render::constants::display;
 use crate::{
@@ -6,7 +6,7 @@ use crate::{
     render::display::layout,
 };
 
-/// What of the tone mapping is compiled into a pipeline, so that what is not asked for costs nothing.
+/// Tone-mapping options compiled into a pipeline, so that unused options cost nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct DisplayVariant {
     operator: ToneMapOperator,
@@ -15,7 +15,7 @@ pub(crate) struct DisplayVariant {
 }
 
 impl DisplayVariant {
-    pub(crate) fn of(settings: &ToneMapSettings) -> Self {
+    pub(crate) fn from_settings(settings: &ToneMapSettings) -> Self {
         Self {
             operator: settings.operator,
             desaturates: settings.desaturation > 0.0,
@@ -23,7 +23,7 @@ impl DisplayVariant {
         }
     }
 
-    /// The constants of `shaders/display/encode.wgsl`.
+    /// Overridable constants of `shaders/display/encode.wgsl`.
     pub(crate) fn constants(self) -> [(&'static str, f64); 3] {
         let operator = match self.operator {
             ToneMapOperator::Filmic => display::OPERATOR_FILMIC,
@@ -41,7 +41,7 @@ impl DisplayVariant {
     }
 }
 
-/// The numbers of the tone mapping as shaders read them.
+/// Encodes the parameters of the tone mapping.
 pub(crate) fn encode_display(settings: &ToneMapSettings) -> layout::Display {
     layout::Display {
         white: settings.white as f32,

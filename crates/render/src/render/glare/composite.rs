@@ -1,5 +1,5 @@
-//! The glare pass over pixels: keeps what is not scattered of every pixel's light and adds what is scattered towards it.
-//! Shader: `shaders/glare/composite.wgsl`.
+//! The glare pass over pixels: keeps the unscattered part of each pixel's light and adds the light scattered towards
+//! it. Shader: `shaders/glare/composite.wgsl`.
 
 use crate::render::{constants::glare_composite::BLOCK_COLUMNS, shader::Shader};
 use crate::{
@@ -11,25 +11,25 @@ use crate::{
     },
 };
 
-/// Runs of rows of one workgroup on a GPU.
+/// Row runs per workgroup on a GPU.
 const ROW_GROUPS: u32 = 8;
 
-/// Runs of rows of one workgroup on this adapter.
+/// Row runs per workgroup on this adapter.
 pub(crate) fn row_groups(gpu: &Gpu) -> u32 {
     if gpu.software { 1 } else { ROW_GROUPS }
 }
 
-/// Workgroups over the pixels of a batch, of which a grid tells the blocks.
+/// Number of workgroups for the pixels of a batch, computed from its grid of blocks.
 pub(crate) fn workgroups([columns, rows, tiles]: [u32; 3], row_groups: u32) -> [u32; 3] {
     [columns * (COLUMNS / BLOCK_COLUMNS), rows.div_ceil(row_groups), tiles]
 }
 
-/// Where the pass finds what is scattered.
+/// Source of the scattered light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum GlareSource {
-    /// On the sky: a map of the whole sky, and the brightest sources one by one.
+    /// On the sky: a map of the whole sky, plus the brightest sources individually.
     Sky,
-    /// On the picture: a pyramid of blurred images.
+    /// In the picture: a pyramid of blurred images.
     Pyramid,
 }
 
@@ -42,22 +42,22 @@ impl GlareSource {
     }
 }
 
-/// The pass for one source of glare. Copies share its pipeline.
+/// The pass for one source of glare. Clones share its pipeline.
 #[derive(Clone)]
 pub(crate) struct GlareCompositePass {
     pipeline: wgpu::ComputePipeline,
-    /// Runs of rows of one workgroup.
+    /// Row runs per workgroup.
     row_groups: u32,
-    /// Whether its shader projects.
+    /// Whether its shader uses the projection.
     projects: bool,
 }
 
 impl GlareCompositePass {
-    /// The pass with values for the constants of its source.
+    /// Creates the pass with values for the constants of its source.
     pub(crate) fn new(gpu: &Gpu, source: GlareSource, constants: &[(&str, f64)]) -> Self {
         let row_groups = row_groups(gpu);
-        let of_groups = ("ROW_GROUPS", f64::from(row_groups));
-        let constants: Vec<_> = constants.iter().copied().chain([of_groups]).collect();
+        let row_constant = ("ROW_GROUPS", f64::from(row_groups));
+        let constants: Vec<_> = constants.iter().copied().chain([row_constant]).collect();
         Self {
             pipeline: gpu.compute_pipeline_with(&source.shader(gpu).source(), &constants),
             row_groups,
@@ -65,14 +65,14 @@ impl GlareCompositePass {
         }
     }
 
-    /// Records the pass. `of_source` is what the source of glare binds in group 1.
+    /// Records the pass. `source_bindings` are the bindings of group 1, which belong to the source of glare.
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
         fraction: f64,
         target: &PictureTarget<'_>,
-        of_source: &[(u32, wgpu::BindingResource<'_>)],
+        source_bindings: &[(u32, wgpu::BindingResource<'_>)],
         grid: [u32; 3],
     ) {
         let parameters = layout::GlareParameters {
@@ -87,7 +87,7 @@ impl GlareCompositePass {
             gpu.bind_tables(pass, &self.pipeline);
         }
         pass.set_bind_group(0, &group, &[]);
-        pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, of_source), &[]);
+        pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, source_bindings), &[]);
         let [columns, rows, tiles] = workgroups(grid, self.row_groups);
         pass.dispatch_workgroups(columns, rows, tiles);
     }

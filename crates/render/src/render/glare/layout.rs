@@ -1,4 +1,4 @@
-//! Structures that the shaders of glare read.
+//! Structures that the glare shaders read.
 
 use crate::gpu::gpu_structs;
 pub(crate) use crate::render::layout::Tile;
@@ -15,30 +15,30 @@ gpu_structs! {
         /// Padding.
         unused_1: u32,
     }
-    /// A cell of the sky; see `shaders/glare/sky_cube/map_gather.wgsl`.
+    /// Cell of the sky; see `shaders/glare/sky_cube/map_gather.wgsl`.
     GlareCell {
-        /// Unit vector to the middle of its light.
+        /// Unit vector towards the centroid of its light.
         direction: [f32; 3],
         /// Padding.
         unused_0: f32,
-        /// Linear Rec. 709, lx.
+        /// Illuminance, linear Rec. 709, lx.
         light: [f32; 3],
         /// Padding.
         unused_1: f32,
     }
-    /// Parameters of a level of the map of glare.
+    /// Parameters of a level of the glare map.
     GlareLevelParameters {
         /// Cells along an edge of a face.
         edge_cells: u32,
-        /// The same of the coarser level.
+        /// Cells along an edge of a face of the coarser level.
         coarser_cells: u32,
-        /// Square of the chord at which the kernel ends.
+        /// Squared chord at which the kernel ends.
         end_squared: f32,
-        /// Sine of that angle, or 2.
+        /// Sine of the angle at which the kernel ends, or 2.
         end_sine: f32,
-        /// Entries of the table per unit of a chord's square.
+        /// Entries of the kernel table per unit of squared chord.
         entries: f32,
-        /// 1 over the square of the radius of bumps, or 0.
+        /// Inverse square of the radius of bumps, or 0.
         bump_inverse: f32,
         /// Padding.
         unused_0: u32,
@@ -49,31 +49,31 @@ gpu_structs! {
     GlareSharpenParameters {
         /// Cells along an edge of a face.
         edge_cells: u32,
-        /// Where the result begins.
+        /// Index of the first point of the result.
         first_point: u32,
         /// Padding.
         unused_0: u32,
         /// Padding.
         unused_1: u32,
     }
-    /// A source that is drawn by itself; see `shaders/glare/sky_cube/sprites.wgsl`.
+    /// Source that is drawn individually; see `shaders/glare/sky_cube/sprites.wgsl`.
     GlareSprite {
         /// Unit vector, world axes.
         direction: [f32; 3],
-        /// 1 over the square of the chord at which it ends.
+        /// Inverse square of the chord at which it ends.
         inverse_squared: f32,
-        /// Linear Rec. 709, lx.
+        /// Illuminance, linear Rec. 709, lx.
         light: [f32; 3],
-        /// 1: it is what the map's kernel leaves.
+        /// 1: the sprite adds the whole part that the map's kernel omits.
         whole: u32,
     }
-    /// Sprites of a part of the sky.
+    /// Sprites of a region of the sky.
     GlareSpriteCell {
-        /// Unit vector to its middle.
+        /// Unit vector towards the centre of the region.
         direction: [f32; 3],
-        /// Greatest chord to what its sprites reach.
+        /// Greatest chord that its sprites reach.
         reach: f32,
-        /// First sprite.
+        /// Index of the first sprite.
         first: u32,
         /// Number of sprites.
         count: u32,
@@ -82,50 +82,50 @@ gpu_structs! {
         /// Padding.
         unused_1: u32,
     }
-    /// How a viewport sees the sky that glares.
+    /// Glare parameters of a viewport.
     GlareView {
         /// Coefficients of the kernel's core, 1/sr.
         core: [f32; 3],
-        /// Square of the chord at which it ends.
+        /// Squared chord at which the core ends.
         core_squared: f32,
         /// Greatest inverse square of a sprite.
         greatest_inverse: f32,
-        /// First point of its map.
+        /// Index of the first point of its map.
         first_point: u32,
-        /// First of its own sources.
+        /// Index of the first of the viewport's own sources.
         first_near: u32,
-        /// Their number.
+        /// Number of those sources.
         near_count: u32,
     }
     /// Parameters of finding and drawing sprites.
     SkyCubeParameters {
         /// Coefficients of the map's kernel, 1/sr.
         soft: [f32; 3],
-        /// 1 over the square of the chord within which they hold.
+        /// Inverse square of the chord within which the coefficients hold.
         soft_inverse: f32,
         /// Cells along an edge of a face of the map.
         edge_cells: u32,
         /// Number of regions with sprites.
         regions: u32,
-        /// Inverse square: its constant.
+        /// Inverse-square kernel: its constant.
         constant: f32,
-        /// Inverse square: square of the inner angle, rad^2.
+        /// Inverse-square kernel: square of the inner angle, rad^2.
         inner_squared: f32,
-        /// Table: logarithm to base 2 of its first square of a chord.
+        /// Kernel table: log2 of the squared chord of its first entry.
         first_octave: f32,
-        /// Table: entries per octave.
+        /// Kernel table: entries per octave.
         entries_per_octave: f32,
-        /// Table: number of entries.
+        /// Kernel table: number of entries.
         entries: u32,
-        /// Words of a block's list.
+        /// Number of words of a block's list.
         list_words: u32,
-        /// Words of a square's list.
+        /// Number of words of a square's list.
         square_words: u32,
-        /// Columns of blocks.
+        /// Number of columns of blocks.
         columns: u32,
-        /// Rows of blocks.
+        /// Number of rows of blocks.
         rows: u32,
-        /// Tiles of the batch.
+        /// Number of tiles of the batch.
         tiles: u32,
     }
     /// Parameters of the pass over the points of veils.
@@ -141,35 +141,35 @@ gpu_structs! {
     }
     /// Parameters of the pass that adds the veil of single sources to sums.
     VeilSplatParameters {
-        /// Fixed-point units per lux of all light, scattered or not.
+        /// Fixed-point units per lux of total light, scattered or not.
         units_per_lx: f32,
         /// Brightness of the faintest source, lx.
         faintest_lx: f32,
-        /// What every source is fainter than, lx.
+        /// Upper limit of the brightness of the sources, lx.
         brightest_lx: f32,
-        /// First source.
+        /// Index of the first source.
         first: u32,
         /// Number of sources.
         count: u32,
         /// Sources per row of the dispatch.
         per_row: u32,
-        /// The viewport that sees them.
+        /// Viewport that sees the sources, or `EVERY_VIEWPORT`.
         viewport: u32,
-        /// Invocations that share a source.
+        /// Number of invocations that share a source.
         shared_by: u32,
     }
-    /// A source of an eye's own.
+    /// Source of light that belongs to one eye.
     GlareNear {
         /// Unit vector, world axes.
         direction: [f32; 3],
-        /// Chord within which its parts are taken in its place; without parts the square of the chord by which it is softened.
+        /// With parts: chord within which the parts replace the source. Without parts: squared softening chord.
         reach: f32,
-        /// Linear Rec. 709, lx.
+        /// Illuminance, linear Rec. 709, lx.
         light: [f32; 3],
-        /// So many parts follow.
+        /// Number of parts that follow.
         parts: u32,
     }
-    /// Parameters of the pass over what surfaces show.
+    /// Parameters of the pass over the light of surfaces.
     ObjectGlareParameters {
         /// Share of the light that is scattered.
         fraction: f32,
@@ -193,13 +193,13 @@ gpu_structs! {
     }
     /// Parameters of the base of a glare pyramid.
     GlareBaseParameters {
-        /// The tile in which the upper pixels lie.
+        /// Tile that contains the upper pixels.
         upper: Tile,
-        /// The tile that goes on below, or the same again.
+        /// Tile that continues below, or the same tile again.
         lower: Tile,
-        /// Pixels of the batch of the first.
+        /// Pixels of the batch of the upper tile.
         upper_plane_pixels: u32,
-        /// Pixels of the batch of the second.
+        /// Pixels of the batch of the lower tile.
         lower_plane_pixels: u32,
         /// Padding.
         unused_0: u32,
@@ -208,7 +208,7 @@ gpu_structs! {
     }
     /// Parameters of a blur of a glare pyramid.
     GlareBlurParameters {
-        /// Weights of the taps: the middle one, and those on either side.
+        /// Weights of the taps: the middle one first, then those on either side.
         weights: [f32; 4],
         /// Cosines of the taps' angles.
         cosines: [f32; 4],
@@ -216,7 +216,7 @@ gpu_structs! {
         sines: [f32; 4],
         /// Index of the viewport.
         viewport: u32,
-        /// 0 or 1: the first axis or the second.
+        /// Axis of the blur: 0 or 1.
         axis: u32,
         /// Padding.
         unused_0: u32,
@@ -227,7 +227,7 @@ gpu_structs! {
     GlareCombineParameters {
         /// Weight of level 0.
         first_weight: f32,
-        /// Weight of every level relative to the one before.
+        /// Weight of each level relative to the previous one.
         ratio: f32,
         /// Number of levels.
         levels: u32,

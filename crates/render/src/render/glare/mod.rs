@@ -1,5 +1,5 @@
-//! Glare: after every batch has left its picture, whole, in its pixels, scattered light is added to it: from a map of the whole sky and its
-//! brightest sources (`sky_cube`), or from a pyramid of blurred pictures, as published (`pyramid`).
+//! Glare: when the pixels of every batch hold their complete picture, scattered light is added, either from a map of
+//! the whole sky and its brightest sources (`sky_cube`) or from a pyramid of blurred pictures as published (`pyramid`).
 
 mod composite;
 pub(crate) mod layout;
@@ -16,7 +16,7 @@ use crate::{
     plan::{glare::pyramid::PyramidAxes, settings::GlareMethod},
 };
 
-/// Passes and buffers of glare, made when they are first asked for.
+/// Lazily created passes and buffers of both kinds of glare.
 pub(super) struct Glare {
     sky_cube: SkyCube,
     pyramid: GlarePyramid,

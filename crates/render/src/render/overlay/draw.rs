@@ -1,11 +1,11 @@
-//! The overlay pass: `shaders/overlay/draw.wgsl`.
+//! The overlay pass. Shader: `shaders/overlay/draw.wgsl`.
 
 use crate::{
     gpu::{Gpu, GrowingBuffer, bind_in_order, dispatch_rows},
     render::{overlay::layout, tabulated::projecting},
 };
 
-/// The blocks of one batch, and how they were bound last.
+/// Blocks of one batch, with their last bind group.
 pub(super) struct BatchBlocks {
     parameters: GrowingBuffer,
     blocks: GrowingBuffer,
@@ -32,7 +32,7 @@ impl BatchBlocks {
     }
 }
 
-/// The pass, for images with bodies or without.
+/// The pass, for images with or without bodies.
 pub(super) struct OverlayPass {
     pipeline: wgpu::ComputePipeline,
     pub has_geometry: bool,
@@ -55,9 +55,9 @@ impl OverlayPass {
         blocks: &mut BatchBlocks,
         buffers: &[&wgpu::Buffer; 7],
     ) {
-        let (Some(parameters), Some(of_batch)) = (blocks.parameters.held(), blocks.blocks.held()) else { return };
+        let (Some(parameters), Some(block_buffer)) = (blocks.parameters.held(), blocks.blocks.held()) else { return };
         let all: Vec<wgpu::Buffer> =
-            [&[parameters][..], &buffers[..], &[of_batch]].concat().into_iter().cloned().collect();
+            [&[parameters][..], &buffers[..], &[block_buffer]].concat().into_iter().cloned().collect();
         if blocks.bound.as_ref().is_none_or(|(bound, _)| *bound != all) {
             let group = bind_in_order(gpu, &self.pipeline, 0, &all.iter().collect::<Vec<_>>());
             blocks.bound = Some((all, group));

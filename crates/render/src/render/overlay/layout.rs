@@ -3,7 +3,7 @@
 use crate::gpu::gpu_structs;
 
 gpu_structs! {
-    /// How much the overlay pass draws; see `shaders/overlay/draw.wgsl`.
+    /// Parameters of the overlay pass; see `shaders/overlay/draw.wgsl`.
     OverlayParameters {
         /// Number of blocks.
         blocks: u32,
@@ -14,36 +14,36 @@ gpu_structs! {
         /// Padding.
         unused_2: u32,
     }
-    /// Something to draw; see `shaders/overlay/draw.wgsl`.
+    /// Shape to draw; see `shaders/overlay/draw.wgsl`.
     OverlayItem {
-        /// First end of a line, or first corner.
+        /// First end of a line, or first corner of a box.
         begin: [f32; 2],
-        /// Other end, or the corner after the last.
+        /// Other end of a line, or the corner after the last pixel of a box.
         end: [f32; 2],
-        /// 1 over the distance at both ends, 1/m.
+        /// Inverse distance at both ends, 1/m.
         nearness: [f32; 2],
-        /// Of a line.
+        /// Half width of a line, pixels.
         half_width_px: f32,
-        /// 0 to 1.
+        /// Opacity, 0 to 1.
         opacity: f32,
         /// sRGB codes, red in the lowest byte.
         colour: u32,
-        /// Items of one stroke follow each other.
+        /// Stroke of the item; the items of one stroke are consecutive.
         stroke: u32,
-        /// Number of the shape.
+        /// Kind of the shape.
         shape: u32,
-        /// Of glyphs: first byte of coverage.
+        /// Glyph: index of the first byte of coverage.
         first_texel: u32,
     }
-    /// A block of pixels of a tile; see `shaders/overlay/draw.wgsl`.
+    /// Block of pixels of a tile; see `shaders/overlay/draw.wgsl`.
     OverlayBlock {
-        /// First column and row.
+        /// First column and first row.
         corner: [u32; 2],
-        /// Number of the tile.
+        /// Index of the tile.
         tile: u32,
-        /// First of its entries.
+        /// Index of its first entry.
         first_entry: u32,
-        /// Number of its entries.
+        /// Number of entries.
         entries: u32,
         /// Padding.
         unused_0: u32,

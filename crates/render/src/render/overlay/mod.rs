@@ -1,8 +1,8 @@
-//! Overlays: lines and text over display images, after tone mapping. Light never sees them, and neither do textures that show light
-//! instead of codes.
+//! Overlays: lines and text drawn over display images after tone mapping. HDR images do not contain them, and neither
+//! do textures that hold light instead of display codes.
 //!
-//! The plan (`crate::plan::overlay`) has the items in pixels and the blocks of pixels that they touch. It is uploaded when it is
-//! another than that of the last frame; a frame like the last one makes and uploads nothing.
+//! The plan (`crate::plan::overlay`) holds the items in pixels and the blocks of pixels that they touch. It is uploaded
+//! when it differs from the plan of the last frame; an unchanged plan creates and uploads nothing.
 
 mod draw;
 pub(super) mod layout;
@@ -21,12 +21,12 @@ use crate::{
     plan::overlay::{Item, OverlayPlan, Shape, blocks::BLOCK_PX},
 };
 
-/// What overlays hold: nothing where there are none.
+/// Buffers of overlays; empty without overlays.
 pub(super) struct Overlay {
     pass: Option<OverlayPass>,
-    /// What the buffers hold.
+    /// Plan in the buffers.
     plan: Option<Arc<OverlayPlan>>,
-    /// The tiles of the batches that the blocks were sorted into.
+    /// Batches to whose tiles the blocks were assigned.
     batches: Vec<crate::plan::tiles::Batch>,
     items: GrowingBuffer,
     texels: GrowingBuffer,
@@ -69,16 +69,16 @@ impl Overlay {
     }
 }
 
-/// The blocks of a batch: one that two tiles share stands there twice.
+/// Blocks of a batch. A block shared by two tiles is listed twice.
 fn blocks_of(plan: &OverlayPlan, batch: &crate::plan::tiles::Batch) -> Vec<layout::OverlayBlock> {
     let mut blocks = Vec::new();
     for (number, tile) in batch.tiles.iter().enumerate() {
         let rows = tile.first_row..tile.first_row + tile.rows;
-        let of_tile = plan.blocks.iter().filter(|block| {
+        let in_tile = plan.blocks.iter().filter(|block| {
             let top = block.corner[1];
             block.viewport as usize == tile.viewport && top < rows.end && top + BLOCK_PX > rows.start
         });
-        blocks.extend(of_tile.map(|block| layout::OverlayBlock {
+        blocks.extend(in_tile.map(|block| layout::OverlayBlock {
             corner: block.corner,
             tile: number as u32,
             first_entry: block.first_entry,

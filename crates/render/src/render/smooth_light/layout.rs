@@ -11,7 +11,7 @@ gpu_structs! {
         side: u32,
         /// Index of the picture's first texel.
         first_texel: u32,
-        /// Units of luminance per cd/m^2.
+        /// Texel units per cd/m^2.
         units_per_cd_m2: f32,
     }
 }

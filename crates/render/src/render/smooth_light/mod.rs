@@ -1,6 +1,7 @@
-//! The map of faint light (`crate::plan::smooth_light`): pictures of the sky are drawn in frames of their own and stored as texels of 32
-//! bits; the resolve pass of frames that read the map adds it to the light of their pixels. Shaders: `shaders/smooth_light/`,
-//! `shaders/shared/sky_map.wgsl`.
+//! The map of faint light (`crate::plan::smooth_light`): pictures of the sky are drawn in separate frames and stored as
+//! texels of 32 bits. The resolve pass of frames that read the map adds it to the light of their pixels.
+//!
+//! Shaders: `shaders/smooth_light/`, `shaders/shared/sky_map.wgsl`.
 
 pub(crate) mod layout;
 
@@ -24,31 +25,31 @@ use crate::{
     sky_pictures::SKY_FACES,
 };
 
-/// A map, as far as it is made.
+/// A complete or incomplete map.
 struct Held {
     stars: Arc<StarSet>,
     map: SkyMap,
-    /// Bit i: picture i is there.
+    /// Bit i: picture i has been drawn.
     faces: u32,
 }
 
-/// The map of one series of frames.
-struct OfSeries {
+/// Map of one series of frames.
+struct SeriesMap {
     held: Option<Held>,
     texels: GrowingBuffer,
 }
 
-impl OfSeries {
+impl SeriesMap {
     fn new() -> Self {
         Self { held: None, texels: GrowingBuffer::new("smooth light", wgpu::BufferUsages::STORAGE) }
     }
 }
 
-/// Passes and buffers, made when they are first asked for.
+/// Lazily created pipeline, and buffers.
 pub(super) struct SmoothLight {
     pack: OnceLock<wgpu::ComputePipeline>,
-    /// One for each series of frames.
-    maps: Vec<OfSeries>,
+    /// One map per series of frames.
+    maps: Vec<SeriesMap>,
 }
 
 impl SmoothLight {
@@ -59,7 +60,9 @@ impl SmoothLight {
     fn pack(&self, recording: &mut Recording<'_>, face: &SkyFace, batch: usize) {
         let gpu = recording.gpu;
         let map = &self.maps[recording.frame.series.slot];
-        let Some(texels) = map.texels.held() else { unreachable!("there is room for a map before it is drawn") };
+        let Some(texels) = map.texels.held() else {
+            unreachable!("the texels of a map are allocated before it is drawn")
+        };
         let picture = recording.targets.picture(batch);
         let parameters = layout::PackParameters {
             plane_pixels: picture.plane_pixels,
@@ -81,10 +84,10 @@ impl SmoothLight {
 
 impl Technique for SmoothLight {
     fn hold(&mut self, holding: &Holding<'_>) -> Result<(), RenderError> {
-        // A map of other stars would keep these alive.
-        let is_of_others =
-            |map: &OfSeries| map.held.as_ref().is_some_and(|held| !Arc::ptr_eq(&held.stars, &holding.scene.stars));
-        if self.maps.iter().any(is_of_others) {
+        // A map of other stars would keep the old star set alive.
+        let is_of_other_stars =
+            |map: &SeriesMap| map.held.as_ref().is_some_and(|held| !Arc::ptr_eq(&held.stars, &holding.scene.stars));
+        if self.maps.iter().any(is_of_other_stars) {
             self.release();
         }
         Ok(())
@@ -94,22 +97,22 @@ impl Technique for SmoothLight {
         let Some(map) = plan.sky.as_ref().map(|sky| sky.map) else { return Vec::new() };
         let held = self.maps.get(series.slot).and_then(|map| map.held.as_ref());
         let held = held.filter(|held| held.map == map && Arc::ptr_eq(&held.stars, &scene.stars));
-        let there = held.map_or(0, |held| held.faces);
-        (0..SKY_FACES).filter(|number| there & 1 << number == 0).map(|number| SkyFace { map, number }).collect()
+        let present = held.map_or(0, |held| held.faces);
+        (0..SKY_FACES).filter(|number| present & 1 << number == 0).map(|number| SkyFace { map, number }).collect()
     }
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
-        self.maps.resize_with(frame.series.slots, OfSeries::new);
+        self.maps.resize_with(frame.series.slots, SeriesMap::new);
         let own = &mut self.maps[frame.series.slot];
         if let (Some(SkyPlan { map, .. }), Some(texels)) = (&frame.plan.sky, own.texels.held()) {
             let unit_cd_m2 = map.unit_cd_m2 * frame.plan.glare.share_in_sums();
-            let of_map = SkyMapLayout {
+            let sky_map = SkyMapLayout {
                 unit_cd_m2: unit_cd_m2 as f32,
                 texels_per_rad: (1.0 / map.texel_rad()) as f32,
                 side: map.side,
                 unused_0: 0,
             };
-            targets.sky = Some(SkyTexels { map: of_map, texels: texels.clone() });
+            targets.sky = Some(SkyTexels { map: sky_map, texels: texels.clone() });
         }
         let Some(SkyFace { map, number }) = frame.plan.sky_face else { return };
         let stars = &frame.scene.stars;
@@ -123,7 +126,7 @@ impl Technique for SmoothLight {
     }
 
     fn record(&mut self, phase: Phase, recording: &mut Recording<'_>) {
-        // After the resolve pass.
+        // Pack the picture after the resolve pass of the same phase, which comes earlier in the order of techniques.
         if let (Phase::Resolve(batch), Some(face)) = (phase, recording.frame.plan.sky_face) {
             self.pack(recording, &face, batch);
         }

@@ -1,4 +1,4 @@
-//! The stars of a scene in GPU buffers.
+//! Stars of a scene in GPU buffers.
 
 use std::sync::Arc;
 
@@ -10,15 +10,15 @@ use crate::{
     gpu::{Gpu, storage_buffer},
 };
 
-/// A run of whole chunks in one buffer, small enough to be bound.
+/// Run of whole chunks in one buffer, small enough for a binding.
 pub(super) struct Segment {
     buffer: wgpu::Buffer,
-    /// Chunks before this index, and from the previous segment's end on, are in this buffer.
+    /// End of the chunk range in this buffer, which begins at the end of the previous segment.
     pub(super) end_chunk: usize,
     pub(super) first_star: u32,
 }
 
-/// The stars of one scene on the GPU.
+/// Stars of one scene on the GPU.
 pub(super) struct StarBuffers {
     pub(super) set: Arc<StarSet>,
     pub(super) segments: Vec<Segment>,
@@ -42,7 +42,7 @@ impl StarBuffers {
         Self { set, segments }
     }
 
-    /// Whether these are the stars of that scene.
+    /// Whether these buffers hold the stars of `set`.
     pub(super) fn holds(&self, set: &Arc<StarSet>) -> bool {
         Arc::ptr_eq(&self.set, set)
     }

@@ -1,8 +1,9 @@
-//! The stars of a scene as the published methods take them: all of them, five numbers each, in the order of a catalogue.
+//! Stars of a scene in the form that the published methods read: all stars, five numbers each, in the order of a
+//! catalogue.
 //!
-//! The order is that of right ascension, in which the Bright Star, Henry Draper and Hipparcos catalogues are numbered: stars
-//! that follow each other lie in one strip of the sky from pole to pole. Another order can be asked for, to see what depends
-//! on it.
+//! The default order is by right ascension, like the numbers of the Bright Star, Henry Draper and Hipparcos catalogues:
+//! consecutive stars are in one strip of the sky from pole to pole. Another order can be requested to examine its
+//! influence.
 
 use std::sync::Arc;
 
@@ -27,17 +28,18 @@ pub(crate) struct CatalogueDraw<'a> {
     pub count: u32,
 }
 
-/// Distance given to stars at infinity, pc: no camera's place changes their direction in f32.
+/// Distance assigned to stars at infinity, pc. It is so large that the camera's position does not change their
+/// direction in f32.
 const INFINITY_PC: f64 = 1e12;
-/// Distance at which a star has its absolute magnitude, pc.
+/// Distance to which absolute magnitudes refer, pc.
 const ABSOLUTE_PC: f64 = 10.0;
 
-/// The catalogue in GPU buffers, each small enough to be bound.
+/// Catalogue in GPU buffers, each small enough for a binding.
 pub(super) struct CatalogueBuffers {
     set: Arc<StarSet>,
     /// Seed of the order; `None`: by right ascension.
     order: Option<u64>,
-    /// Buffer and number of stars.
+    /// Buffer and number of its stars.
     segments: Vec<(wgpu::Buffer, u32)>,
 }
 
@@ -59,18 +61,18 @@ impl CatalogueBuffers {
         Self { set, order, segments }
     }
 
-    /// All stars.
+    /// Lists the buffers of all stars.
     pub(super) fn draws(&self) -> Vec<CatalogueDraw<'_>> {
         self.segments.iter().map(|(stars, count)| CatalogueDraw { stars, count: *count }).collect()
     }
 
-    /// Whether these are the stars of that scene in that order.
+    /// Whether these buffers hold the stars of `set` in this order.
     pub(super) fn holds(&self, set: &Arc<StarSet>, order: Option<u64>) -> bool {
         Arc::ptr_eq(&self.set, set) && self.order == order
     }
 }
 
-/// Right ascension in rad and the star.
+/// Returns the right ascension in rad and the encoded star.
 fn catalogue_star((place, at_infinity, star): (DVec3, bool, &PackedStar)) -> (f32, layout::CatalogueStar) {
     let (place, illuminance_at_10_pc_lx) = if at_infinity {
         (place * INFINITY_PC, star.illuminance_at_1_pc_lx() * (INFINITY_PC / ABSOLUTE_PC).powi(2))

@@ -1,4 +1,4 @@
-//! The procedural sky: every pixel by itself, in the resolve pass. Shader: `shaders/stars/cell_sky.wgsl`; the f64 twin is
+//! The procedural sky, computed per pixel in the resolve pass. Shader: `shaders/stars/cell_sky.wgsl`; the f64 twin is
 //! `crate::reference::stars::cell_sky`.
 
 use std::sync::OnceLock;
@@ -15,7 +15,7 @@ use crate::{
     },
 };
 
-/// The pass, made when it is first asked for.
+/// Lazily created pass.
 pub(super) struct CellSky {
     resolve: OnceLock<LuminancePass>,
 }
@@ -25,13 +25,13 @@ impl CellSky {
         Self { resolve: OnceLock::new() }
     }
 
-    /// The pass, made if it is the first time.
+    /// Returns the pass, which is created at the first call.
     pub(super) fn pass(&self, gpu: &Gpu) -> &LuminancePass {
         self.resolve.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::CellSky))
     }
 
-    /// Records the tiles of a batch, one by one: a pixel's angle is that of its viewport. Brightness is relative: 1 is the white of the
-    /// configured exposure.
+    /// Records the tiles of a batch one by one, since the size of a pixel depends on the viewport. Brightness is
+    /// relative: 1 is the white of the configured exposure.
     pub(super) fn record_batch(&self, recording: &mut Recording<'_>, number: usize) {
         let (gpu, frame) = (recording.gpu, recording.frame);
         let resolve = self.pass(gpu);
@@ -51,8 +51,8 @@ impl CellSky {
             let parameters = gpu.frame_uniform("cell sky", &parameters);
             let encoded = gpu.frame_storage("tile", std::slice::from_ref(encoded));
             let target = PictureTarget { tiles: &encoded, ..recording.targets.picture(number) };
-            let of_source = [(0, parameters.as_entire_binding())];
-            let inputs = LuminanceInputs { scale, numbers: [0, 0], of_source: &of_source };
+            let source_bindings = [(0, parameters.as_entire_binding())];
+            let inputs = LuminanceInputs { scale, numbers: [0, 0], source_bindings: &source_bindings };
             let mut pass = begin_pass(recording.encoder, recording.timer, "stars");
             resolve.record(gpu, &mut pass, &inputs, &target, tile_grid(tile, viewport));
         }

@@ -1,4 +1,4 @@
-//! Items: runs of stars that tell the passes over stars which of them to draw into which tiles, and how they are bound.
+//! Items: runs of stars, each with the set of tiles into which the passes over stars draw it, and their bindings.
 
 use glam::DVec3;
 use rand::{SeedableRng, seq::SliceRandom};
@@ -15,21 +15,21 @@ use crate::{
     render::stars::layout,
 };
 
-/// Stars per workgroup at most.
+/// Maximum number of stars per workgroup.
 const ITEM_STARS: u32 = 1024;
-/// Items of stars are bound from multiples of this many, so that their offset is aligned.
+/// Runs of items begin at multiples of this number, so that binding offsets are aligned.
 const ITEM_ALIGNMENT: usize = 8;
 
-/// A run of items that read from one buffer of stars.
+/// Run of items that read from one buffer of stars.
 pub(crate) struct StarDraw<'a> {
     pub stars: &'a wgpu::Buffer,
     pub items: &'a wgpu::Buffer,
-    /// First item; a multiple of [`ITEM_ALIGNMENT`].
+    /// Index of the first item; a multiple of [`ITEM_ALIGNMENT`].
     pub first_item: u64,
     pub item_count: u32,
 }
 
-/// Stars and their items, as every pass over items binds them.
+/// Bind group of stars and their items, the same for every pass over items.
 pub(crate) fn bind_items(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, draw: &StarDraw<'_>) -> wgpu::BindGroup {
     let items = wgpu::BufferBinding {
         buffer: draw.items,
@@ -39,11 +39,11 @@ pub(crate) fn bind_items(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, draw: &Sta
     bind_buffers(gpu, pipeline, 1, &[(0, draw.stars.as_entire_binding()), (1, wgpu::BindingResource::Buffer(items))])
 }
 
-/// A run of items of one batch that read from one buffer of stars.
+/// Run of items of one batch that read from one buffer of stars.
 pub(super) struct ItemRun {
     /// Index of the batch.
     pub batch: usize,
-    /// Index of the segment; `None`: the near stars.
+    /// Index of the segment; `None` for near stars.
     pub segment: Option<usize>,
     /// First item.
     pub first_item: u64,
@@ -60,11 +60,11 @@ pub(super) struct Items {
     pub near: Vec<PackedStar>,
 }
 
-/// As long as there are no more stars than this, items of an order by seed hold one star each: every order can come out.
+/// Up to this number of stars, items of a shuffled order hold one star each, so that every order is possible.
 const SINGLE_STARS: u64 = 1 << 16;
 
-/// Builds the items of a frame. With a seed they are those of single stars (of many stars, where there are many), in the order
-/// that it shuffles them into; a star keeps its number within the set.
+/// Builds the items of a frame. With a seed the items are shuffled; they hold single stars, or many stars if there are
+/// many. A star keeps its number within the set.
 pub(super) fn build_items(
     buffers: &StarBuffers,
     visible: &[VisibleChunk],
@@ -72,9 +72,10 @@ pub(super) fn build_items(
     order: Option<u64>,
 ) -> Items {
     let set = &*buffers.set;
-    let shown: u64 = visible.iter().map(|chunk| u64::from(chunk.count)).sum();
-    let most = if order.is_some() && shown <= SINGLE_STARS { 1 } else { ITEM_STARS };
+    let visible_stars: u64 = visible.iter().map(|chunk| u64::from(chunk.count)).sum();
+    let most = if order.is_some() && visible_stars <= SINGLE_STARS { 1 } else { ITEM_STARS };
     let mut random = order.map(ChaCha8Rng::seed_from_u64);
+    // Near stars, relative to the camera, for all batches.
     let mut near = Vec::new();
     let mut near_first = Vec::new();
     for chunk in visible.iter().filter(|chunk| chunk.near) {
@@ -84,10 +85,11 @@ pub(super) fn build_items(
                 .map(|(place, star)| PackedStar { offset_pc: place.as_vec3().to_array(), light: star.light }),
         );
     }
+    // Items of each batch, segment by segment, then those of the near stars.
     let mut items = Vec::new();
     let mut runs = Vec::new();
     for (batch_index, batch) in batches.iter().enumerate() {
-        // Tiles of each viewport in this batch.
+        // Set of tiles of each viewport in this batch.
         let mut tiles_of_viewport = [0_u32; 64];
         for (index, tile) in batch.tiles.iter().enumerate() {
             tiles_of_viewport[tile.viewport] |= 1 << index;
@@ -184,7 +186,7 @@ fn close_run(
     }
 }
 
-/// The buffers into which items and near stars are uploaded, kept from frame to frame.
+/// Buffers of items and near stars, kept from frame to frame.
 pub(super) struct ItemBuffers {
     pub items: GrowingBuffer,
     pub near: GrowingBuffer,

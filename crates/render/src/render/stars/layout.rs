@@ -4,30 +4,30 @@ use crate::gpu::gpu_structs;
 pub(crate) use crate::render::layout::{AirAbove, Viewport};
 
 gpu_structs! {
-    /// A run of stars for one workgroup; see `shaders/stars/splat.wgsl`.
+    /// Run of stars for one workgroup; see `shaders/stars/splat.wgsl`.
     StarItem {
         /// Chunk origin minus camera, pc.
         origin: [f32; 3],
-        /// First star in its buffer.
+        /// Index of the first star in its buffer.
         first: u32,
         /// Number of stars.
         count: u32,
         /// Bit set of tiles.
         tiles: u32,
-        /// Number of the first star in the scene.
+        /// Number of the first star within the scene.
         first_number: u32,
-        /// 1: directions instead of places.
+        /// 1: the stars are at infinity, given by directions instead of positions.
         at_infinity: u32,
     }
-    /// How the camera moves; see `shaders/stars/relativity.wgsl`. All zero: it rests.
+    /// Motion of the camera; see `shaders/stars/relativity.wgsl`. All zero: at rest.
     CameraMotion {
         /// Unit vector of the velocity, world axes.
         direction: [f32; 3],
         /// Lorentz factor.
         gamma: f32,
-        /// Lorentz factor times speed; 0 at rest.
+        /// Lorentz factor times speed (fraction of the speed of light); 0 at rest.
         gamma_beta: f32,
-        /// Doppler factor straight behind.
+        /// Doppler factor in the backward direction.
         doppler_behind: f32,
         /// Padding.
         unused_0: u32,
@@ -38,9 +38,9 @@ gpu_structs! {
     StarParameters {
         /// Fixed-point units per lux.
         units_per_lx: f32,
-        /// Fainter stars are not drawn, lx.
+        /// Illuminance of the faintest stars that are drawn, lx.
         faintest_lx: f32,
-        /// Stars as bright or brighter are not drawn, lx.
+        /// Exclusive upper limit of the illuminance of stars that are drawn, lx.
         brightest_lx: f32,
         /// Number of items.
         item_count: u32,
@@ -52,18 +52,18 @@ gpu_structs! {
         unused_1: u32,
         /// Padding.
         unused_2: u32,
-        /// How the camera moves.
+        /// Motion of the camera.
         camera_motion: CameraMotion,
-        /// The air around it.
+        /// Air around the camera.
         air: AirAbove,
     }
-    /// A star as the published methods read it; see `shaders/stars/catalogue_star.wgsl`.
+    /// Star as the published methods read it; see `shaders/stars/catalogue_star.wgsl`.
     CatalogueStar {
-        /// ICRS, from the barycentre, pc.
+        /// Position x, ICRS, from the barycentre, pc.
         x: f32,
-        /// See `x`.
+        /// Position y.
         y: f32,
-        /// See `x`.
+        /// Position z.
         z: f32,
         /// Absolute V magnitude.
         absolute_magnitude: f32,
@@ -72,20 +72,20 @@ gpu_structs! {
     }
     /// Parameters of the published passes over the whole catalogue.
     CatalogueParameters {
-        /// Place of the camera, ICRS, pc.
+        /// Position of the camera, ICRS, pc.
         camera: [f32; 3],
-        /// Stars of the buffer.
+        /// Number of stars in the buffer.
         star_count: u32,
-        /// Fainter stars are not drawn, lx.
+        /// Illuminance of the faintest stars that are drawn, lx.
         faintest_lx: f32,
-        /// The tile drawn into; where there are no tiles, the viewport.
+        /// Index of the target tile; of the viewport if the pass does not use tiles.
         tile: u32,
         /// Threads per row of the dispatch.
         row_threads: u32,
         /// Padding.
         unused_0: u32,
     }
-    /// Parameters of the methods that blend; see `shaders/stars/billboards/billboard.wgsl`.
+    /// Parameters of the blending methods; see `shaders/stars/billboards/billboard.wgsl`.
     BillboardParameters {
         /// First row of the rotation from the axes of the plane to those of the view.
         view_from_plane_x: [f32; 4],
@@ -93,21 +93,21 @@ gpu_structs! {
         view_from_plane_y: [f32; 4],
         /// Third row.
         view_from_plane_z: [f32; 4],
-        /// Place of the camera, ICRS, pc.
+        /// Position of the camera, ICRS, pc.
         camera: [f32; 3],
-        /// Fainter stars are not drawn, lx.
+        /// Illuminance of the faintest stars that are drawn, lx.
         faintest_lx: f32,
         /// Radius of discs and sprites, rad.
         radius_rad: f32,
-        /// Their solid angle, sr.
+        /// Solid angle of discs and sprites, sr.
         solid_angle_sr: f32,
-        /// Stars of this magnitude or brighter are drawn largest.
+        /// Magnitude from which brighter stars have the largest size.
         brightest_magnitude: f32,
-        /// Stars of this magnitude or fainter are drawn smallest.
+        /// Magnitude from which fainter stars have the smallest size.
         faintest_magnitude: f32,
-        /// Half of the side of a square on the screen, pixels.
+        /// Half side of a square on the screen, pixels.
         half_side_px: f32,
-        /// Faintest magnitude that is seen.
+        /// Magnitude of the faintest visible stars.
         limiting_magnitude: f32,
         /// Magnitude of display white.
         saturation_magnitude: f32,
@@ -119,20 +119,20 @@ gpu_structs! {
         glare_brightness: f32,
         /// cd/m^2 per unit of relative brightness.
         white_cd_m2: f32,
-        /// Half of the angle of the point-spread function, rad.
+        /// Half of the angular width of the point-spread function, rad.
         half_width_rad: f32,
         /// Angle of a texel, rad.
         texel_rad: f32,
-        /// Half of the angle that a star is cropped to, rad per sqrt(lx).
+        /// Half of the angular width to which a star is cropped, rad per sqrt(lx).
         crop_rad: f32,
-        /// The least such angle, rad.
+        /// Minimum of that half width, rad.
         least_crop_rad: f32,
-        /// Added to the square of the angle that the stored function is divided by, rad^2.
+        /// Softening term added to the squared angle by which the stored function is divided, rad^2.
         softening_rad2: f32,
     }
-    /// Parameters of the published rasteriser on culled stars.
+    /// Parameters of the published rasteriser for culled stars.
     PackedParameters {
-        /// Fainter stars are not drawn, lx.
+        /// Illuminance of the faintest stars that are drawn, lx.
         faintest_lx: f32,
         /// Number of items.
         item_count: u32,
@@ -141,28 +141,28 @@ gpu_structs! {
         /// Padding.
         unused_0: u32,
     }
-    /// Parameters of the resolve pass of methods that leave luminance.
+    /// Parameters of the resolve pass of methods that output luminance.
     LuminanceParameters {
         /// Pixels of the batch.
         plane_pixels: u32,
-        /// cd/m^2 per unit of what the method left.
+        /// cd/m^2 per unit of the method's output.
         scale: f32,
-        /// For the source of luminance.
+        /// First parameter of the luminance source.
         source_0: u32,
-        /// For the source of luminance.
+        /// Second parameter of the luminance source.
         source_1: u32,
     }
-    /// The procedural sky; see `shaders/stars/luminance_cell_sky.wgsl`.
+    /// Parameters of the procedural sky; see `shaders/stars/luminance_cell_sky.wgsl`.
     CellSkyParameters {
-        /// Angle of a pixel in the middle of the view, rad.
+        /// Angle of a pixel at the centre of the view, rad.
         pixel_rad: f32,
-        /// Radius of a star, such pixels.
+        /// Radius of a star, in these pixels.
         radius_px: f32,
         /// Cells along an edge of a cube face.
         cells: u32,
-        /// Layers of stars.
+        /// Number of layers of stars.
         layers: u32,
-        /// Seed of the sky.
+        /// Seed of the random stars.
         seed: u32,
         /// Padding.
         unused_0: u32,

@@ -1,5 +1,5 @@
-//! The resolve pass of methods that leave luminance instead of illuminance: what a pixel holds goes, with its solid angle,
-//! where the exposure and tone-mapping passes read it. Shader: `shaders/stars/luminance.wgsl`.
+//! The resolve pass of methods that output luminance instead of illuminance: writes the luminance and the solid angle
+//! of each pixel to where the exposure and tone-mapping passes read them. Shader: `shaders/stars/luminance.wgsl`.
 
 use crate::render::shader::Shader;
 use crate::{
@@ -11,16 +11,16 @@ use crate::{
     },
 };
 
-/// Where a method that leaves luminance instead of illuminance has left it.
+/// Source of the luminance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LuminanceSource {
-    /// Halves of a word: the published rasteriser.
+    /// Two half floats per word: the published rasteriser.
     Packed,
     /// A texture of the picture itself.
     Texture,
     /// Six textures: the faces of a cube around the view's axes.
     Cube,
-    /// Nowhere: the procedural sky is computed here.
+    /// No stored source: the procedural sky is computed in this pass.
     CellSky,
 }
 
@@ -36,14 +36,14 @@ impl LuminanceSource {
     }
 }
 
-/// What is made of what a method left.
+/// Inputs of the resolve pass.
 pub(crate) struct LuminanceInputs<'a> {
-    /// cd/m^2 per unit of what the method left.
+    /// cd/m^2 per unit of the method's output.
     pub scale: f32,
     /// Parameters of the source of luminance.
     pub numbers: [u32; 2],
-    /// What the source binds in group 1.
-    pub of_source: &'a [(u32, wgpu::BindingResource<'a>)],
+    /// Bindings of the source, in group 1.
+    pub source_bindings: &'a [(u32, wgpu::BindingResource<'a>)],
 }
 
 /// The pass for one source of luminance.
@@ -65,7 +65,7 @@ impl LuminancePass {
         target: &PictureTarget<'_>,
         grid: [u32; 3],
     ) {
-        let LuminanceInputs { scale, numbers, of_source } = *inputs;
+        let LuminanceInputs { scale, numbers, source_bindings } = *inputs;
         let parameters = layout::LuminanceParameters {
             plane_pixels: target.plane_pixels,
             scale,
@@ -77,8 +77,8 @@ impl LuminancePass {
         pass.set_pipeline(&self.pipeline);
         gpu.bind_tables(pass, &self.pipeline);
         pass.set_bind_group(0, &group, &[]);
-        if !of_source.is_empty() {
-            pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, of_source), &[]);
+        if !source_bindings.is_empty() {
+            pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, source_bindings), &[]);
         }
         pass.dispatch_workgroups(grid[0], grid[1], grid[2]);
     }

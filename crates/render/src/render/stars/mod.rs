@@ -1,6 +1,6 @@
-//! Stars: ours splat what culling leaves in fixed point (`splat`); the published methods leave luminance, most of them from every star
-//! in the order of the catalogue (`packed`, `billboards`, `cell_sky`), and a resolve pass of their own brings it where the other passes
-//! read it (`luminance`).
+//! Stars. The default method splats the result of culling in fixed point (`splat`). The published methods output
+//! luminance, most of them from all stars in the order of the catalogue (`packed`, `billboards`, `cell_sky`); a
+//! separate resolve pass brings it to where the other passes read it (`luminance`).
 
 mod billboards;
 mod buffers;
@@ -31,20 +31,20 @@ use crate::{
     plan::{settings::Accumulator, smooth_light::SkyPlan, stars::range::FixedPoint},
 };
 
-/// Passes and buffers of all methods; those of the published ones are made when they are first asked for.
+/// Passes and buffers of all methods. Those of the published methods are created at first use.
 pub(super) struct Stars {
     splat: StarPass,
     packed: Packed,
     billboards: Billboards,
     cell_sky: CellSky,
-    /// What culling picks from.
+    /// All stars, the input of culling.
     held: Option<StarBuffers>,
-    /// The stars that a map of faint light leaves, where the frame reads one.
+    /// Stars that are not part of the map of faint light, if the frame reads one.
     beside_map: Option<StarBuffers>,
     /// All stars in the order of a catalogue.
     catalogue: Option<CatalogueBuffers>,
     item_buffers: ItemBuffers,
-    /// Of the frame that is being recorded.
+    /// Item runs of the frame being recorded.
     runs: Vec<ItemRun>,
     /// Whether that frame reads a map of faint light.
     reads_map: bool,
@@ -66,25 +66,24 @@ impl Stars {
         }
     }
 
-    /// What the items of the frame name stars of.
+    /// Star buffers to which the items of the frame refer.
     fn drawn(&self) -> Option<&StarBuffers> {
         if self.reads_map { self.beside_map.as_ref() } else { self.held.as_ref() }
     }
 
-    /// What of a batch is drawn of what culling has left.
+    /// Draws of a batch: the runs of items left by culling.
     fn draws(&self, batch: usize) -> Vec<StarDraw<'_>> {
         let (Some(items), Some(near)) = (self.item_buffers.items.held(), self.item_buffers.near.held()) else {
             return Vec::new();
         };
-        let of_batch = self.runs.iter().filter(|run| run.batch == batch);
-        of_batch
-            .map(|run| StarDraw {
-                stars: run.segment.zip(self.drawn()).map_or(near, |(segment, stars)| stars.buffer(segment)),
-                items,
-                first_item: run.first_item,
-                item_count: run.item_count,
-            })
-            .collect()
+        let runs = self.runs.iter().filter(|run| run.batch == batch);
+        runs.map(|run| StarDraw {
+            stars: run.segment.zip(self.drawn()).map_or(near, |(segment, stars)| stars.buffer(segment)),
+            items,
+            first_item: run.first_item,
+            item_count: run.item_count,
+        })
+        .collect()
     }
 
     fn splat(&mut self, recording: &mut Recording<'_>, batch: usize) {
@@ -131,7 +130,7 @@ impl Technique for Stars {
         let Holding { gpu, scene, settings, catalogue_order: order, .. } = *holding;
         let (method, set) = (settings.stars.method, &scene.stars);
         if method.reads_catalogue() && self.catalogue.as_ref().is_none_or(|catalogue| !catalogue.holds(set, order)) {
-            // Gone before its successor is made, so that both never exist at once.
+            // Drop the old buffers before their successors are made, so that both never exist at once.
             self.catalogue = None;
             self.catalogue = Some(CatalogueBuffers::new(gpu, set.clone(), order));
         }

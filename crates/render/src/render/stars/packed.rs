@@ -1,6 +1,8 @@
-//! The published rasteriser: luminance and temperature as two halves of one word, with compare-exchange. Shaders:
-//! `shaders/stars/packed.wgsl` (every star of the catalogue, once per view) and `shaders/stars/packed_sorted.wgsl` (on culled
-//! and sorted stars). The f64 twin is `crate::reference::stars::packed`.
+//! The published rasteriser: packs luminance and temperature into one word as two half floats, updated by
+//! compare-exchange.
+//!
+//! Shaders: `shaders/stars/packed.wgsl` (every star of the catalogue, once per view) and
+//! `shaders/stars/packed_sorted.wgsl` (culled and sorted stars). The f64 twin is `crate::reference::stars::packed`.
 
 use std::sync::OnceLock;
 
@@ -20,25 +22,25 @@ use crate::{
     },
 };
 
-/// Bytes of a packed pixel: two halves.
+/// Size of a packed pixel, bytes: two half floats.
 const PACKED_BYTES: u64 = 4;
 
-/// Passes and buffers of the rasteriser, made when they are first asked for.
+/// Lazily created passes, and buffers of the rasteriser.
 pub(super) struct Packed {
     pass: PackedPass,
     resolve: OnceLock<LuminancePass>,
     words: GrowingBuffer,
 }
 
-/// What the rasteriser draws.
+/// Inputs of the rasteriser.
 pub(super) struct PackedFrame<'a> {
     pub camera_pc: [f32; 3],
     pub faintest_lx: f64,
-    /// Tiles of the batch.
+    /// Number of tiles of the batch.
     pub tiles: u32,
-    /// What culling has left.
+    /// Draws left by culling.
     pub visible: &'a [StarDraw<'a>],
-    /// All stars, where those are drawn instead.
+    /// All stars, to draw instead of `visible`.
     pub catalogue: Option<&'a CatalogueBuffers>,
 }
 
@@ -56,7 +58,7 @@ impl Packed {
         self.words.release();
     }
 
-    /// Makes the pipelines of one of the two forms ahead.
+    /// Creates the pipelines of one of the two forms in advance.
     pub(super) fn prepare(&self, gpu: &Gpu, reads_catalogue: bool) {
         if reads_catalogue {
             self.pass.catalogue(gpu);
@@ -70,7 +72,7 @@ impl Packed {
         self.resolve.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::Packed))
     }
 
-    /// The words of a batch, cleared.
+    /// Returns the words of a batch, cleared.
     pub(super) fn clear_words(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, pixels: u64) -> wgpu::Buffer {
         let words = self.words.with_room(gpu, pixels * PACKED_BYTES).clone();
         encoder.clear_buffer(&words, 0, Some((pixels * PACKED_BYTES).next_multiple_of(4)));
@@ -101,7 +103,7 @@ impl Packed {
         }
     }
 
-    /// Records its full-screen pass, which makes colours of temperatures.
+    /// Records the full-screen pass that converts temperatures to colours.
     pub(super) fn resolve(
         &self,
         gpu: &Gpu,
@@ -112,13 +114,13 @@ impl Packed {
         grid: [u32; 3],
     ) {
         let resolve = self.resolve_pass(gpu);
-        let of_source = [(0, words.as_entire_binding()), (1, colours.as_entire_binding())];
-        let inputs = LuminanceInputs { scale: 1.0, numbers: [0, 0], of_source: &of_source };
+        let source_bindings = [(0, words.as_entire_binding()), (1, colours.as_entire_binding())];
+        let inputs = LuminanceInputs { scale: 1.0, numbers: [0, 0], source_bindings: &source_bindings };
         resolve.record(gpu, pass, &inputs, target, grid);
     }
 }
 
-/// The passes, each made when it is first asked for.
+/// Pipelines of the rasteriser, each created at first use.
 #[derive(Default)]
 struct PackedPass {
     catalogue: OnceLock<wgpu::ComputePipeline>,
@@ -129,7 +131,7 @@ struct PackedPass {
 struct WholeCatalogue<'a> {
     pub camera_pc: [f32; 3],
     pub faintest_lx: f64,
-    /// Tiles of the batch.
+    /// Number of tiles of the batch.
     pub tiles: u32,
     pub draws: &'a [CatalogueDraw<'a>],
 }
@@ -145,7 +147,7 @@ impl PackedPass {
         })
     }
 
-    /// Records the published pass: all stars into every tile. `target.low_words` are the packed words.
+    /// Records the published pass, which draws all stars into every tile. `target.low_words` holds the packed words.
     fn record_catalogue(
         &self,
         gpu: &Gpu,
@@ -177,7 +179,7 @@ impl PackedPass {
         }
     }
 
-    /// Records the same splat on the items of the visible chunks.
+    /// Records the same splat for the items of the visible chunks.
     fn record_sorted(
         &self,
         gpu: &Gpu,

@@ -1,5 +1,5 @@
-//! The star pass: splats every visible star in illuminance, in fixed point. Shader: `shaders/stars/splat.wgsl`; the f64 twin is
-//! `crate::reference::stars`.
+//! The star pass: splats the illuminance of every visible star in fixed point. Shader: `shaders/stars/splat.wgsl`; the
+//! f64 twin is `crate::reference::stars`.
 
 use super::items::{StarDraw, bind_items};
 use crate::{
@@ -21,15 +21,15 @@ use crate::{
     },
 };
 
-/// The pass.
+/// Pipelines and colour table of the star pass.
 pub(crate) struct StarPass {
-    /// By whether something may stand before the stars.
+    /// One pipeline with and one without the occlusion test.
     pipelines: Variants<bool, wgpu::ComputePipeline>,
     colours: wgpu::Buffer,
 }
 
-/// Colours with Y = 1, and the logarithm of the luminance, of all temperature steps: from 0 on, then those below 0, which
-/// only a moving camera can ask for.
+/// Table of colours with Y = 1 and of the logarithm of the luminance, for all temperature steps: first those from 0 on,
+/// then the negative ones, which only a moving camera uses.
 fn colour_table() -> Vec<[f32; 4]> {
     let above = (TABLE_STEPS as u32 - SHIFTED_STEPS) as i32;
     (0..above)
@@ -51,7 +51,7 @@ fn encode_motion(motion: Motion) -> layout::CameraMotion {
     }
 }
 
-/// The pass with or without the test for what stands before the stars.
+/// Creates the pipeline with or without the occlusion test.
 fn star_pipeline(gpu: &Gpu, has_geometry: bool) -> wgpu::ComputePipeline {
     let constants = [workgroup_constant(gpu), ("HAS_GEOMETRY", f64::from(u8::from(has_geometry))), rolled_loops(gpu)];
     gpu.compute_pipeline_with(&splatting(gpu, "stars/splat"), &constants)
@@ -62,17 +62,17 @@ impl StarPass {
         Self { pipelines: Variants::new(), colours: gpu::storage_buffer(gpu, "star colours", &colour_table()) }
     }
 
-    /// The pipeline with or without the test for what stands before the stars.
+    /// Returns the pipeline with or without the occlusion test.
     pub(crate) fn pipeline(&self, gpu: &Gpu, has_geometry: bool) -> wgpu::ComputePipeline {
         self.pipelines.get(has_geometry, || star_pipeline(gpu, has_geometry))
     }
 
-    /// Colours of luminance 1 for every step of temperature.
+    /// Colours with luminance 1 for every temperature step.
     pub(crate) fn colours(&self) -> &wgpu::Buffer {
         &self.colours
     }
 
-    /// Records the draws of one range of brightness into one batch, seen by a camera that may move, or through air.
+    /// Records the draws of one brightness range into one batch, including the effects of camera motion and air.
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
@@ -96,7 +96,7 @@ impl StarPass {
                 item_count: draw.item_count,
                 items_per_row,
                 camera_motion: plan.motion.map(encode_motion).unwrap_or_default(),
-                air: AirAbove::of(plan.local_sky.as_deref()),
+                air: AirAbove::from_sky(plan.local_sky.as_deref()),
                 ..Default::default()
             };
             let parameters = gpu.frame_uniform("star parameters", &parameters);

@@ -1,14 +1,15 @@
 //! Atlases of impostors as textures: baked on the adapter, kept on disk, one layer per shape.
 //!
-//! `octahedral` and `octahedral_blend` read the same atlas, `euler_atlas` has its own. Textures: *normals*,
-//! `Rgba8Unorm`, the mean normal in the shape's axes, halved and moved to 0..1, and coverage; *surfaces*, `Rgba8Unorm`,
-//! albedo over [`ImpostorAtlas::albedo_scale`] and depth along the tile's direction in units of the shape's bound (0 to
-//! 1, 0.5 in the middle, 1 towards the eye). Both are arrays of one layer per shape, with mip levels.
+//! `octahedral` and `octahedral_blend` read the same atlas; `euler_atlas` has a separate one. Both textures are arrays
+//! with one layer per shape and with mip levels:
+//! - *normals*, `Rgba8Unorm`: the mean normal in the shape's axes, mapped from -1..1 to 0..1, and coverage;
+//! - *surfaces*, `Rgba8Unorm`: albedo divided by [`ImpostorAtlas::albedo_scale`], and depth along the tile's direction
+//!   in units of the shape's bounding radius (0 to 1; 0.5 in the middle, 1 towards the eye).
 //!
-//! A device and a thread of its own may bake ahead what a renderer is going to need ([`BakedImpostors`]).
+//! Another device on another thread can bake the atlases that a renderer will need in advance ([`BakedImpostors`]).
 //!
-//! A file of the cache holds the finest level of all layers; its name and its header say what of. Little-endian:
-//! [`Header`], the bytes of the normals of all layers, those of the surfaces. A CRC-32 covers everything behind itself.
+//! A cache file holds the finest level of all layers; its name and header identify shapes and settings. Layout,
+//! little-endian: [`Header`], normals of all layers, surfaces of all layers. The CRC-32 covers every byte after itself.
 
 use std::{
     collections::HashMap,
@@ -34,14 +35,14 @@ use crate::{
 const _: () = assert!(cfg!(target_endian = "little"), "atlases are little-endian and read without conversion");
 
 const MAGIC: [u8; 8] = *b"STERIMPO";
-/// Grows with every change of what is baked.
+/// Version of the baked content. Increase it whenever baking changes the texels.
 const VERSION: u32 = 1;
 
-/// Why an atlas cannot be made.
+/// Reason why an atlas cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImpostorAtlasError {
-    /// It would be too large.
+    /// The atlas would be too large.
     #[error(
         "asteroids.tiles = {tiles} and asteroids.tile_px = {tile_px} make an atlas {side} pixels wide; \
          this adapter allows {limit}"
@@ -51,12 +52,12 @@ pub enum ImpostorAtlasError {
         tiles: u32,
         /// Texels along a side of a tile.
         tile_px: u32,
-        /// Their product, texels.
+        /// Side of the atlas, texels: product of both.
         side: u64,
         /// The adapter's limit, texels.
         limit: u32,
     },
-    /// Too few tiles, or too small ones.
+    /// The atlas has fewer than 2 tiles or tiles smaller than 4 texels.
     #[error("asteroids.tiles = {tiles} and asteroids.tile_px = {tile_px}: an atlas needs at least 2 tiles of 4 pixels")]
     TooSmall {
         /// Tiles along a side.
@@ -64,10 +65,10 @@ pub enum ImpostorAtlasError {
         /// Texels along a side of a tile.
         tile_px: u32,
     },
-    /// No shapes, or too many for one texture.
+    /// The set has no shapes, or more than a texture has layers.
     #[error("{shapes} shapes in a field of asteroids: impostors need at least one, and this adapter holds {limit}")]
     Shapes {
-        /// Their number.
+        /// Number of shapes.
         shapes: usize,
         /// The adapter's limit.
         limit: u32,
@@ -77,7 +78,7 @@ pub enum ImpostorAtlasError {
     Gpu(#[from] GpuError),
 }
 
-/// An atlas on the adapter: what `shaders/asteroids/impostors/atlas.wgsl` binds as group 1.
+/// Impostor atlas on the adapter; bound as group 1 by `shaders/asteroids/impostors/atlas.wgsl`.
 pub(crate) struct ImpostorAtlas {
     /// Binding 0: `layout::ImpostorAtlas`, uniform.
     pub parameters: wgpu::Buffer,
@@ -87,13 +88,13 @@ pub(crate) struct ImpostorAtlas {
     pub normals: wgpu::TextureView,
     /// Binding 3, `Rgba8Unorm`, a 2D array.
     pub surfaces: wgpu::TextureView,
-    /// Binding 4: linear, also between levels.
+    /// Binding 4: linear filtering, also between mip levels.
     pub sampler: wgpu::Sampler,
 }
 
 impl ImpostorAtlas {
-    /// The atlas that a method reads, of all shapes of a set: as it was baked ahead, from the cache, or baked and put there. `None` for
-    /// methods without an atlas. A file of the cache that cannot be used is reported and made anew.
+    /// Returns the atlas of a method for all shapes of a set: baked in advance, read from the cache, or baked now and
+    /// cached. Returns `None` for methods without an atlas. An unusable cache file is logged and replaced.
     pub(crate) fn new(
         gpu: &Gpu,
         pass: &ImpostorBakePass,
@@ -102,7 +103,7 @@ impl ImpostorAtlas {
         method: ImpostorMethod,
         settings: &AsteroidSettings,
     ) -> Result<Option<Self>, ImpostorAtlasError> {
-        let Some(size) = AtlasSize::of(method, settings) else { return Ok(None) };
+        let Some(size) = AtlasSize::from_method(method, settings) else { return Ok(None) };
         check(gpu, shapes, size)?;
         let layers = match ahead.take(shapes, size) {
             Some(layers) => layers,
@@ -130,12 +131,14 @@ impl ImpostorAtlas {
         };
         let normals = texture("impostor normals", wgpu::TextureFormat::Rgba8Unorm);
         let surfaces = texture("impostor surfaces", wgpu::TextureFormat::Rgba8Unorm);
+        // Texels of all layers and mip levels.
         for (layer, levels) in (0..).zip(layers) {
             for (level, texels) in (0..).zip(levels) {
                 write_level(gpu, &normals, &texels.normals, side >> level, level, layer);
                 write_level(gpu, &surfaces, &texels.surfaces_with_coverage(), side >> level, level, layer);
             }
         }
+        // Parameters, bounds and views for the bindings.
         let parameters = layout::ImpostorAtlas {
             tiles: size.tiles,
             tile_px: size.tile_px,
@@ -163,7 +166,7 @@ impl ImpostorAtlas {
         }
     }
 
-    /// Group 1, for a layout that holds all of it.
+    /// Bindings of group 1, for a layout that uses all of them.
     pub(crate) fn bindings(&self) -> [(u32, wgpu::BindingResource<'_>); 5] {
         [
             (0, self.parameters.as_entire_binding()),
@@ -175,7 +178,7 @@ impl ImpostorAtlas {
     }
 }
 
-/// The factor on the albedo that is stored as 1: the greatest of all shapes.
+/// Scale of stored albedos: the greatest albedo factor of all shapes, stored as 1.
 fn albedo_scale(shapes: &ShapeSet) -> f32 {
     let finest = shapes.shapes.iter().filter_map(|shape| shape.lods.first());
     let greatest = finest.flat_map(|lod| &lod.mesh.albedos).copied().fold(0.0, f32::max);
@@ -199,20 +202,21 @@ fn check(gpu: &Gpu, shapes: &ShapeSet, size: AtlasSize) -> Result<(), ImpostorAt
     Ok(())
 }
 
-/// What was made ahead for a renderer that is going to need it: atlases, baked by another device, and areas of shapes. Clones share it.
+/// Atlases and projected areas that another device prepared for a renderer that will need them. Clones share the
+/// content.
 #[derive(Clone, Debug, Default)]
 pub struct BakedImpostors(Arc<Mutex<Baked>>);
 
 #[derive(Debug, Default)]
 struct Baked {
-    /// By the digest of their shapes.
+    /// Keyed by the digest of the shapes and the atlas size.
     atlases: HashMap<(u64, AtlasSize), Vec<Vec<Level>>>,
     areas: HashMap<u64, Vec<f32>>,
 }
 
 impl BakedImpostors {
     fn baked(&self) -> MutexGuard<'_, Baked> {
-        // Nothing can panic while the lock is held, so a poisoned state is whole.
+        // No code panics while it holds the lock, so the content is consistent even if the lock is poisoned.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -220,17 +224,18 @@ impl BakedImpostors {
         self.baked().atlases.remove(&(shapes.digest, size))
     }
 
-    /// Projected areas of the shapes of a set, over pi: as they were made ahead, or made now.
+    /// Projected areas of the shapes of a set, divided by pi: prepared in advance, or computed now.
     pub(crate) fn areas_of(&self, shapes: &ShapeSet) -> Vec<f32> {
         let ahead = self.baked().areas.remove(&shapes.digest);
         ahead.unwrap_or_else(|| shapes.shapes.iter().flat_map(projected_areas).collect())
     }
 
-    /// Makes what the first frame with these sets of shapes takes, on a device. What was made before and has not been asked for is let go.
+    /// Prepares on `gpu` what the first frame with these sets of shapes needs. Content prepared earlier and not yet
+    /// taken is dropped.
     ///
     /// # Errors
     ///
-    /// An atlas cannot be made so, or the device failed.
+    /// The atlas settings are invalid, or the device failed.
     pub fn bake(
         &self,
         gpu: &Gpu,
@@ -238,7 +243,7 @@ impl BakedImpostors {
         settings: &AsteroidSettings,
     ) -> Result<(), ImpostorAtlasError> {
         *self.baked() = Baked::default();
-        let size = AtlasSize::of(settings.impostor.chosen(), settings).filter(|_| !settings.finest_only);
+        let size = AtlasSize::from_method(settings.impostor.chosen(), settings).filter(|_| !settings.finest_only);
         let pass = size.map(|size| (size, ImpostorBakePass::new(gpu)));
         for shapes in sets {
             if let Some((size, pass)) = &pass {
@@ -253,7 +258,7 @@ impl BakedImpostors {
     }
 }
 
-/// All levels of all layers: from the cache, or baked and put there.
+/// Returns all levels of all layers, from the cache, or baked now and cached.
 fn layers_of(
     gpu: &Gpu,
     pass: &ImpostorBakePass,
@@ -266,7 +271,7 @@ fn layers_of(
     let kept = path.as_deref().and_then(|path| match read(path, &header) {
         Ok(kept) => kept,
         Err(problem) => {
-            tracing::warn!(file = %path.display(), %problem, "an atlas of impostors is baked anew");
+            tracing::warn!(file = %path.display(), %problem, "cannot use the cached impostor atlas; baking it again");
             None
         }
     });
@@ -277,7 +282,7 @@ fn layers_of(
             if let Some(path) = &path
                 && let Err(problem) = write(path, header, &finest)
             {
-                tracing::warn!(file = %path.display(), %problem, "an atlas of impostors cannot be kept");
+                tracing::warn!(file = %path.display(), %problem, "cannot write the impostor atlas to the cache");
             }
             finest
         }
@@ -310,7 +315,7 @@ fn write_level(gpu: &Gpu, texture: &wgpu::Texture, bytes: &[u8], side: u32, leve
     gpu.queue.write_texture(to, bytes, layout, wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 });
 }
 
-/// The first 48 bytes of a file.
+/// The first 48 bytes of a cache file.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 struct Header {
@@ -326,7 +331,7 @@ struct Header {
     reserved: u32,
 }
 
-/// Where in the header the checksum ends.
+/// Bytes at the start of the header that the checksum does not cover.
 const UNCHECKED: usize = 12;
 
 impl Header {
@@ -349,26 +354,26 @@ impl Header {
         format!("impostors-{}-{}x{}-{:016x}.atlas", size.layout.name(), self.tiles, self.tile_px, self.digest).into()
     }
 
-    /// Texels of a layer.
+    /// Number of texels of a layer.
     fn texels(&self) -> usize {
         (self.tiles as usize * self.tile_px as usize).pow(2)
     }
 }
 
-/// Why a file of the cache cannot be used.
+/// Reason why a cache file cannot be used.
 #[derive(Debug, thiserror::Error)]
 enum CacheError {
     #[error(transparent)]
     Io(#[from] io::Error),
     #[error("{found} bytes long, not {expected}")]
     Length { found: usize, expected: usize },
-    #[error("the checksum does not fit")]
+    #[error("checksum mismatch")]
     Checksum,
-    #[error("the header is another atlas's, or of another version of this program")]
+    #[error("the header belongs to another atlas or to another program version")]
     Header,
 }
 
-/// The finest levels that a file holds; `None` if there is no file.
+/// Reads the finest levels from a cache file; `None` if the file does not exist.
 fn read(path: &Path, wanted: &Header) -> Result<Option<Vec<Level>>, CacheError> {
     let (texels, shapes) = (wanted.texels(), wanted.shapes as usize);
     let expected = size_of::<Header>() + 6 * texels * shapes;

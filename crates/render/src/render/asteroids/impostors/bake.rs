@@ -1,8 +1,9 @@
-//! Bakes atlases of impostors: the finest mesh of a shape onto every tile, by the rasteriser that draws meshes, and the
-//! means of the samples. Shaders: `shaders/asteroids/impostors/bake*.wgsl`;
-//! the f64 twin is `crate::reference::asteroids::impostors`.
+//! Bakes impostor atlases: the mesh rasteriser draws the finest mesh of a shape onto every tile, and a filter pass
+//! averages the samples of each texel.
 //!
-//! An atlas is made in square blocks of tiles, so that the textures of samples stay small.
+//! Shaders: `shaders/asteroids/impostors/bake*.wgsl`; the f64 twin is `crate::reference::asteroids::impostors`.
+//!
+//! An atlas is baked in square blocks of tiles, to keep the sample textures small.
 
 use crate::render::{constants::workgroups::FILTER_SIDE, shader::Shader};
 use crate::{
@@ -18,16 +19,16 @@ use crate::{
 
 /// Samples along the side of a texel.
 const SAMPLES: u32 = 4;
-/// Most samples along the side of a block.
+/// Maximum number of samples along the side of a block.
 const BLOCK_SAMPLES: u32 = 2048;
 
-/// The pipelines of baking.
+/// Pipelines of the bake.
 pub(crate) struct ImpostorBakePass {
     draw: wgpu::RenderPipeline,
     filter: wgpu::ComputePipeline,
 }
 
-/// An atlas that is asked for.
+/// Layout and size of an atlas.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct AtlasSize {
     pub layout: AtlasLayout,
@@ -38,14 +39,14 @@ pub(crate) struct AtlasSize {
 }
 
 impl AtlasSize {
-    /// That which a method reads; `None` for methods without an atlas.
-    pub(crate) fn of(method: ImpostorMethod, settings: &AsteroidSettings) -> Option<Self> {
+    /// Atlas that a method reads; `None` for methods without an atlas.
+    pub(crate) fn from_method(method: ImpostorMethod, settings: &AsteroidSettings) -> Option<Self> {
         let layout = AtlasLayout::of(method)?;
         Some(Self { layout, tiles: settings.tiles, tile_px: settings.tile_px })
     }
 }
 
-/// Textures of samples and buffer of texels of a block.
+/// Sample textures and texel buffer of a block.
 struct Block {
     /// Tiles along a side.
     tiles: u32,
@@ -55,7 +56,7 @@ struct Block {
     texels: wgpu::Buffer,
 }
 
-/// The mesh on the adapter.
+/// Mesh buffers on the adapter.
 struct MeshBuffers {
     vertices: [wgpu::Buffer; 3],
     indices: wgpu::Buffer,
@@ -70,8 +71,8 @@ impl ImpostorBakePass {
         }
     }
 
-    /// Bakes the atlas of a shape: two words per texel (see `shaders/asteroids/impostors/bake_filter.wgsl`), row by row from the top.
-    /// Waits for the device.
+    /// Bakes the atlas of a shape and waits for the device. Returns two words per texel (see
+    /// `shaders/asteroids/impostors/bake_filter.wgsl`), row by row from the top.
     pub(crate) fn bake(
         &self,
         gpu: &Gpu,
@@ -86,7 +87,7 @@ impl ImpostorBakePass {
         for row in (0..size.tiles).step_by(block.tiles as usize) {
             for column in (0..size.tiles).step_by(block.tiles as usize) {
                 let texels = self.bake_block(gpu, &block, &mesh, shape, size, albedo_scale, [column, row])?;
-                // What lies beyond the atlas's last tile is left.
+                // Skip the part of the block beyond the last tile of the atlas.
                 let block_side = (block.tiles * size.tile_px) as usize;
                 let [x, y] = [column, row].map(|tile| (tile * size.tile_px) as usize);
                 let width = block_side.min(side - x);
@@ -111,6 +112,7 @@ impl ImpostorBakePass {
         albedo_scale: f32,
         first: [u32; 2],
     ) -> Result<Vec<[u32; 2]>, GpuError> {
+        // Rasterise the mesh onto every tile of the block.
         let tiles = tiles_of_block(size, block.tiles, first);
         let side = block.tiles * size.tile_px;
         let parameters = layout::ImpostorBakeParameters {
@@ -134,6 +136,7 @@ impl ImpostorBakePass {
             pass.set_index_buffer(mesh.indices.slice(..), wgpu::IndexFormat::Uint32);
             pass.draw_indexed(0..mesh.index_count, 0, 0..tiles.len() as u32);
         }
+        // Average the samples of each texel.
         let filter = layout::ImpostorFilterParameters { side, samples: SAMPLES, ..Default::default() };
         let filter = gpu::uniform_buffer(gpu, "impostor filter parameters", &filter);
         let resources = [
@@ -148,6 +151,7 @@ impl ImpostorBakePass {
             pass.set_bind_group(0, &gpu.bind_once(LayoutOf::Compute(&self.filter, 0), &resources), &[]);
             pass.dispatch_workgroups(side.div_ceil(FILTER_SIDE), side.div_ceil(FILTER_SIDE), 1);
         }
+        // Submit, wait and read the texels back.
         let mut readback = ReadbackBuffer::new("impostor texels");
         let count = (side * side) as usize;
         let bytes = (count * size_of::<[u32; 2]>()) as u64;
@@ -162,7 +166,7 @@ impl ImpostorBakePass {
     }
 }
 
-/// The tiles of a block whose first tile is given, those that exist.
+/// Tiles of the block that begins at `[column, row]`, without those beyond the atlas.
 fn tiles_of_block(size: AtlasSize, block_tiles: u32, [column, row]: [u32; 2]) -> Vec<layout::ImpostorBakeTile> {
     let mut tiles = Vec::new();
     for y in 0..block_tiles.min(size.tiles - row) {

@@ -1,5 +1,6 @@
-//! Draws impostors of asteroids: a square each, out of an atlas, with depth. Shaders:
-//! `shaders/asteroids/impostors/draw*.wgsl`; the f64 twin is `crate::reference::asteroids::impostors`.
+//! Draws asteroid impostors as one square each, textured from an atlas, with depth.
+//!
+//! Shaders: `shaders/asteroids/impostors/draw*.wgsl`; the f64 twin is `crate::reference::asteroids::impostors`.
 
 use crate::render::{
     constants::{asteroid_lists::IMPOSTOR_VERTICES, impostors},
@@ -11,22 +12,22 @@ use crate::{
     render::asteroids::raster::{AsteroidDraw, AsteroidPipeline},
 };
 
-/// Corners of a square, a triangle strip.
+/// Vertices of a square, as a triangle strip.
 pub(crate) const CORNERS: u32 = IMPOSTOR_VERTICES;
 
-/// The pass of one method. Copies share its pipeline.
+/// Draw pass of one method. Clones share its pipeline.
 #[derive(Clone)]
 pub(crate) struct AsteroidImpostorPass {
     pipeline: wgpu::RenderPipeline,
     atlas_layout: wgpu::BindGroupLayout,
 }
 
-/// Where the asteroids that are drawn come from: WGSL with `slot_of`, `load_asteroid`, `clip_from_view` and `faded`.
+/// Source of the asteroids to draw: a WGSL file that defines `slot_of`, `load_asteroid`, `clip_from_view` and `faded`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AsteroidSource {
-    /// The lists that culling leaves.
+    /// The lists written by culling.
     Lists,
-    /// Given one by one, to check impostors by themselves.
+    /// A buffer of single asteroids, to test impostors in isolation.
     Given,
 }
 
@@ -39,20 +40,20 @@ impl AsteroidSource {
     }
 }
 
-/// Number of a method in the shaders.
+/// Number of a method in the shaders; `None` for methods without impostors.
 fn number_of(method: ImpostorMethod) -> Option<f64> {
     match method.chosen() {
         ImpostorMethod::EulerAtlas => Some(impostors::METHOD_EULER.into()),
         ImpostorMethod::Octahedral => Some(impostors::METHOD_OCTAHEDRAL.into()),
-        // Splats are drawn apart; as squares they are those of the blend.
+        // Splats have a separate pass; as squares they look like the blend.
         ImpostorMethod::OctahedralBlend | ImpostorMethod::OctahedralSplat => Some(impostors::METHOD_BLEND.into()),
         ImpostorMethod::Auto | ImpostorMethod::None => None,
     }
 }
 
 impl AsteroidImpostorPass {
-    /// The pass of a method, for asteroids out of a source whose group 0 has that layout; `None` for methods without
-    /// impostors.
+    /// Creates the pass of a method for asteroids from `source`, whose group 0 has the layout `source_layout`. Returns
+    /// `None` for methods without impostors.
     pub(crate) fn new(
         gpu: &Gpu,
         source: AsteroidSource,
@@ -65,7 +66,7 @@ impl AsteroidImpostorPass {
         let atlas_layout = atlas_layout(gpu);
         let groups = [Some(source_layout), Some(&atlas_layout)];
         let primitive = wgpu::PrimitiveState { topology: wgpu::PrimitiveTopology::TriangleStrip, ..Default::default() };
-        let of = AsteroidPipeline {
+        let pipeline = AsteroidPipeline {
             shaders,
             constants: &constants,
             groups: Some(&groups),
@@ -73,16 +74,16 @@ impl AsteroidImpostorPass {
             primitive,
             colour: true,
         };
-        Some(Self { pipeline: of.make(gpu), atlas_layout })
+        Some(Self { pipeline: pipeline.make(gpu), atlas_layout })
     }
 
-    /// What an atlas (`super::atlas`) is bound to as group 1.
+    /// Creates bind group 1 from the bindings of an atlas (`super::atlas`).
     pub(crate) fn atlas_group(&self, gpu: &Gpu, bindings: &[(u32, wgpu::BindingResource<'_>)]) -> wgpu::BindGroup {
         gpu.bind_once(LayoutOf::Own(&self.atlas_layout), bindings)
     }
 
-    /// Sets pipeline and groups (`offsets` of the source's dynamic bindings); draws of [`CORNERS`] vertices follow, an
-    /// instance per asteroid.
+    /// Sets pipeline and bind groups (`offsets`: dynamic offsets of group 0). The caller then draws [`CORNERS`]
+    /// vertices, one instance per asteroid.
     pub(crate) fn begin(
         &self,
         pass: &mut wgpu::RenderPass<'_>,
@@ -95,7 +96,7 @@ impl AsteroidImpostorPass {
         pass.set_bind_group(1, atlas, &[]);
     }
 
-    /// Records the draw of one kind of impostors out of the lists that culling leaves, onto one plane.
+    /// Records the draw of one impostor list written by culling, onto one plane.
     pub(crate) fn record(
         &self,
         pass: &mut wgpu::RenderPass<'_>,
@@ -108,7 +109,7 @@ impl AsteroidImpostorPass {
     }
 }
 
-/// Group 1: the atlas of `shaders/asteroids/impostors/atlas.wgsl`.
+/// Layout of group 1: the atlas of `shaders/asteroids/impostors/atlas.wgsl`.
 fn atlas_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
     let texture = wgpu::BindingType::Texture {

@@ -1,4 +1,4 @@
-//! Impostors by themselves: single asteroids onto one flat picture, for tests and diagnostics.
+//! Draws single asteroids as impostors into one flat picture, for tests and diagnostics.
 
 use glam::{DMat3, DVec3};
 
@@ -26,10 +26,10 @@ use crate::{
     view::Viewport,
 };
 
-/// An asteroid as a view sees it.
+/// Asteroid in view space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GivenAsteroid {
-    /// Its middle relative to the eye, view axes, m.
+    /// Centre relative to the eye, view axes, m.
     pub centre_m: DVec3,
     /// Mean radius, m.
     pub radius_m: f64,
@@ -37,20 +37,20 @@ pub struct GivenAsteroid {
     pub shape: u32,
     /// Rotation from the shape's axes to view axes.
     pub view_from_shape: DMat3,
-    /// Unit vector to the sun, view axes.
+    /// Unit vector towards the sun, view axes.
     pub sun: DVec3,
     /// Geometric albedo times illuminance over pi: luminance of a white disc that faces the sun, cd/m^2.
     pub luminance_cd_m2: DVec3,
-    /// How it reflects.
+    /// Reflection law.
     pub law: ReflectionLaw,
 }
 
-/// A picture of impostors, row by row from the top.
+/// Picture of impostors, row by row from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImpostorPicture {
-    /// Luminance, linear Rec. 709, cd/m^2; null where nothing is.
+    /// Luminance, linear Rec. 709, cd/m^2; zero in empty pixels.
     pub luminance_cd_m2: Vec<[f32; 3]>,
-    /// Distance along the view's axis, m; `None` where nothing is.
+    /// Distance along the view's axis, m; `None` in empty pixels.
     pub distance_m: Vec<Option<f64>>,
 }
 
@@ -62,7 +62,7 @@ pub struct ImpostorProbe {
 }
 
 impl ImpostorProbe {
-    /// Bakes, or reads from the cache, what the method needs. `None` for methods without impostors.
+    /// Bakes the atlas of the method or reads it from the cache. Returns `None` for methods without impostors.
     pub fn new(
         gpu: &Gpu,
         shapes: &ShapeSet,
@@ -78,7 +78,7 @@ impl ImpostorProbe {
         Ok(atlas.map(|atlas| Self { pass, source, atlas }))
     }
 
-    /// The picture of asteroids through a flat viewport; nothing nearer than `near_m` along the view's axis is seen.
+    /// Draws asteroids through a flat viewport. Parts nearer than `near_m` along the view's axis are clipped.
     pub fn picture(
         &self,
         gpu: &Gpu,
@@ -86,6 +86,7 @@ impl ImpostorProbe {
         near_m: f64,
         asteroids: &[GivenAsteroid],
     ) -> Result<ImpostorPicture, GpuError> {
+        // Bind groups and targets.
         let [width, height] = viewport.size();
         let target = layout::GivenTarget {
             viewport: encode_viewport(viewport, &KernelPlan::bspline()),
@@ -111,6 +112,7 @@ impl ImpostorProbe {
             })
         };
         let (colour, depth) = (texture(ASTEROID_COLOUR), texture(ASTEROID_DEPTH));
+        // Draw.
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -135,6 +137,7 @@ impl ImpostorProbe {
             pass.draw(0..CORNERS, 0..asteroids.len() as u32);
         }
         gpu.queue.submit([encoder.finish()]);
+        // Read colour and depth back.
         let (colours, depths) = (read_layer(gpu, &colour, 0)?, read_layer(gpu, &depth, 0)?);
         let (depths, _) = depths.as_chunks::<4>();
         let distance = |depth: &[u8; 4]| Some(f32::from_le_bytes(*depth)).filter(|depth| *depth > 0.0);

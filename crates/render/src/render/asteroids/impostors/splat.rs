@@ -1,8 +1,10 @@
-//! Splats impostors of asteroids: compute passes find for every sample of a target the nearest one, and light it once. Shaders:
-//! `shaders/asteroids/impostors/{footprint,splat*}.wgsl`.
+//! Splats asteroid impostors: compute passes find the nearest impostor of every sample of a target, and light each
+//! sample once.
 //!
-//! Squares that go through the rasteriser cost microseconds each on a software driver, however small they are, and are lit before it is
-//! known whether they are seen. Most impostors are a few pixels wide.
+//! Shaders: `shaders/asteroids/impostors/{footprint,splat*}.wgsl`.
+//!
+//! Most impostors are a few pixels wide. On a software driver a square in the rasteriser costs microseconds even if it
+//! is tiny, and it is lit before its visibility is known.
 
 use super::atlas::ImpostorAtlas;
 use crate::{
@@ -21,24 +23,24 @@ use crate::{
 
 /// Bytes of a sample: depth and entry.
 const SAMPLE_BYTES: u64 = 8;
-/// Bytes of the samples that are held at once. Larger targets are splatted band by band.
+/// Maximum size of the sample buffer. Larger targets are splatted in bands.
 const BAND_BYTES: u64 = 128 << 20;
 /// Corners of the triangle that covers a target.
 const TARGET_CORNERS: u32 = 3;
 
-/// The pass.
+/// Pipelines of the splat pass.
 pub(crate) struct AsteroidSplatPass {
     begin: wgpu::ComputePipeline,
-    /// Depths and whose they are: of impostors without and with parallax.
+    /// Find depth and owner of each sample: impostors without and with parallax.
     nearest: [wgpu::ComputePipeline; 2],
-    /// Lights the samples of the same.
+    /// Light the samples: impostors without and with parallax.
     light: [wgpu::ComputePipeline; 2],
     depth: wgpu::RenderPipeline,
     /// Impostors per workgroup.
     pub per_workgroup: u32,
 }
 
-/// Buffers that the shaders of `shaders/asteroids/listed.wgsl` read, and those of the splats.
+/// Buffers read by the shaders of `shaders/asteroids/listed.wgsl`, and those of the splats.
 pub(crate) struct SplatLists<'a> {
     /// `layout::AsteroidTarget`.
     pub target: &'a wgpu::Buffer,
@@ -47,28 +49,28 @@ pub(crate) struct SplatLists<'a> {
     pub instances: &'a wgpu::Buffer,
     pub entries: &'a wgpu::Buffer,
     pub shapes: &'a wgpu::Buffer,
-    /// Arguments of each list: see `shaders/asteroids/cull_offsets.wgsl`.
+    /// Indirect arguments of each list: see `shaders/asteroids/cull_offsets.wgsl`.
     pub arguments: &'a wgpu::Buffer,
-    /// Per plane the impostors that nearer ones hide; then a word per entry of the list at hand.
+    /// Number of impostors hidden by nearer ones, per plane; then one word per entry of the current list.
     pub still_seen: &'a wgpu::Buffer,
 }
 
-/// A list that is splatted.
+/// List to splat.
 pub(crate) struct SplatList<'a> {
-    /// Its number among all planes' lists.
+    /// Index among the lists of all planes.
     pub list: u64,
-    /// What its impostors look like.
+    /// Atlas of its impostors.
     pub atlas: &'a ImpostorAtlas,
-    /// What it is one of.
+    /// Buffers that contain the list.
     pub lists: &'a SplatLists<'a>,
 }
 
-/// What is splatted onto: colour and depth, with the meshes that are drawn already.
+/// Target of the splats: colour and depth, which already contain the meshes.
 #[derive(Clone, Copy)]
 pub(crate) struct SplatLayers<'a> {
     pub colour: &'a wgpu::TextureView,
     pub depth: &'a wgpu::TextureView,
-    /// Samples in a row, and rows.
+    /// Columns and rows, samples.
     pub size: [u32; 2],
 }
 
@@ -99,8 +101,8 @@ impl AsteroidSplatPass {
         }
     }
 
-    /// Records the splats of one list onto a target, whose samples `samples` holds band by band.
-    #[expect(clippy::too_many_arguments, reason = "a list, what it keeps, and its target")]
+    /// Records the splats of one list onto a target. `samples` holds the samples of one band at a time.
+    #[expect(clippy::too_many_arguments, reason = "a list, its buffers and its target")]
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
@@ -120,10 +122,10 @@ impl AsteroidSplatPass {
         let band_rows = block_rows * SPLAT_BLOCK;
         for first_row in (0..height).step_by(band_rows as usize) {
             let band = layout::SplatBand { width, first_row, rows: band_rows.min(height - first_row), blocks };
-            let of_band = gpu.frame_uniform("asteroid splat band", &band);
+            let band_uniform = gpu.frame_uniform("asteroid splat band", &band);
             {
                 let mut pass = begin_pass(encoder, timer, "asteroid splats");
-                self.begin(gpu, &mut pass, &band, &of_band, layers, &samples);
+                self.begin(gpu, &mut pass, &band, &band_uniform, layers, &samples);
                 self.splat(gpu, &mut pass, splats, list, &band, layers, &samples);
             }
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -139,24 +141,24 @@ impl AsteroidSplatPass {
             pass.set_viewport(0.0, 0.0, width as f32, height as f32, 0.0, 1.0);
             pass.set_scissor_rect(0, first_row, width, band.rows);
             pass.set_pipeline(&self.depth);
-            let bindings = [(0, of_band.as_entire_binding()), (1, samples.as_entire_binding())];
+            let bindings = [(0, band_uniform.as_entire_binding()), (1, samples.as_entire_binding())];
             pass.set_bind_group(0, &gpu.bind(LayoutOf::Render(&self.depth, 0), &bindings), &[]);
             pass.draw(0..TARGET_CORNERS, 0..1);
         }
     }
 
-    /// Gives every sample of a band the depth of what is drawn already.
+    /// Initialises every sample of a band with the depth already drawn.
     fn begin(
         &self,
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
         band: &layout::SplatBand,
-        of_band: &wgpu::Buffer,
+        band_uniform: &wgpu::Buffer,
         layers: SplatLayers<'_>,
         samples: &wgpu::Buffer,
     ) {
         let bindings = [
-            (0, of_band.as_entire_binding()),
+            (0, band_uniform.as_entire_binding()),
             (1, wgpu::BindingResource::TextureView(layers.depth)),
             (2, samples.as_entire_binding()),
         ];
@@ -165,8 +167,8 @@ impl AsteroidSplatPass {
         pass.dispatch_workgroups(band.width.div_ceil(SPLAT_BLOCK), band.rows.div_ceil(SPLAT_BLOCK), 1);
     }
 
-    /// Finds the depths of all samples, whose they are, and lights them.
-    #[expect(clippy::too_many_arguments, reason = "a list, what it keeps, and its target")]
+    /// Finds the depth and the owner of every sample, and lights the samples.
+    #[expect(clippy::too_many_arguments, reason = "a list, its buffers and its target")]
     fn splat(
         &self,
         gpu: &Gpu,
@@ -190,7 +192,7 @@ impl AsteroidSplatPass {
         let targets = [0, 1, 2].map(target);
         let steps = [&self.nearest, &self.nearest, &self.light];
         for ((stage, pipelines), target) in (0..).zip(steps).zip(&targets) {
-            // Depth and entry in one word need no second stage.
+            // With depth and entry in one 64-bit word the second stage is unnecessary.
             if stage == 1 && gpu.wide_accumulator {
                 continue;
             }
@@ -214,7 +216,7 @@ impl AsteroidSplatPass {
 }
 
 impl SplatLists<'_> {
-    /// Binds groups 0 and 1: the lists, and an atlas, whose bounds come from the lists' shapes.
+    /// Binds group 0 (the lists) and group 1 (the atlas, whose bounds are read from the shapes of the lists).
     fn bind(
         &self,
         gpu: &Gpu,

@@ -1,4 +1,4 @@
-//! Impostors on the adapter against their f64 twins and the mesh: atlas, pictures, cache.
+//! Compares impostors on the adapter with their f64 twins and with the mesh: atlas, pictures, cache.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -36,7 +36,7 @@ fn gpu() -> Gpu {
     Gpu::open(&GpuOptions::default()).expect("tests need a Vulkan adapter; `make test` installs the software one")
 }
 
-/// The second is equally bright everywhere, so that only normals shade it.
+/// Two shapes. The second has a uniform albedo, so that only its normals shade it.
 fn shapes() -> ShapeSet {
     let mut plain = bumpy(0.25);
     plain.lods[0].mesh.albedos.fill(1.0);
@@ -47,8 +47,8 @@ fn settings() -> AsteroidSettings {
     AsteroidSettings { tiles: TILES, tile_px: TILE_PX, ..AsteroidSettings::default() }
 }
 
-/// Mean difference of coverage, greatest mean difference of covered normals, of depths and of albedos, between the
-/// adapter's texels and the twin's.
+/// Differences between the adapter's texels and the twin's: mean over all texels of coverage, mean over covered texels
+/// of normal, depth and albedo.
 fn atlas_difference(words: &[[u32; 2]], twin: &Atlas, albedo_scale: f64) -> [f64; 4] {
     let side = TILES * TILE_PX;
     let (mut coverage, mut normal, mut depth, mut albedo, mut covered) = (0.0, 0.0, 0.0, 0.0, 0.0);
@@ -70,7 +70,7 @@ fn atlas_difference(words: &[[u32; 2]], twin: &Atlas, albedo_scale: f64) -> [f64
 }
 
 #[test]
-fn baked_atlases_are_those_of_the_twin() {
+fn baked_atlases_match_the_twin() {
     let gpu = gpu();
     let pass = ImpostorBakePass::new(&gpu);
     let shape = bumpy(0.25);
@@ -80,12 +80,12 @@ fn baked_atlases_are_those_of_the_twin() {
         let [coverage, normal, depth, albedo] = atlas_difference(&words, &twin, 1.5);
         println!("{layout:?}: coverage {coverage:.5}, normal {normal:.4}, depth {depth:.5}, albedo {albedo:.5}");
         assert!(coverage < 2e-3 && normal < 8e-3 && depth < 2e-3 && albedo < 3e-3);
-        // Another shape's atlas is told from it, and so is another layout's.
+        // The atlas of another shape must differ, including with the same layout.
         let other = Atlas::bake(&bumpy(0.1), layout, TILES, TILE_PX, 4);
         let [coverage, normal, ..] = atlas_difference(&words, &other, 1.5);
         assert!(coverage > 0.01 && normal > 0.05, "{coverage} {normal}");
     }
-    // The border stays free.
+    // The border of a tile stays empty.
     let level = finest_level(
         &pass.bake(&gpu, &shape, AtlasSize { layout: AtlasLayout::Octahedral, tiles: 2, tile_px: 8 }, 1.5).unwrap(),
         2,
@@ -96,7 +96,7 @@ fn baked_atlases_are_those_of_the_twin() {
     }
 }
 
-/// A viewport of `side` pixels and 20 degrees, and the f64 window of the same.
+/// Viewport of `side` pixels and 20 degrees, and the half width of the same window in f64.
 fn window(side: u32) -> (Viewport, f64) {
     let fov: f64 = 20.0_f64.to_radians();
     let kind = ViewKind::Perspective { size: [side, side], fov_y_rad: fov };
@@ -104,9 +104,9 @@ fn window(side: u32) -> (Viewport, f64) {
     (Rig::new(vec![view]).unwrap().viewports(DQuat::IDENTITY).remove(0), (0.5 * fov).tan())
 }
 
-struct Seen {
-    /// What the adapter drew: coverage only.
-    drawn: Picture,
+struct Drawn {
+    /// Coverage drawn by the adapter.
+    picture: Picture,
     luminance: Vec<f64>,
     distance: Vec<Option<f64>>,
     sight: Sight,
@@ -115,7 +115,7 @@ struct Seen {
 const SIDE: u32 = 192;
 const RADIUS_M: f64 = 300.0;
 
-fn draw(gpu: &Gpu, probe: &ImpostorProbe, view_from_shape: DMat3, centre: DVec3, sun: DVec3) -> Seen {
+fn draw(gpu: &Gpu, probe: &ImpostorProbe, view_from_shape: DMat3, centre: DVec3, sun: DVec3) -> Drawn {
     let (viewport, half_width) = window(SIDE);
     let asteroid = GivenAsteroid {
         centre_m: centre * RADIUS_M,
@@ -128,16 +128,17 @@ fn draw(gpu: &Gpu, probe: &ImpostorProbe, view_from_shape: DMat3, centre: DVec3,
     };
     let picture = probe.picture(gpu, &viewport, 1.0, &[asteroid]).unwrap();
     let sight = Sight { view_from_shape, centre, middle: DVec2::ZERO, half_width, side: SIDE as usize, samples: 1 };
-    let coverage: Vec<f64> = picture.distance_m.iter().map(|seen| f64::from(u8::from(seen.is_some()))).collect();
-    Seen {
-        drawn: Picture { normals: vec![DVec3::ZERO; coverage.len()], coverage },
+    let coverage: Vec<f64> =
+        picture.distance_m.iter().map(|distance| f64::from(u8::from(distance.is_some()))).collect();
+    Drawn {
+        picture: Picture { normals: vec![DVec3::ZERO; coverage.len()], coverage },
         luminance: picture.luminance_cd_m2.iter().map(|rgb| f64::from(rgb[1])).collect(),
         distance: picture.distance_m,
         sight,
     }
 }
 
-/// Orientations and places of asteroids, in mean radii, some near the border of the view.
+/// Orientations and centres of asteroids, in mean radii; some are near the border of the view.
 fn poses() -> impl Iterator<Item = (DMat3, DVec3)> {
     (0..10).map(|i| {
         let i = f64::from(i);
@@ -148,7 +149,7 @@ fn poses() -> impl Iterator<Item = (DMat3, DVec3)> {
 }
 
 #[test]
-fn pictures_on_the_adapter_are_those_of_the_twin() {
+fn pictures_on_the_adapter_match_the_twin() {
     let gpu = gpu();
     let shape = bumpy(0.25);
     let sun = DVec3::new(0.6, 0.3, 0.74).normalize();
@@ -157,38 +158,39 @@ fn pictures_on_the_adapter_are_those_of_the_twin() {
         let atlas = Atlas::bake(&shape, AtlasLayout::of(method).unwrap(), TILES, TILE_PX, 4);
         let (mut least, mut worst_light, mut least_mesh) = (1.0_f64, 0.0_f64, 1.0_f64);
         for (view_from_shape, centre) in poses() {
-            let seen = draw(&gpu, &probe, view_from_shape, centre, sun);
-            let twin = impostor_picture(method, &atlas, &seen.sight).unwrap();
-            least = least.min(silhouette_iou(&seen.drawn, &twin));
-            least_mesh = least_mesh.min(silhouette_iou(&seen.drawn, &mesh_picture(&shape.lods[0].mesh, &seen.sight)));
-            // Lambert: 1.5 cos i.
+            let drawn = draw(&gpu, &probe, view_from_shape, centre, sun);
+            let twin = impostor_picture(method, &atlas, &drawn.sight).unwrap();
+            least = least.min(silhouette_iou(&drawn.picture, &twin));
+            let iou = silhouette_iou(&drawn.picture, &mesh_picture(&shape.lods[0].mesh, &drawn.sight));
+            least_mesh = least_mesh.min(iou);
+            // Lambert's law: 1.5 cos i.
             let (mut error, mut sum) = (0.0, 0.0);
             for (index, normal) in twin.normals.iter().enumerate() {
                 let expected = 0.25 * 1.5 * normal.dot(sun).max(0.0);
-                if seen.drawn.coverage[index] > 0.0 && twin.coverage[index] > 0.0 {
-                    error += seen.luminance[index] - expected;
+                if drawn.picture.coverage[index] > 0.0 && twin.coverage[index] > 0.0 {
+                    error += drawn.luminance[index] - expected;
                     sum += expected;
                 }
             }
             worst_light = worst_light.max((error / sum).abs());
         }
         println!(
-            "{}: IoU with the twin {least:.4}, with the mesh {least_mesh:.4}; light {worst_light:.4} off",
+            "{}: IoU with the twin {least:.4}, with the mesh {least_mesh:.4}; error of light {worst_light:.4}",
             method.name()
         );
         assert!(least > 0.99, "{} {least}", method.name());
         assert!(worst_light < 0.02, "{} {worst_light}", method.name());
-        // Another orientation is told from it.
+        // Another orientation must differ.
         let (view_from_shape, centre) = poses().nth(3).unwrap();
-        let seen = draw(&gpu, &probe, view_from_shape, centre, sun);
-        let turned = Sight { view_from_shape: DMat3::from_rotation_z(0.6) * view_from_shape, ..seen.sight };
-        let wrong = silhouette_iou(&seen.drawn, &impostor_picture(method, &atlas, &turned).unwrap());
+        let drawn = draw(&gpu, &probe, view_from_shape, centre, sun);
+        let turned = Sight { view_from_shape: DMat3::from_rotation_z(0.6) * view_from_shape, ..drawn.sight };
+        let wrong = silhouette_iou(&drawn.picture, &impostor_picture(method, &atlas, &turned).unwrap());
         assert!(wrong < 0.97, "{} {wrong}", method.name());
     }
 }
 
 #[test]
-fn far_asteroids_keep_their_area_and_light_on_coarse_levels() {
+fn coarse_mip_levels_keep_area_and_light_of_distant_asteroids() {
     let gpu = gpu();
     let shape = bumpy(0.25);
     let sun = DVec3::new(0.6, 0.3, 0.74).normalize();
@@ -198,12 +200,12 @@ fn far_asteroids_keep_their_area_and_light_on_coarse_levels() {
         for distance in [60.0, 120.0, 240.0] {
             let (mut area, mut true_area, mut light, mut true_light) = (0.0, 0.0, 0.0, 0.0);
             for (view_from_shape, centre) in poses() {
-                let seen = draw(&gpu, &probe, view_from_shape, centre * (distance / 30.0), sun);
-                let truth = mesh_picture(&shape.lods[0].mesh, &Sight { samples: 4, ..seen.sight });
-                area += seen.drawn.coverage.iter().sum::<f64>();
-                light += seen.luminance.iter().sum::<f64>();
+                let drawn = draw(&gpu, &probe, view_from_shape, centre * (distance / 30.0), sun);
+                let truth = mesh_picture(&shape.lods[0].mesh, &Sight { samples: 4, ..drawn.sight });
+                area += drawn.picture.coverage.iter().sum::<f64>();
+                light += drawn.luminance.iter().sum::<f64>();
                 true_area += truth.coverage.iter().sum::<f64>();
-                // The sum over normals counts those that face away from the sun with the wrong sign; they are few.
+                // Normals that face away from the sun count as 0; they are few.
                 true_light += truth.normals.iter().map(|n| 0.25 * 1.5 * n.dot(sun).max(0.0) / 16.0).sum::<f64>();
             }
             let [area, light] = [area / true_area, light / true_light];
@@ -214,27 +216,27 @@ fn far_asteroids_keep_their_area_and_light_on_coarse_levels() {
 }
 
 #[test]
-fn depth_is_that_of_the_surface() {
+fn depth_follows_the_surface() {
     let gpu = gpu();
     let shape = bumpy(0.25);
-    // Tiles are up to 20 degrees off here.
-    for (method, allowed) in [(OctahedralBlend, 0.06), (Octahedral, 0.25)] {
+    // Directions of the tiles deviate by up to 20 degrees here.
+    for (method, tolerance) in [(OctahedralBlend, 0.06), (Octahedral, 0.25)] {
         let probe = ImpostorProbe::new(&gpu, &shapes(), method, &settings()).unwrap().unwrap();
         for (view_from_shape, centre) in poses() {
-            let seen = draw(&gpu, &probe, view_from_shape, centre, DVec3::Z);
-            let nearest = seen.distance.iter().flatten().copied().fold(f64::INFINITY, f64::min) / RADIUS_M;
+            let drawn = draw(&gpu, &probe, view_from_shape, centre, DVec3::Z);
+            let nearest = drawn.distance.iter().flatten().copied().fold(f64::INFINITY, f64::min) / RADIUS_M;
             // The nearest vertex of the mesh.
             let vertices = shape.lods[0].mesh.positions.iter().map(|p| DVec3::from_array(p.map(f64::from)));
             let expected = vertices.map(|p| -(centre + view_from_shape * p).z).fold(f64::INFINITY, f64::min);
-            assert!((nearest - expected).abs() < allowed, "{}: {nearest} for {expected}", method.name());
-            // A flat square would be at the distance of the middle.
+            assert!((nearest - expected).abs() < tolerance, "{}: {nearest}, expected {expected}", method.name());
+            // A flat square would be at the distance of the centre.
             assert!((nearest + centre.z).abs() > 0.5);
         }
     }
 }
 
 #[test]
-fn atlases_are_kept_and_broken_files_are_made_anew() {
+fn atlases_are_cached_and_broken_files_are_replaced() {
     let gpu = gpu();
     let pass = ImpostorBakePass::new(&gpu);
     let folder = tempfile::tempdir().unwrap();
@@ -251,27 +253,27 @@ fn atlases_are_kept_and_broken_files_are_made_anew() {
     assert!(make(ImpostorMethod::None, &shapes()).is_none());
     assert!(make(Octahedral, &shapes()).is_some());
     assert_eq!(files().len(), 1);
-    // Both methods of ours share a file; the published one has its own, and so have other shapes.
+    // Both octahedral methods share a file; the Euler atlas and other shapes have files of their own.
     assert!(make(OctahedralBlend, &shapes()).is_some());
     assert_eq!(files().len(), 1);
     assert!(make(EulerAtlas, &shapes()).is_some());
     assert!(make(Octahedral, &ShapeSet { digest: 8, ..shapes() }).is_some());
     assert_eq!(files().len(), 3);
-    // Each way of breaking a file leads to the same file again; one that is right is left alone.
+    // A broken file is replaced by the same content; a valid file is left unchanged.
     for path in files() {
-        let right = std::fs::read(&path).unwrap();
-        let mut damaged = right.clone();
+        let valid = std::fs::read(&path).unwrap();
+        let mut damaged = valid.clone();
         damaged[300] ^= 1;
-        let mut other = right.clone();
+        let mut other = valid.clone();
         other[16] ^= 1;
         let checksum = crc32fast::hash(&other[12..]);
         other[8..12].copy_from_slice(&checksum.to_le_bytes());
-        for broken in [&right[..100], &damaged, &other, &[]] {
+        for broken in [&valid[..100], &damaged, &other, &[]] {
             std::fs::write(&path, broken).unwrap();
             make(Octahedral, &shapes());
             make(EulerAtlas, &shapes());
             make(Octahedral, &ShapeSet { digest: 8, ..shapes() });
-            assert!(std::fs::read(&path).unwrap() == right);
+            assert!(std::fs::read(&path).unwrap() == valid);
         }
     }
     let before = files().iter().map(|path| std::fs::metadata(path).unwrap().modified().unwrap()).collect::<Vec<_>>();
@@ -281,25 +283,25 @@ fn atlases_are_kept_and_broken_files_are_made_anew() {
 }
 
 #[test]
-fn what_was_baked_ahead_is_taken_once_by_those_who_ask_for_the_same() {
+fn atlases_baked_ahead_are_taken_once_by_matching_requests() {
     let gpu = gpu();
     let settings = AsteroidSettings { tiles: 4, tile_px: 8, ..settings() };
     let ahead = BakedImpostors::default();
     let sets = [shapes(), ShapeSet { digest: 8, ..shapes() }].map(Arc::new);
     ahead.bake(&gpu, &sets, &settings).unwrap();
-    let size = AtlasSize::of(settings.impostor.chosen(), &settings).unwrap();
+    let size = AtlasSize::from_method(settings.impostor.chosen(), &settings).unwrap();
     assert!(ahead.take(&ShapeSet { digest: 9, ..shapes() }, size).is_none(), "other shapes");
     assert!(ahead.take(&sets[0], AtlasSize { tiles: 8, ..size }).is_none(), "another size");
     let baked = ahead.take(&sets[0], size).unwrap();
     assert!(baked.iter().flatten().any(|level| level.normals.iter().any(|byte| *byte > 0)));
-    assert!(ahead.take(&sets[0], size).is_none(), "it is gone");
+    assert!(ahead.take(&sets[0], size).is_none(), "already taken");
     ahead.bake(&gpu, &sets[..1], &settings).unwrap();
-    assert!(ahead.take(&sets[1], size).is_none(), "what nobody asked for is let go");
+    assert!(ahead.take(&sets[1], size).is_none(), "an atlas that was not taken is dropped");
     assert_eq!(ahead.take(&sets[0], size).unwrap(), baked);
 }
 
 #[test]
-fn atlases_that_cannot_be_are_refused_with_what_is_allowed() {
+fn invalid_atlases_are_refused_with_the_limit() {
     let gpu = gpu();
     let pass = ImpostorBakePass::new(&gpu);
     let make = |shapes: &ShapeSet, tiles, tile_px| {

@@ -1,18 +1,17 @@
-//! What is done to the texels of an atlas of impostors before they become textures: colours bleed outwards, and mip
-//! levels.
+//! Processes the texels of an impostor atlas before they become textures: colour bleeding and mip levels.
 //!
-//! A texel that nothing covers takes the mean of its neighbours that have colours, ring by ring outwards, within its
-//! tile: what is sampled between texels at the limb is then as right as inside. Mip levels halve every tile by itself,
-//! down to 2 x 2 texels or to an odd number; means are weighted by coverage where anything is covered.
+//! An uncovered texel takes the mean of its coloured neighbours, ring by ring outwards, within its tile. Samples
+//! between texels at the limb are then as accurate as inside. Mip levels halve every tile separately, down to 2 x 2
+//! texels or to an odd size; means are weighted by coverage if any texel is covered.
 
 use rayon::prelude::*;
 
-/// A texel as textures hold it.
+/// Texel with components in the range of the textures.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub(super) struct Texel {
-    /// Normal, halved and moved to 0..1, and coverage.
+    /// Normal, mapped from -1..1 to 0..1, and coverage.
     pub normal: [f32; 4],
-    /// Albedo over its scale, and depth.
+    /// Albedo divided by its scale, and depth.
     pub surface: [f32; 2],
 }
 
@@ -25,7 +24,7 @@ impl Texel {
         }
     }
 
-    /// From the bytes of both textures.
+    /// Decodes a texel from the bytes of both textures.
     fn from_bytes(normal: [u8; 4], surface: [u8; 2]) -> Self {
         Self {
             normal: normal.map(|byte| f32::from(byte) / 255.0),
@@ -37,15 +36,15 @@ impl Texel {
         self.normal[3]
     }
 
-    /// The weighted mean of colours; coverage is left at 0.
+    /// Weighted mean of the colours; coverage is 0.
     fn mean(texels: &[(Self, f32)]) -> Self {
         let total: f32 = texels.iter().map(|(_, weight)| weight).sum();
-        let of = |part: &dyn Fn(&Self) -> f32| {
+        let mean = |part: &dyn Fn(&Self) -> f32| {
             texels.iter().map(|(texel, weight)| weight * part(texel)).sum::<f32>() / total
         };
         Self {
-            normal: [of(&|t| t.normal[0]), of(&|t| t.normal[1]), of(&|t| t.normal[2]), 0.0],
-            surface: [of(&|t| t.surface[0]), of(&|t| t.surface[1])],
+            normal: [mean(&|t| t.normal[0]), mean(&|t| t.normal[1]), mean(&|t| t.normal[2]), 0.0],
+            surface: [mean(&|t| t.surface[0]), mean(&|t| t.surface[1])],
         }
     }
 }
@@ -58,8 +57,8 @@ pub(super) struct Level {
 }
 
 impl Level {
-    /// Bytes of the texture of surfaces with the coverage beside them: albedo, depth, coverage and 0, so that depth and coverage are read at
-    /// once.
+    /// Bytes of the surface texture with the coverage added: albedo, depth, coverage and 0. One read then returns both
+    /// depth and coverage.
     pub(super) fn surfaces_with_coverage(&self) -> Vec<u8> {
         let (normals, _) = self.normals.as_chunks::<4>();
         let (surfaces, _) = self.surfaces.as_chunks::<2>();
@@ -82,7 +81,7 @@ impl Level {
     }
 }
 
-/// Mip levels of tiles of that many texels.
+/// Number of mip levels of a tile with `tile_px` texels along a side.
 pub(super) fn level_count(tile_px: u32) -> u32 {
     let mut levels = 1;
     let mut side = tile_px;
@@ -97,7 +96,7 @@ pub(super) fn level_count(tile_px: u32) -> u32 {
 pub(super) fn finest_level(words: &[[u32; 2]], tiles: u32, tile_px: u32) -> Level {
     let mut texels: Vec<Texel> = words.iter().map(|words| Texel::from_words(*words)).collect();
     let (side, px) = ((tiles * tile_px) as usize, tile_px as usize);
-    // A row of tiles at a time: they do not touch each other.
+    // Rows of tiles do not touch each other, so they are processed in parallel.
     texels.par_chunks_mut(side * px).for_each(|row| {
         for tile in 0..tiles as usize {
             bleed(row, tile * px, side, px);
@@ -106,7 +105,7 @@ pub(super) fn finest_level(words: &[[u32; 2]], tiles: u32, tile_px: u32) -> Leve
     Level::from_texels(&texels)
 }
 
-/// Gives colours to what is not covered of a tile whose first column is `x` of rows of `side` texels.
+/// Fills in colours of the uncovered texels of a tile. The tile's first column is `x`, in rows of `side` texels.
 fn bleed(row: &mut [Texel], x: usize, side: usize, px: usize) {
     let mut has_colours: Vec<bool> = (0..px * px).map(|i| row[i / px * side + x + i % px].coverage() > 0.0).collect();
     let mut ring: Vec<(usize, Texel)> = Vec::new();
@@ -136,7 +135,7 @@ fn bleed(row: &mut [Texel], x: usize, side: usize, px: usize) {
     }
 }
 
-/// All levels of a layer whose finest level has `side` texels along a side.
+/// Computes all levels of a layer whose finest level has `side` texels along a side.
 pub(super) fn levels(finest: Level, side: u32, count: u32) -> Vec<Level> {
     let mut texels = finest.texels();
     let mut levels = vec![finest];
@@ -146,7 +145,7 @@ pub(super) fn levels(finest: Level, side: u32, count: u32) -> Vec<Level> {
         texels = (0..side * side)
             .map(|i| {
                 let first = i / side * 4 * side + i % side * 2;
-                let four = [first, first + 1, first + 2 * side, first + 2 * side + 1].map(|at| texels[at]);
+                let four = [first, first + 1, first + 2 * side, first + 2 * side + 1].map(|index| texels[index]);
                 let coverage = four.iter().map(Texel::coverage).sum::<f32>() / 4.0;
                 let weighted = four.map(|texel| (texel, if coverage > 0.0 { texel.coverage() } else { 1.0 }));
                 let mut mean = Texel::mean(&weighted);
@@ -163,7 +162,7 @@ pub(super) fn levels(finest: Level, side: u32, count: u32) -> Vec<Level> {
 mod tests {
     use super::*;
 
-    /// A tile of 8 texels, covered from (2, 2) to (5, 5) by a texel of those words.
+    /// Texels of tiles of 8 x 8 texels; those from (2, 2) to (5, 5) are covered by `inside`.
     fn words(tiles: u32, inside: [u32; 2]) -> Vec<[u32; 2]> {
         let side = 8 * tiles;
         (0..side * side)
@@ -172,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_bleed_to_the_whole_tile_and_coverage_does_not() {
+    fn colours_bleed_over_the_whole_tile_but_coverage_does_not() {
         let level = finest_level(&words(2, [0xff20_4060, 0x8000_4000]), 2, 8);
         for (i, texel) in level.texels().iter().enumerate() {
             let inside = (2..6).contains(&(i % 16 % 8)) && (2..6).contains(&(i / 16 % 8));
@@ -180,14 +179,14 @@ mod tests {
             assert_eq!(level.normals[4 * i..4 * i + 3], [0x60, 0x40, 0x20]);
             assert_eq!(level.surfaces[2 * i..2 * i + 2], [0x40, 0x80]);
         }
-        // Without bleeding colours are black outside.
+        // Without bleeding, texels outside would be black.
         let texels: Vec<Texel> = words(2, [0xff20_4060, 0x8000_4000]).into_iter().map(Texel::from_words).collect();
         assert_ne!(Level::from_texels(&texels), level);
     }
 
     #[test]
     fn levels_keep_area_and_do_not_mix_tiles() {
-        // Two tiles of different colours side by side, two of none below.
+        // Two tiles of different colours side by side, two empty ones below.
         let mut all = words(2, [0xff20_4060, 0]);
         for (i, words) in all.iter_mut().enumerate() {
             let (right, below) = (i % 16 >= 8, i / 16 >= 8);

@@ -1,4 +1,4 @@
-//! The adapter's lists against those of f64.
+//! Compares the lists of the adapter with f64 lists.
 
 use std::collections::BTreeMap;
 
@@ -13,10 +13,10 @@ use crate::plan::{
     settings::ImpostorMethod,
 };
 
-/// Lists by plane and kind: asteroid, side of the seam, share.
+/// Entries by plane and kind: asteroid, side of the seam, share.
 type Found = BTreeMap<(usize, usize, usize), Vec<(u32, bool, f32)>>;
 
-/// Where two sets of lists differ: entries that only one has with a share worth the name, and shares that differ.
+/// Number of differences between two sets of lists: entries that only one of them has, and shares that differ.
 fn differences(first: &Found, second: &Found) -> usize {
     let missing = |one: &Found, other: &Found, both: bool| -> usize {
         one.iter()
@@ -56,9 +56,9 @@ fn adapters_lists(bench: &mut Bench, plan: &AsteroidPlan) -> (Found, Vec<u32>) {
             continue;
         }
         let (first, count) = (values[1][list] as usize, values[0][1 + list] as usize);
-        let of = values[2][3 * first..3 * (first + count)].chunks_exact(3);
+        let words = values[2][3 * first..3 * (first + count)].chunks_exact(3);
         let key = (plane.viewport, plane.face.map_or(WHOLE_PICTURE, |face| face as usize), kind);
-        let entries = of.map(|entry| (entry[0], entry[1] >> 31 == 1, f32::from_bits(entry[2]))).collect::<Vec<_>>();
+        let entries = words.map(|word| (word[0], word[1] >> 31 == 1, f32::from_bits(word[2]))).collect::<Vec<_>>();
         if !entries.is_empty() {
             found.insert(key, entries);
         }
@@ -94,8 +94,8 @@ fn lists_of_f64(
 
 fn as_found(lists: &[PictureLists]) -> Found {
     let mut found = Found::new();
-    for (viewport, of) in lists.iter().enumerate() {
-        for (plane, kinds) in of.lists.iter().enumerate() {
+    for (viewport, picture) in lists.iter().enumerate() {
+        for (plane, kinds) in picture.lists.iter().enumerate() {
             for (kind, list) in kinds.iter().enumerate().filter(|(_, list)| !list.is_empty()) {
                 let entries = list.iter().map(|entry| (entry.instance, entry.beyond_seam, entry.fade)).collect();
                 found.insert((viewport, plane, kind), entries);
@@ -105,7 +105,7 @@ fn as_found(lists: &[PictureLists]) -> Found {
     found
 }
 
-/// Asteroids around the origin of a field: near ones and far ones, of many sizes.
+/// Asteroids of many sizes around the origin of a field, near and far.
 fn cloud(count: usize, seed: u64) -> SceneObjects {
     let mut random = Random(seed);
     let asteroids: Vec<(DVec3, f64, u32)> = (0..count)
@@ -120,23 +120,24 @@ fn cloud(count: usize, seed: u64) -> SceneObjects {
 
 #[test]
 #[ignore = "long: make test-all"]
-fn the_adapters_lists_are_those_of_f64_whatever_the_count_the_projection_and_the_place() {
+fn adapter_lists_match_f64_lists_for_all_counts_projections_and_positions() {
     let (auto, none) = (ImpostorMethod::Auto, ImpostorMethod::None);
-    let found = tails_found(&[(1, auto), (255, none), (256, auto), (257, auto), (2001, auto), (2001, none)]);
-    assert!(found >= 2, "{found} tails were found missing");
+    let detected = tails_detected(&[(1, auto), (255, none), (256, auto), (257, auto), (2001, auto), (2001, none)]);
+    assert!(detected >= 2, "a missing tail was detected in {detected} cases only");
 }
 
 #[test]
 #[ignore = "long: make test-all"]
-fn the_adapters_lists_are_those_of_f64_with_and_without_impostors_at_every_count() {
+fn adapter_lists_match_f64_lists_with_and_without_impostors_at_every_count() {
     let counts = [1, 255, 256, 257, 2000, 10_007];
     let cases = counts.map(|count| [(count, ImpostorMethod::Auto), (count, ImpostorMethod::None)]);
-    let found = tails_found(cases.as_flattened());
-    assert!(found >= 4, "{found} tails were found missing");
+    let detected = tails_detected(cases.as_flattened());
+    assert!(detected >= 4, "a missing tail was detected in {detected} cases only");
 }
 
-/// Compares lists of asteroids of so many, drawn in that way. In how many cases a tail that is left out was found missing.
-fn tails_found(cases: &[(usize, ImpostorMethod)]) -> usize {
+/// Compares the lists for each asteroid count and impostor method. Returns the number of cases in which the comparison
+/// detects that the tail of a list is missing.
+fn tails_detected(cases: &[(usize, ImpostorMethod)]) -> usize {
     let mut bench = Bench::new();
     let mut random = Random(7);
     let mut tails = 0;
@@ -152,24 +153,24 @@ fn tails_found(cases: &[(usize, ImpostorMethod)]) -> usize {
         let wanted = as_found(&expected);
         let entries: usize = wanted.values().map(Vec::len).sum();
         let differing = differences(&found, &wanted);
-        // On the border between two classes rounding decides.
+        // Rounding may change the class of asteroids on the border between two classes.
         assert!(differing <= entries / 1000 + 1, "{count} {method:?}: {differing} of {entries} differ");
         assert!(u64::from(totals[0]) <= plan.capacity);
         assert!(count < 1000 || entries > count, "{count} asteroids gave {entries} entries");
-        // All asteroids of a sphere are seen or points that were taken together; none is lost.
+        // In the full-sphere view every asteroid is in the lists or part of a combined point.
         let sphere = viewports.len() - 1;
         let seen = totals[(sphere + 1) * plan.kinds as usize];
-        let of_points: u64 =
+        let combined: u64 =
             plan.cut.unresolved.iter().filter(|p| p.point.viewports >> sphere & 1 == 1).map(|p| p.asteroids).sum();
         let pointlike: u64 = plan.cut.items[plan.cut.shape_items..].iter().map(|item| u64::from(item.count)).sum();
-        assert_eq!(u64::from(seen) + of_points + pointlike, count as u64);
+        assert_eq!(u64::from(seen) + combined + pointlike, count as u64);
         if count > 1000 {
             let has_faces = found.keys().any(|(_, plane, _)| *plane != WHOLE_PICTURE);
             let has_seam = found.values().flatten().any(|(_, seam, _)| *seam);
             let fades = found.values().flatten().any(|(_, _, fade)| *fade < 0.0);
             assert!(has_faces && has_seam && fades, "faces {has_faces}, seam {has_seam}, fades {fades}");
         }
-        // A tail that is left out is found.
+        // The comparison detects a missing tail.
         let in_tail = |entry: &(u32, bool, f32)| entry.0 as usize >= count / 16 * 16;
         let tail = found.values().flatten().filter(|entry| in_tail(entry)).count();
         let mut dropped = found.clone();
@@ -181,7 +182,7 @@ fn tails_found(cases: &[(usize, ImpostorMethod)]) -> usize {
 }
 
 #[test]
-fn lists_are_the_same_from_run_to_run_and_follow_the_order_of_asteroids() {
+fn lists_are_reproducible_and_in_the_order_of_asteroids() {
     let mut bench = Bench::new();
     let objects = cloud(3001, 5);
     let settings = AsteroidSettings::default();
@@ -197,7 +198,7 @@ fn lists_are_the_same_from_run_to_run_and_follow_the_order_of_asteroids() {
     assert!(first.0.values().all(|entries| stays_in_group(entries)));
 }
 
-/// The counts that a frame reads back.
+/// Reads the counts of a frame.
 fn counts(bench: &mut Bench, plan: &AsteroidPlan) -> Result<Vec<AsteroidCounts>, RenderError> {
     let mut encoder = bench.encoder();
     bench.asteroids.record_cull(&bench.gpu, &mut encoder, &mut bench.timer, plan);
@@ -215,7 +216,7 @@ fn counts(bench: &mut Bench, plan: &AsteroidPlan) -> Result<Vec<AsteroidCounts>,
 }
 
 #[test]
-fn lists_without_room_are_an_error_and_never_silent() {
+fn full_lists_are_reported_as_an_error() {
     let mut bench = Bench::new();
     let objects = cloud(2000, 5);
     let settings = AsteroidSettings::default();
@@ -232,7 +233,7 @@ fn lists_without_room_are_an_error_and_never_silent() {
 }
 
 #[test]
-fn more_asteroids_than_a_binding_holds_are_refused_with_the_limit() {
+fn too_many_asteroids_for_a_binding_are_refused_with_the_limit() {
     let options = GpuOptions { binding_limit_bytes: Some(24 * 2000), ..GpuOptions::default() };
     let limits = Gpu::open(&options).unwrap().limits();
     check(&cloud(2000, 1), &limits).unwrap();
@@ -240,10 +241,9 @@ fn more_asteroids_than_a_binding_holds_are_refused_with_the_limit() {
     assert!(matches!(error, PlanError::TooManyAsteroids { asteroids: 2001, limit: 2000, .. }), "{error}");
 }
 
-/// A picture whose edges bend or not, by which asteroids go through faces; every asteroid is in one of both, and none is in a face that its
-/// sphere does not touch.
+/// The bend table bounds how far the image of a short arc departs from its chord, for every projection.
 #[test]
-fn bends_are_those_of_the_projection() {
+fn bend_table_bounds_the_curvature_of_the_projection() {
     use crate::plan::asteroids::views::{DirectionTable, table_place};
     let viewports = viewports(&kinds(), DQuat::IDENTITY);
     for viewport in &viewports {
@@ -254,8 +254,8 @@ fn bends_are_those_of_the_projection() {
             let middle = random.direction();
             let along = middle.cross(random.direction()).normalize().cross(middle).normalize();
             let half = 0.01 + 0.02 * random.next();
-            let at = |angle: f64| mapping.pixel_from_direction(middle * angle.cos() + along * angle.sin());
-            let (Some(begin), Some(end)) = (at(-half), at(half)) else { continue };
+            let pixel = |angle: f64| mapping.pixel_from_direction(middle * angle.cos() + along * angle.sin());
+            let (Some(begin), Some(end)) = (pixel(-half), pixel(half)) else { continue };
             let longitude = matches!(viewport.projection, crate::view::projection::Projection::Equirectangular(_));
             if (longitude && begin.distance(end) > 60.0) || !begin.is_finite() || !end.is_finite() {
                 continue;
@@ -266,13 +266,13 @@ fn bends_are_those_of_the_projection() {
                 assert_eq!(bound, 0.0);
                 continue;
             }
-            let worst = (-9..10).filter_map(|i| at(half * f64::from(i) / 10.0)).map(|pixel| {
+            let worst = (-9..10).filter_map(|i| pixel(half * f64::from(i) / 10.0)).map(|pixel| {
                 let chord = end - begin;
                 let t = ((pixel - begin).dot(chord) / chord.length_squared()).clamp(0.0, 1.0);
                 (begin + chord * t).distance(pixel)
             });
             let worst = worst.fold(0.0, f64::max);
-            assert!(worst <= bound * 1.05 + 1e-6, "{:?}: {worst} px for {bound} at {middle}", viewport.projection);
+            assert!(worst <= bound * 1.05 + 1e-6, "{:?}: {worst} px, bound {bound}, at {middle}", viewport.projection);
         }
     }
 }

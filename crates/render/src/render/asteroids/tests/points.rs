@@ -1,4 +1,4 @@
-//! The light of asteroids that are points, and of nodes that are: sums of the adapter against closed forms.
+//! Light of asteroids drawn as points, and of nodes combined into points: sums on the adapter against closed forms.
 
 use super::*;
 use crate::{
@@ -9,7 +9,7 @@ use crate::{
     scene::bodies::suns,
 };
 
-/// Light that the adapter sums up over all pixels of a viewport, lx, and points that it counts.
+/// Sums the light over all pixels of a viewport on the adapter, lx, and counts the points.
 fn summed(bench: &mut Bench, plan: &AsteroidPlan, units_per_lx: f64) -> ([f64; 3], u32) {
     let gpu = &bench.gpu;
     assert!(gpu.wide_accumulator, "the test reads sums in 64-bit words");
@@ -52,7 +52,7 @@ fn summed(bench: &mut Bench, plan: &AsteroidPlan, units_per_lx: f64) -> ([f64; 3
     (sums, values[2][0] as u32)
 }
 
-/// A swarm of spheres far away, in a ball around a place; both laws, some between points and meshes.
+/// A distant swarm of spheres in a ball; some sizes are between points and meshes.
 fn swarm(count: usize, law: ReflectionLaw, ball_m: f64) -> SceneObjects {
     let mut random = Random(77);
     let asteroids: Vec<(DVec3, f64, u32)> =
@@ -64,12 +64,12 @@ fn swarm(count: usize, law: ReflectionLaw, ball_m: f64) -> SceneObjects {
 }
 
 #[test]
-fn points_and_unresolved_nodes_together_have_the_light_of_their_spheres() {
+fn points_and_unresolved_nodes_emit_the_light_of_their_spheres() {
     let mut bench = Bench::new();
     assert!(suns(&SceneObjects::default()).is_empty());
     let equirectangular = ViewKind::Equirectangular { size: [180, 90] };
     let flat = ViewKind::Perspective { size: [160, 120], fov_y_rad: 1.2 };
-    // All of them one by one; some of them meshes; whole groups in a point.
+    // Cases: all asteroids drawn one by one; some drawn as meshes; whole groups combined into one point.
     let cases = [
         (&equirectangular, ReflectionLaw::Lambert, 3e4, 1e5, 0),
         (&flat, ReflectionLaw::LommelSeeliger, 500.0, 2.5e3, 0),
@@ -120,13 +120,13 @@ fn points_and_unresolved_nodes_together_have_the_light_of_their_spheres() {
             }
         }
         println!(
-            "{law:?}: {found:?} for {expected:?}, {drawn} points, {} nodes, {wholly} points wholly",
+            "{law:?}: {found:?}, expected {expected:?}, {drawn} points, {} nodes, {wholly} full points",
             plan.cut.unresolved.len()
         );
         for channel in 0..3 {
             let off = (found[channel] / expected[channel] - 1.0).abs();
-            assert!(off < 3e-3, "{law:?}: {found:?} for {expected:?}");
-            // The bound that the sums' unit is chosen by.
+            assert!(off < 3e-3, "{law:?}: {found:?}, expected {expected:?}");
+            // Upper bound from which the unit of the sums is chosen.
             assert!(plan.cut.points_lx[0] + 1e-30 >= found[channel] || !plan.cut.unresolved.is_empty());
         }
         assert!(plan.cut.unresolved.len() >= fewest_nodes);
@@ -136,9 +136,9 @@ fn points_and_unresolved_nodes_together_have_the_light_of_their_spheres() {
     }
 }
 
-/// Without the weight of its phase the light is far off.
+/// Without the phase function the light is wrong by more than 10 %.
 #[test]
-fn light_at_full_phase_would_be_found_wrong() {
-    let of = |phase| sphere_illuminance_lx(ReflectionLaw::LommelSeeliger, 0.2, 1e5, 3.0, 1e5, phase);
-    assert!((of(0.8) / of(0.0) - 1.0).abs() > 0.1);
+fn light_depends_on_the_phase() {
+    let illuminance = |phase| sphere_illuminance_lx(ReflectionLaw::LommelSeeliger, 0.2, 1e5, 3.0, 1e5, phase);
+    assert!((illuminance(0.8) / illuminance(0.0) - 1.0).abs() > 0.1);
 }

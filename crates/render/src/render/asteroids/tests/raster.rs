@@ -1,4 +1,5 @@
-//! Rastered spheres against closed forms, in every kind of picture, on the picture itself and through faces.
+//! Compares rasterised spheres with closed forms, in every kind of picture, on the picture itself and through cube
+//! faces.
 
 use super::*;
 use crate::{
@@ -8,8 +9,8 @@ use crate::{
     view::projection::{CubeFace, Face, PlaneMapping, pixel_centre},
 };
 
-/// What layers show: per sample of the window colour (units) and depth, and of the faces the same.
-struct Shown {
+/// Contents of the layers: colour (units) and depth per sample, of the window and of the faces.
+struct LayerContents {
     colour: Vec<[f32; 4]>,
     depth: Vec<f32>,
     faces: Vec<(Face, Vec<[f32; 4]>, Vec<f32>)>,
@@ -19,7 +20,7 @@ struct Shown {
     scale: f64,
 }
 
-/// Bytes of the top left of a layer of a texture, row by row.
+/// Bytes of the top left part of one texture layer, row by row.
 fn texels(bench: &Bench, view: &wgpu::TextureView, layer: u32, [width, height]: [u32; 2], texel_bytes: u32) -> Vec<u8> {
     let row_bytes = view.texture().width() * texel_bytes;
     read_layer(&bench.gpu, view.texture(), layer)
@@ -31,7 +32,7 @@ fn texels(bench: &Bench, view: &wgpu::TextureView, layer: u32, [width, height]: 
 }
 
 /// Draws a tile and reads its layers back.
-fn draw(bench: &mut Bench, plan: &AsteroidPlan, tile: &Tile) -> Shown {
+fn draw(bench: &mut Bench, plan: &AsteroidPlan, tile: &Tile) -> LayerContents {
     let mut encoder = bench.encoder();
     bench.asteroids.record_cull(&bench.gpu, &mut encoder, &mut bench.timer, plan);
     let size = plan.viewports[tile.viewport].size();
@@ -46,15 +47,15 @@ fn draw(bench: &mut Bench, plan: &AsteroidPlan, tile: &Tile) -> Shown {
         bytes.chunks_exact(4).map(|word| f32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect()
     };
     let window = [size[0] * samples, tile.rows * samples];
-    let of_face = |face: Face| {
+    let read_face = |face: Face| {
         let side = [face_px; 2];
         let layer = face as u32;
         (face, colours(texels(bench, &views[2], layer, side, 8)), depths(texels(bench, &views[3], layer, side, 4)))
     };
-    Shown {
+    LayerContents {
         colour: colours(texels(bench, &views[0], 0, window, 8)),
         depth: depths(texels(bench, &views[1], 0, window, 4)),
-        faces: Face::ALL.into_iter().filter(|face| faces >> *face as u32 & 1 == 1).map(of_face).collect(),
+        faces: Face::ALL.into_iter().filter(|face| faces >> *face as u32 & 1 == 1).map(read_face).collect(),
         face_px,
         samples,
         near_m: f64::from(near_m),
@@ -62,7 +63,7 @@ fn draw(bench: &mut Bench, plan: &AsteroidPlan, tile: &Tile) -> Shown {
     }
 }
 
-/// Solid angle that is covered, its middle (view axes), light (lx), and nearest distance along samples' rays.
+/// Covered solid angle, its centroid (view axes), its light (lx), and the least distance along the rays of samples.
 #[derive(Clone, Copy, Debug)]
 struct Measured {
     solid_angle_sr: f64,
@@ -71,12 +72,12 @@ struct Measured {
     nearest_m: f64,
 }
 
-/// Puts layers together as a compositing pass does, sample by sample, and sums up. `mapping` has samples for pixels.
-fn measure(shown: &Shown, mapping: &dyn PlaneMapping, flat: bool, tile: &Tile) -> Measured {
+/// Composites the layers sample by sample and sums up the result. `mapping` treats samples as pixels.
+fn measure(layers: &LayerContents, mapping: &dyn PlaneMapping, flat: bool, tile: &Tile) -> Measured {
     let width = mapping.size()[0];
-    let first_row = tile.first_row * shown.samples;
+    let first_row = tile.first_row * layers.samples;
     let mut sum = Measured { solid_angle_sr: 0.0, middle: DVec3::ZERO, light_lx: [0.0; 3], nearest_m: f64::INFINITY };
-    for y in 0..tile.rows * shown.samples {
+    for y in 0..tile.rows * layers.samples {
         for x in 0..width {
             {
                 let omega = mapping.solid_angle_sr(x, y + first_row);
@@ -85,21 +86,21 @@ fn measure(shown: &Shown, mapping: &dyn PlaneMapping, flat: bool, tile: &Tile) -
                 let mut nearest = 0.0;
                 let mut colour = [0.0; 3];
                 let mut take = |depth: f32, rgba: [f32; 4], along: f64| {
-                    let inverse = f64::from(depth) * along / shown.near_m;
+                    let inverse = f64::from(depth) * along / layers.near_m;
                     if inverse > nearest {
                         assert!(rgba[3] == 1.0);
                         nearest = inverse;
-                        colour = [rgba[0], rgba[1], rgba[2]].map(|value| f64::from(value) * shown.scale);
+                        colour = [rgba[0], rgba[1], rgba[2]].map(|value| f64::from(value) * layers.scale);
                     }
                 };
-                take(shown.depth[index], shown.colour[index], if flat { -direction.z } else { 1.0 });
-                for (face, colours, depths) in &shown.faces {
+                take(layers.depth[index], layers.colour[index], if flat { -direction.z } else { 1.0 });
+                for (face, colours, depths) in &layers.faces {
                     let own = face.cube_from_face().conjugate() * direction;
-                    let plane = CubeFace::new(*face, shown.face_px).unwrap();
-                    let Some(at) = plane.pixel_from_direction(own) else { continue };
-                    let side = f64::from(shown.face_px);
-                    if at.x >= 0.0 && at.y >= 0.0 && at.x < side && at.y < side {
-                        let texel = at.y as usize * shown.face_px as usize + at.x as usize;
+                    let plane = CubeFace::new(*face, layers.face_px).unwrap();
+                    let Some(pixel) = plane.pixel_from_direction(own) else { continue };
+                    let side = f64::from(layers.face_px);
+                    if pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < side && pixel.y < side {
+                        let texel = pixel.y as usize * layers.face_px as usize + pixel.x as usize;
                         take(depths[texel], colours[texel], -own.z);
                     }
                 }
@@ -118,12 +119,13 @@ fn measure(shown: &Shown, mapping: &dyn PlaneMapping, flat: bool, tile: &Tile) -
 
 const SUN_M: f64 = 2e11;
 
-/// A sphere of radius 10 m in a direction, its size given by radius over distance; the sun to the upper left behind the camera.
+/// A sphere of radius 10 m in `direction`, with `size` = radius / distance; the sun is to the upper left behind the
+/// camera.
 fn scene(direction: DVec3, size: f64, halvings: u32) -> (SceneObjects, DVec3, Sun, Body) {
     let radius_m = 10.0;
     let shapes = ShapeSet { shapes: vec![Shape { lods: vec![lod(halvings)], bound: 1.0 }], digest: 2 };
-    let of_one = instances(&[(DVec3::new(3.0, -4.0, 5.0), radius_m, 0)], 3);
-    let field = field(of_one, Arc::new(shapes));
+    let one_asteroid = instances(&[(DVec3::new(3.0, -4.0, 5.0), radius_m, 0)], 3);
+    let field = field(one_asteroid, Arc::new(shapes));
     let place_m = field.position_m + field.orientation * DVec3::new(3.0, -4.0, 5.0);
     let camera_m = place_m - direction * (radius_m / size);
     let across = direction.any_orthonormal_vector();
@@ -148,7 +150,7 @@ fn scene(direction: DVec3, size: f64, halvings: u32) -> (SceneObjects, DVec3, Su
     (SceneObjects { fields: vec![field], ..SceneObjects::default() }, camera_m, sun, body)
 }
 
-/// The same picture with `factor` times as many pixels each way.
+/// The same view with `factor` times as many pixels in each direction.
 fn finer(kind: &ViewKind, factor: u32) -> ViewKind {
     let mut finer = kind.clone();
     match &mut finer {
@@ -160,7 +162,8 @@ fn finer(kind: &ViewKind, factor: u32) -> ViewKind {
     finer
 }
 
-/// Draws the sphere in one view, in tiles of `rows`, and gives what is shown and what is true.
+/// Draws the sphere in one view, in tiles of `rows` rows. Returns the measured values, the true values, and the cube
+/// faces used.
 fn show(bench: &mut Bench, kind: &ViewKind, direction: DVec3, size: f64, rows: u32) -> (Measured, Measured, u8) {
     let (objects, camera_m, sun, body) = scene(direction, size, 5);
     let settings = AsteroidSettings { finest_only: true, samples: 4, ..AsteroidSettings::default() };
@@ -173,8 +176,8 @@ fn show(bench: &mut Bench, kind: &ViewKind, direction: DVec3, size: f64, rows: u
     let mut found = Measured { solid_angle_sr: 0.0, middle: DVec3::ZERO, light_lx: [0.0; 3], nearest_m: f64::INFINITY };
     for first_row in (0..height).step_by(rows as usize) {
         let tile = Tile { viewport: 0, first_row, rows: rows.min(height - first_row), first_pixel: 0 };
-        let shown = draw(bench, &plan, &tile);
-        let part = measure(&shown, mapping, flat, &tile);
+        let layers = draw(bench, &plan, &tile);
+        let part = measure(&layers, mapping, flat, &tile);
         found.middle += part.middle * part.solid_angle_sr;
         found.solid_angle_sr += part.solid_angle_sr;
         found.light_lx = std::array::from_fn(|i| found.light_lx[i] + part.light_lx[i]);
@@ -192,7 +195,7 @@ fn show(bench: &mut Bench, kind: &ViewKind, direction: DVec3, size: f64, rows: u
 }
 
 fn check(name: &str, (found, truth, _): (Measured, Measured, u8), angle_rad: f64) {
-    println!("{name}: {found:?} for {truth:?}");
+    println!("{name}: {found:?}, expected {truth:?}");
     let off = |a: f64, b: f64| (a / b - 1.0).abs();
     assert!(off(found.solid_angle_sr, truth.solid_angle_sr) < 0.01, "{name}: {found:?} {truth:?}");
     assert!(found.middle.angle_between(truth.middle) < angle_rad, "{name}: {found:?} {truth:?}");
@@ -203,35 +206,35 @@ fn check(name: &str, (found, truth, _): (Measured, Measured, u8), angle_rad: f64
 }
 
 #[test]
-fn a_sphere_covers_its_solid_angle_and_gives_its_light_in_every_picture() {
+fn a_sphere_has_the_right_solid_angle_and_light_in_every_picture() {
     let mut bench = Bench::new();
     let dome = |fov_rad| ViewKind::Fisheye { size: [200, 200], mapping: FisheyeMapping::Equidistant, fov_rad };
     let flat = ViewKind::Perspective { size: [240, 160], fov_y_rad: 1.4 };
     let sphere = ViewKind::Equirectangular { size: [360, 180] };
-    let at = |x: f64, y: f64, z: f64| DVec3::new(x, y, z).normalize();
-    // Through faces or not, as the second last says; tiles of few rows where the last does.
+    let towards = |x: f64, y: f64, z: f64| DVec3::new(x, y, z).normalize();
+    // Columns: name, view, direction, size, drawn through faces, rows of a tile.
     let cases = [
-        ("flat, in the middle", &flat, at(0.02, 0.01, -1.0), 0.1, false, 160),
-        ("flat, near a corner", &flat, at(0.9, 0.5, -1.0), 0.1, false, 50),
-        ("dome, in the middle", &dome(3.1), at(0.02, 0.03, -1.0), 0.1, false, 200),
-        ("dome, far out", &dome(3.1), at(0.7, -0.9, -0.4), 0.1, false, 64),
-        ("dome, large", &dome(3.1), at(0.3, 0.4, -1.0), 0.6, true, 200),
-        ("all round, behind", &dome(std::f64::consts::TAU), at(0.01, 0.02, 1.0), 0.1, true, 200),
-        ("equirectangular, in front", &sphere, at(0.5, 0.4, -1.0), 0.1, false, 180),
-        ("equirectangular, on the seam", &sphere, at(0.004, 0.2, 1.0), 0.1, false, 180),
-        ("equirectangular, on the pole", &sphere, at(0.01, 1.0, 0.01), 0.15, true, 180),
-        ("equirectangular, large", &sphere, at(1.0, -0.3, 0.2), 0.6, true, 70),
+        ("flat, in the middle", &flat, towards(0.02, 0.01, -1.0), 0.1, false, 160),
+        ("flat, near a corner", &flat, towards(0.9, 0.5, -1.0), 0.1, false, 50),
+        ("dome, in the middle", &dome(3.1), towards(0.02, 0.03, -1.0), 0.1, false, 200),
+        ("dome, far out", &dome(3.1), towards(0.7, -0.9, -0.4), 0.1, false, 64),
+        ("dome, large", &dome(3.1), towards(0.3, 0.4, -1.0), 0.6, true, 200),
+        ("all round, behind", &dome(std::f64::consts::TAU), towards(0.01, 0.02, 1.0), 0.1, true, 200),
+        ("equirectangular, in front", &sphere, towards(0.5, 0.4, -1.0), 0.1, false, 180),
+        ("equirectangular, on the seam", &sphere, towards(0.004, 0.2, 1.0), 0.1, false, 180),
+        ("equirectangular, on the pole", &sphere, towards(0.01, 1.0, 0.01), 0.15, true, 180),
+        ("equirectangular, large", &sphere, towards(1.0, -0.3, 0.2), 0.6, true, 70),
     ];
     for (name, kind, direction, size, through_faces, rows) in cases {
-        let shown = show(&mut bench, kind, direction, size, rows);
-        assert_eq!(shown.2 != 0, through_faces, "{name}");
-        check(name, shown, 2e-3);
+        let measured = show(&mut bench, kind, direction, size, rows);
+        assert_eq!(measured.2 != 0, through_faces, "{name}");
+        check(name, measured, 2e-3);
     }
 }
 
 #[test]
 #[should_panic(expected = "too small")]
-fn a_wrong_size_is_found() {
+fn a_wrong_size_is_detected() {
     let mut bench = Bench::new();
     let flat = ViewKind::Perspective { size: [240, 160], fov_y_rad: 1.4 };
     let (found, mut truth, faces) = show(&mut bench, &flat, DVec3::NEG_Z, 0.1, 160);
@@ -240,7 +243,7 @@ fn a_wrong_size_is_found() {
 }
 
 #[test]
-fn lists_of_the_cpu_draw_the_same_picture() {
+fn cpu_lists_draw_the_same_picture() {
     let mut bench = Bench::new();
     let mut random = Random(3);
     let asteroids: Vec<(DVec3, f64, u32)> = (0..600)
@@ -266,10 +269,6 @@ fn lists_of_the_cpu_draw_the_same_picture() {
         let differing = gpu.colour.iter().zip(&cpu.colour).filter(|(a, b)| a != b).count();
         assert!(drawn > gpu.depth.len() / 200, "viewport {viewport}: {drawn} samples");
         assert!(differing * 500 <= drawn, "viewport {viewport}: {differing} of {drawn} differ");
-        assert_eq!(
-            gpu.faces.len(),
-            cpu.faces.len().max(gpu.faces.len()),
-            "the CPU draws no face that the plan leaves out"
-        );
+        assert_eq!(gpu.faces.len(), cpu.faces.len().max(gpu.faces.len()), "the CPU draws only faces of the plan");
     }
 }

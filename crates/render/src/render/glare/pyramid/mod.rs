@@ -1,4 +1,4 @@
-//! Recording the published glare pyramids: viewport by viewport, each from its own finished picture.
+//! Records the published glare pyramids, viewport by viewport, each from its own finished picture.
 
 mod passes;
 
@@ -17,17 +17,17 @@ use crate::{
     view::Viewport,
 };
 
-/// Passes and textures of the pyramids, made when they are first asked for.
+/// Lazily created passes and textures of the pyramids.
 pub(super) struct GlarePyramid {
     screen: OnceLock<GlarePyramidPass>,
     view: OnceLock<GlarePyramidPass>,
     composite: OnceLock<GlareCompositePass>,
     maximum: GrowingBuffer,
-    /// One pyramid for each size of a picture: viewports of a frame use it one after the other.
+    /// One pyramid per picture size. The viewports of a frame use it one after the other.
     textures: Vec<([u32; 2], PyramidTextures)>,
 }
 
-/// A tile of the viewport at hand.
+/// Tile of the current viewport.
 struct Place<'a> {
     batch: &'a BatchTargets,
     tile: &'a Tile,
@@ -46,7 +46,7 @@ impl GlarePyramid {
         }
     }
 
-    /// The pipelines along these axes.
+    /// Pipelines for the given axes.
     pub(super) fn pipelines<'a>(&'a self, wish: &Wish<'a>, axes: PyramidAxes) -> Vec<PipelineJob<'a>> {
         let gpu = wish.gpu;
         vec![
@@ -60,28 +60,29 @@ impl GlarePyramid {
     }
 
     fn pass(&self, gpu: &Gpu, axes: PyramidAxes) -> &GlarePyramidPass {
-        let of_axes = match axes {
+        let pass = match axes {
             PyramidAxes::Screen => &self.screen,
             PyramidAxes::View => &self.view,
         };
-        of_axes.get_or_init(|| GlarePyramidPass::new(gpu, axes))
+        pass.get_or_init(|| GlarePyramidPass::new(gpu, axes))
     }
 
     fn composite(&self, gpu: &Gpu) -> &GlareCompositePass {
         self.composite.get_or_init(|| GlareCompositePass::new(gpu, GlareSource::Pyramid, &[]))
     }
 
-    /// Lets go of buffers and textures.
+    /// Releases buffers and textures.
     pub(super) fn release(&mut self) {
         self.textures.clear();
         self.maximum.release();
     }
 
-    /// Records the glare of a frame along these axes.
+    /// Records the glare of a frame along the given axes.
     pub(super) fn record(&mut self, recording: &mut Recording<'_>, axes: PyramidAxes) {
         let gpu = recording.gpu;
         let frame = recording.frame;
         let viewports = &frame.plan.viewports;
+        // Textures for each picture size.
         self.textures.retain(|(size, _)| viewports.iter().any(|viewport| viewport.size() == *size));
         for size in viewports.iter().map(Viewport::size) {
             if self.textures.iter().all(|(held, _)| *held != size) {
@@ -91,12 +92,14 @@ impl GlarePyramid {
         let maximum = self.maximum.with_room(gpu, 16).clone();
         let maximum = &maximum;
         let (pyramid, composite) = (self.pass(gpu, axes), self.composite(gpu));
+        // Brightest channel of the frame.
         recording.encoder.clear_buffer(maximum, 0, None);
         let targets = &*recording.targets;
         let mut pass = begin_pass(recording.encoder, recording.timer, "glare");
         for batch in &targets.batches {
             pyramid.find_maximum(gpu, &mut pass, &targets.viewports, batch, maximum);
         }
+        // Pyramid of each viewport, and its tiles.
         for (index, viewport) in viewports.iter().enumerate() {
             let Some((_, textures)) = self.textures.iter().find(|(size, _)| *size == viewport.size()) else { continue };
             let places = places_of(frame.plan, targets, index);
@@ -108,14 +111,14 @@ impl GlarePyramid {
                     plane_pixels: batch.plane_pixels,
                 })
                 .collect();
-            let of_viewport = PyramidFrame {
+            let pyramid_frame = PyramidFrame {
                 weights: frame.settings.glare.weights,
                 viewports: &targets.viewports,
                 maximum,
                 viewport: index as u32,
                 pixel_rad: viewport.projection.middle_pixel_rad(),
             };
-            pyramid.record(gpu, &mut pass, &of_viewport, textures, &tiles);
+            pyramid.record(gpu, &mut pass, &pyramid_frame, textures, &tiles);
             for Place { batch, tile, encoded } in places {
                 let encoded = gpu.frame_storage("tile", std::slice::from_ref(&encoded));
                 let target = PictureTarget {
@@ -125,23 +128,23 @@ impl GlarePyramid {
                     partial_sums: &targets.partial_sums,
                     plane_pixels: batch.plane_pixels,
                 };
-                let of_source = [
+                let source_bindings = [
                     (0, wgpu::BindingResource::TextureView(textures.combined())),
                     (1, wgpu::BindingResource::Sampler(pyramid.bilinear())),
                     (2, maximum.as_entire_binding()),
                 ];
                 let fraction = frame.plan.glare.fraction;
-                composite.record(gpu, &mut pass, fraction, &target, &of_source, tile_grid(tile, viewport));
+                composite.record(gpu, &mut pass, fraction, &target, &source_bindings, tile_grid(tile, viewport));
             }
         }
     }
 }
 
-/// The tiles of a viewport, from the top.
+/// Tiles of a viewport, from the top.
 fn places_of<'a>(plan: &'a Plan, targets: &'a Targets, viewport: usize) -> Vec<Place<'a>> {
     let batches = plan.batches.iter().zip(&targets.batches);
-    let places = batches.flat_map(|(of_plan, batch)| {
-        let tiles = of_plan.tiles.iter().zip(&batch.encoded_tiles);
+    let places = batches.flat_map(|(planned, batch)| {
+        let tiles = planned.tiles.iter().zip(&batch.encoded_tiles);
         tiles.map(move |(tile, encoded)| Place { batch, tile, encoded: *encoded })
     });
     places.filter(|place| place.tile.viewport == viewport).collect()

@@ -1,12 +1,13 @@
-//! The passes of the published glare pyramids: the brightest channel of a frame, the base, the blurs, and the sum over the levels.
-//! Shaders: `shaders/glare/pyramid/`; the f64 twin is
-//! `crate::reference::glare::pyramid`.
+//! Passes of the published glare pyramids: the brightest channel of a frame, the base, the blurs, and the sum over the
+//! levels.
 //!
-//! Levels are half floats, as published. The light is scaled by the brightest channel of the frame itself, so that what is 2^28
-//! times as faint (21 magnitudes) still has all eleven bits. That is enough, if numbers are rounded to the nearest before they are
-//! stored: against the twin, which rounds nothing, 1.4e-4 of the scattered light is missing at most and 1.6e-3 of it in the worst
-//! pixel (twelve projections, and 1920 x 1080 pixels with stars 17 magnitudes apart). Left to a driver that cuts off, as the
-//! software driver does, it is 3e-3 and 5.6e-3.
+//! Shaders: `shaders/glare/pyramid/`; the f64 twin is `crate::reference::glare::pyramid`.
+//!
+//! Levels are half floats, as published. The light is scaled by the brightest channel of the frame, so that light 2^28
+//! times fainter (21 magnitudes) still has all eleven bits. This is sufficient if values are rounded to the nearest
+//! before they are stored: compared with the twin, which does not round, at most 1.4e-4 of the scattered light is lost,
+//! and 1.6e-3 of it in the worst pixel (twelve projections, and 1920 x 1080 pixels with stars 17 magnitudes apart). If
+//! the driver truncates instead, as the software driver does, the losses are 3e-3 and 5.6e-3.
 
 use crate::render::{constants::workgroups::PYRAMID_SIDE, shader::Shader};
 use crate::{
@@ -18,28 +19,28 @@ use crate::{
     render::{glare::layout, tabulated::projecting, targets::BatchTargets},
 };
 
-/// The passes for one pair of axes.
+/// Passes for one pair of axes.
 pub(crate) struct GlarePyramidPass {
     maximum: wgpu::ComputePipeline,
     base: wgpu::ComputePipeline,
     blur: wgpu::ComputePipeline,
     combine: wgpu::ComputePipeline,
     bilinear: wgpu::Sampler,
-    /// Whether the blur's shader projects.
+    /// Whether the blur's shader uses the projection.
     projects: bool,
 }
 
-/// Textures of one pyramid, to be used by every viewport of that size in turn.
+/// Textures of one pyramid, used by every viewport of this size in turn.
 pub(crate) struct PyramidTextures {
     pub plan: PyramidPlan,
-    /// Every level by itself, and all of them.
+    /// A view of each level, and a view of all levels.
     levels: Vec<wgpu::TextureView>,
     all_levels: wgpu::TextureView,
-    /// What the first axis leaves of every level. The first holds the sum over all levels in the end.
+    /// Every level after the blur along the first axis. In the end, level 0 holds the sum over all levels.
     between: Vec<wgpu::TextureView>,
 }
 
-/// A tile with the picture it lies in.
+/// A tile, with the picture that contains it.
 #[derive(Clone, Copy)]
 pub(crate) struct PyramidTile<'a> {
     pub tile: layout::Tile,
@@ -49,7 +50,7 @@ pub(crate) struct PyramidTile<'a> {
 }
 
 impl PyramidTextures {
-    /// Textures for pictures of that size, pixels.
+    /// Creates textures for pictures of the given size, pixels.
     pub(crate) fn new(gpu: &Gpu, picture: [u32; 2]) -> Self {
         let plan = PyramidPlan::new(picture);
         let [width, height] = plan.sizes[0];
@@ -84,7 +85,7 @@ impl PyramidTextures {
         }
     }
 
-    /// What the passes leave: scattered light at half the picture's resolution, scaled.
+    /// Result of the passes: scattered light at half the picture's resolution, scaled.
     pub(crate) fn combined(&self) -> &wgpu::TextureView {
         &self.between[0]
     }
@@ -111,12 +112,12 @@ impl GlarePyramidPass {
         }
     }
 
-    /// Interpolates between texels and repeats the border.
+    /// Sampler that interpolates between texels and clamps to the edge.
     pub(crate) fn bilinear(&self) -> &wgpu::Sampler {
         &self.bilinear
     }
 
-    /// Records the search for the brightest channel of one batch. `maximum` must be zero before the first one.
+    /// Records the search for the brightest channel of one batch. `maximum` must be zero before the first batch.
     pub(crate) fn find_maximum(
         &self,
         gpu: &Gpu,
@@ -137,7 +138,7 @@ impl GlarePyramidPass {
         dispatch(gpu, pass, &self.maximum, &resources, batch.grid);
     }
 
-    /// Records the base of what lies in one tile, and the blurs and the sum over the levels after the last one.
+    /// Records the base of each tile, then the blurs and the sum over the levels.
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
@@ -146,6 +147,7 @@ impl GlarePyramidPass {
         textures: &PyramidTextures,
         tiles: &[PyramidTile<'_>],
     ) {
+        // Base of the pyramid, tile by tile.
         let [width, _] = textures.plan.sizes[0];
         for (index, upper) in tiles.iter().enumerate() {
             let lower = tiles.get(index + 1).unwrap_or(upper);
@@ -165,9 +167,10 @@ impl GlarePyramidPass {
                 (4, frame.maximum.as_entire_binding()),
                 (5, view(&textures.levels[0])),
             ];
-            // One row more than half of them, where the tile begins at an odd one.
+            // A tile that begins at an odd row needs one row more than half of its rows.
             dispatch(gpu, pass, &self.base, &resources, grid_of([width, upper.tile.rows / 2 + 1]));
         }
+        // Blurs of each level along both axes.
         for (level, size) in textures.plan.sizes.iter().enumerate() {
             for axis in 0..2 {
                 let (from, to) = match axis {
@@ -190,6 +193,7 @@ impl GlarePyramidPass {
                 dispatch(gpu, pass, &self.blur, &resources, grid_of(*size));
             }
         }
+        // Weighted sum over the levels.
         let parameters = layout::GlareCombineParameters {
             first_weight: textures.plan.level_weights(frame.weights)[0] as f32,
             ratio: level_ratio(frame.weights) as f32,
@@ -207,7 +211,7 @@ impl GlarePyramidPass {
     }
 }
 
-/// What the pyramid of a viewport is made by.
+/// Inputs of a viewport's pyramid.
 pub(crate) struct PyramidFrame<'a> {
     pub weights: PyramidWeights,
     pub viewports: &'a wgpu::Buffer,
@@ -215,7 +219,7 @@ pub(crate) struct PyramidFrame<'a> {
     pub maximum: &'a wgpu::Buffer,
     /// Index of the viewport.
     pub viewport: u32,
-    /// Angle of the pixel in the middle of the picture, rad.
+    /// Angle of a pixel at the centre of the picture, rad.
     pub pixel_rad: f64,
 }
 

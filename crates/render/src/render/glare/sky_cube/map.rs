@@ -1,5 +1,5 @@
-//! The map of the glaring sky: made level by level from the light of all stars, with the sprites that are drawn one by one. Shaders:
-//! `shaders/glare/sky_cube/map_*.wgsl`.
+//! The glare map of the sky: computed level by level from the light of all stars, except for the sprites, which are
+//! drawn individually. Shaders: `shaders/glare/sky_cube/map_*.wgsl`.
 
 use std::{cmp::Reverse, sync::Arc};
 
@@ -20,35 +20,35 @@ use crate::{
     view::Viewport,
 };
 
-/// Entries of the kernel's table per octave of the square of the chord, and octaves.
+/// Entries of the kernel's table per octave of the squared chord, and number of octaves.
 const ENTRIES_PER_OCTAVE: u32 = 16;
 const OCTAVES: u32 = 48;
-/// Largest binary logarithm of the square of a chord.
+/// log2 of the largest squared chord.
 const LAST_OCTAVE: f64 = 2.0;
-/// What the map was made of.
+/// Inputs from which a map was made.
 pub(super) struct Key {
     pub(super) stars: Arc<StarSet>,
     pub(super) settings: SkyCubeSettings,
     pub(super) kernel: Arc<dyn GlareKernel>,
 }
 
-/// The sky that glares, on the adapter.
+/// Map and sprites of the sky on the adapter.
 pub(super) struct Held {
     pub(super) key: Key,
     pub(super) sky: SkyCubePlan,
     pub(super) map: wgpu::Buffer,
     pub(super) sprites: wgpu::Buffer,
-    /// Chords within which they end, in their order: the longest of their class.
+    /// Chords at which the sprites end, in the order of the sprites: the longest of their reach class.
     pub(super) chords: Vec<f64>,
     pub(super) sprite_cells: wgpu::Buffer,
     pub(super) regions: wgpu::Buffer,
     pub(super) kernel_table: wgpu::Buffer,
-    /// Constant of the inverse square and the square of its inner angle; `None` for other kernels.
+    /// Constant of the inverse-square kernel and square of its inner angle; `None` for other kernels.
     pub(super) inverse_square: Option<[f32; 2]>,
 }
 
 impl Held {
-    /// Parameters of passes that read the map and the kernel; those of lists of sprites are left 0.
+    /// Parameters of passes that read the map and the kernel. The parameters of sprite lists are 0.
     pub(super) fn parameters(&self) -> layout::SkyCubeParameters {
         let sky = &self.sky;
         let [constant, inner_squared] = self.inverse_square.unwrap_or_default();
@@ -66,7 +66,7 @@ impl Held {
         }
     }
 
-    /// How a viewport sees it, with sources of its own.
+    /// Parameters of a viewport whose own sources are `near`.
     pub(super) fn view(&self, viewport: &Viewport, near: std::ops::Range<u32>) -> layout::GlareView {
         let class = pixel_class(viewport);
         let index = self.key.settings.pixel_classes_rad.partition_point(|other| *other < class);
@@ -82,15 +82,15 @@ impl Held {
     }
 }
 
-/// The passes of a level.
+/// Passes of a level.
 pub(super) struct MapPasses {
     gather: wgpu::ComputePipeline,
     sharpen: wgpu::ComputePipeline,
-    /// Stands in where there is no coarser level, or there are no bumps.
+    /// Placeholder for a missing coarser level or missing bumps.
     nothing: wgpu::Buffer,
 }
 
-/// A level as the adapter holds it.
+/// Buffers of one level.
 struct LevelBuffers {
     edge_cells: u32,
     end_squared: f64,
@@ -99,7 +99,7 @@ struct LevelBuffers {
     table: wgpu::Buffer,
 }
 
-/// Points of a finished map.
+/// Number of points of a finished map.
 pub(super) fn map_points(edge_cells: u32) -> u32 {
     6 * (edge_cells + RIM) * (edge_cells + RIM)
 }
@@ -126,15 +126,15 @@ impl LevelBuffers {
     }
 }
 
-/// Bumps of the finest level: the light of each and the square of their radius.
+/// Bumps of the finest level: light of each, and square of their radius.
 struct Bumps<'a> {
     light: &'a wgpu::Buffer,
     squared: f64,
 }
 
-/// What a level is added to.
+/// Light that a level is added to.
 struct Below<'a> {
-    /// The coarser level, and the cells along its edge.
+    /// The coarser level, and its number of cells along an edge.
     coarser: Option<(&'a wgpu::Buffer, u32)>,
     bumps: Option<Bumps<'a>>,
 }
@@ -148,7 +148,7 @@ impl MapPasses {
         }
     }
 
-    /// Records a level on top of what lies below: into a map from a point on.
+    /// Records a level that is added to the light below. It is written to `map` from `first_point` on.
     fn level(
         &self,
         gpu: &Gpu,
@@ -157,6 +157,7 @@ impl MapPasses {
         below: &Below<'_>,
         (map, first_point): (&wgpu::Buffer, u32),
     ) {
+        // Gather the light of the cells at every point.
         let Below { coarser, bumps } = below;
         let wide = level.edge_cells + 2 * RIM;
         let scattered = gpu.create_buffer(&wgpu::BufferDescriptor {
@@ -190,6 +191,7 @@ impl MapPasses {
         let groups = wide.div_ceil(MAP_SIDE);
         pass.dispatch_workgroups(groups, groups, 6);
 
+        // Sharpen the result and write it to the map.
         let parameters =
             layout::GlareSharpenParameters { edge_cells: level.edge_cells, first_point, ..Default::default() };
         let parameters = gpu::uniform_buffer(gpu, "glare sharpen parameters", &parameters);
@@ -201,7 +203,7 @@ impl MapPasses {
         pass.dispatch_workgroups(groups, groups, 6);
     }
 
-    /// Makes the map.
+    /// Computes the map.
     pub(super) fn make(&self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, glare: &GlareSettings, key: Key) -> Held {
         let kernel = &*key.kernel;
         let inverse_square = (glare.kernel == GlareKernelName::InverseSquare).then(|| {
@@ -219,6 +221,7 @@ impl MapPasses {
             })
         };
         let map = buffer("glare map", points * sky.classes.len() as u32);
+        // Levels from the coarsest to the second finest.
         let mut coarser: Option<(wgpu::Buffer, u32)> = None;
         for level in sky.levels[1..].iter().rev() {
             let made = buffer("glare level", map_points(level.edge_cells));
@@ -227,6 +230,7 @@ impl MapPasses {
             self.level(gpu, pass, &LevelBuffers::new(gpu, level), &below, (&made, 0));
             coarser = Some((made, level.edge_cells));
         }
+        // The finest level, with the bumps of each class of pixel size.
         let finest = LevelBuffers::new(gpu, &sky.levels[0]);
         let below = coarser.as_ref().map(|(buffer, edge)| (buffer, *edge));
         for (index, class) in sky.classes.iter().enumerate() {
@@ -236,10 +240,11 @@ impl MapPasses {
             let bumps = Some(Bumps { light: &light, squared: sky.bump_squared });
             self.level(gpu, pass, &finest, &Below { coarser: below, bumps }, (&map, points * index as u32));
         }
+        // Sprites.
         let mut drawn: Vec<&Sprite> = sky.sprites.sprites.iter().collect();
         if key.settings.least_cd_m2 > 0.0 {
-            // Invocations side by side have alike much to do, and lie side by side on the sky, where a view sees all of them or none: the order
-            // of the cells stays within a class of reach.
+            // Adjacent invocations get a similar amount of work. They stay adjacent on the sky, where a view sees all
+            // of them or none, because the sort is stable within a reach class.
             drawn.sort_by_key(|sprite| Reverse(reach_class(sprite.squared)));
         }
         let chords = drawn.iter().map(|sprite| class_chord(reach_class(sprite.squared))).collect();
@@ -255,7 +260,7 @@ impl MapPasses {
         let encoded_cells = |cells: &[SpriteCell]| -> Vec<layout::GlareSpriteCell> {
             let encode = |cell: &SpriteCell| layout::GlareSpriteCell {
                 direction: cell.direction.as_vec3().to_array(),
-                // f32 must not make it shorter.
+                // Margin so that rounding to f32 does not shorten the reach.
                 reach: cell.reach as f32 * 1.00001,
                 first: cell.first,
                 count: cell.count,
@@ -277,7 +282,7 @@ impl MapPasses {
     }
 }
 
-/// Sources of a class reach alike far, within a quarter of an octave.
+/// Class of sources of similar reach: equal within a quarter of an octave.
 fn reach_class(squared: f64) -> i32 {
     (2.0 * squared.log2()).ceil() as i32
 }
@@ -287,7 +292,7 @@ fn class_chord(class: i32) -> f64 {
     (0.25 * f64::from(class)).exp2()
 }
 
-/// A buffer of a list, with one item of nothing if it is empty: a binding must hold one at least.
+/// Creates a buffer of a list. An empty list gets one default item, since a binding must not be empty.
 fn buffer_of<T: Default + bytemuck::NoUninit>(gpu: &Gpu, label: &str, mut items: Vec<T>) -> wgpu::Buffer {
     if items.is_empty() {
         items.push(T::default());
@@ -295,7 +300,7 @@ fn buffer_of<T: Default + bytemuck::NoUninit>(gpu: &Gpu, label: &str, mut items:
     storage_buffer(gpu, label, &items)
 }
 
-/// The kernel times the square of the chord, over the binary logarithm of that square.
+/// Table of the kernel times the squared chord, as a function of log2 of the squared chord.
 fn kernel_table(kernel: &dyn GlareKernel) -> Vec<f32> {
     let first = LAST_OCTAVE - f64::from(OCTAVES);
     (0..=OCTAVES * ENTRIES_PER_OCTAVE)

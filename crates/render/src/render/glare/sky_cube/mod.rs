@@ -1,5 +1,6 @@
-//! `sky_cube`: a map of the whole sky, and the brightest sources one by one. The map is made when the scene, the camera's place or the
-//! settings have changed, and kept until they do again; what depends on where the views look is made for every frame.
+//! The `sky_cube` glare: a map of the whole sky, and the brightest sources individually. The map is recomputed only if
+//! the scene, the camera's position or the settings change. Data that depends on the directions of the views is
+//! computed for every frame.
 
 mod map;
 mod objects;
@@ -42,14 +43,14 @@ struct SkyScene<'a> {
     motion: Option<Motion>,
     local_sky: Option<Arc<LocalSky>>,
     faintest_lx: f64,
-    /// What a source may add to the veil around it without being drawn by itself, relative.
+    /// Relative tolerance: veil that a source may add without being drawn individually.
     tolerance: f64,
-    /// What it may add at least, cd/m^2 as if all light were scattered.
+    /// Absolute tolerance of the same, cd/m^2, as if all light were scattered.
     least_cd_m2: f64,
 }
 
 impl<'a> SkyScene<'a> {
-    fn of(snapshot: &'a SceneSnapshot, settings: &RenderSettings, in_sums: Option<VeilInSums>) -> Self {
+    fn new(snapshot: &'a SceneSnapshot, settings: &RenderSettings, in_sums: Option<VeilInSums>) -> Self {
         Self {
             stars: &snapshot.stars,
             camera_pc: snapshot.camera.position_m / PARSEC_M,
@@ -61,7 +62,7 @@ impl<'a> SkyScene<'a> {
         }
     }
 
-    /// What the map of these views is made of.
+    /// Settings of the map for these views.
     fn settings(&self, views: &Views) -> SkyCubeSettings {
         let place_pc = map_place_pc(self.camera_pc);
         let camera_m = ((self.camera_pc - place_pc) * PARSEC_M).length();
@@ -78,7 +79,7 @@ impl<'a> SkyScene<'a> {
     }
 }
 
-/// What of views the map depends on.
+/// View properties that the map depends on.
 struct Views {
     /// See [`SkyCubeSettings::pixel_classes_rad`].
     pixel_classes_rad: Vec<f64>,
@@ -87,7 +88,7 @@ struct Views {
 }
 
 impl Views {
-    fn of(viewports: &[Viewport]) -> Self {
+    fn new(viewports: &[Viewport]) -> Self {
         let mut classes: Vec<f64> = viewports.iter().map(pixel_class).collect();
         classes.sort_by(f64::total_cmp);
         classes.dedup();
@@ -96,19 +97,19 @@ impl Views {
     }
 }
 
-/// Passes and buffers, made when they are first asked for.
+/// Lazily created passes, and buffers.
 pub(super) struct SkyCube {
     passes: OnceLock<MapPasses>,
     sprites: OnceLock<SpritePasses>,
     composites: Variants<Variant, GlareCompositePass>,
     veil: OnceLock<VeilPasses>,
     objects: ObjectPasses,
-    /// For each series of frames the map of exact frames, and that of frames whose veil is in the sums.
+    /// For each series of frames: the map of exact frames, and the map of frames whose veil is in the sums.
     held: Vec<[Option<Held>; 2]>,
-    /// Of the last frame of the first series: its views, and its budget where its veil was in the sums.
+    /// Of the last frame of the first series: its views, and its budget if its veil was in the sums.
     last: Option<(Views, Option<VeilInSums>)>,
     veil_points: GrowingBuffer,
-    /// What the batches of a frame share.
+    /// Data shared by the batches of a frame.
     veil_frame: Option<VeilFrame>,
     object_frame: Option<ObjectFrame>,
     lists: GrowingBuffer,
@@ -137,13 +138,13 @@ impl SkyCube {
         }
     }
 
-    /// The pipelines for these viewports.
+    /// Pipelines for the viewports of `wish`.
     pub(super) fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
         let gpu = wish.gpu;
-        let variant = Variant::of(wish.settings.glare.kernel, wish.viewports);
+        let variant = Variant::new(wish.settings.glare.kernel, wish.viewports);
         let in_sums = wish.may_have_veil_in_sums();
         let mut jobs = Vec::new();
-        // Longest first.
+        // The jobs that take longest come first.
         if !in_sums || wish.made.hdr || wish.made.hdr_stays {
             jobs.push(PipelineJob::new("glare", move || composite(&self.composites, gpu, variant)));
             jobs.push(PipelineJob::new("glare sprites", move || {
@@ -164,7 +165,7 @@ impl SkyCube {
         jobs
     }
 
-    /// Lets go of buffers.
+    /// Releases all buffers.
     pub(super) fn release(&mut self) {
         self.held.clear();
         self.lists.release();
@@ -174,7 +175,7 @@ impl SkyCube {
         self.object_frame = None;
     }
 
-    /// Lets go of the maps of a series that does without, and of the buffers where no series has any.
+    /// Releases the maps of a series that no longer needs them, and all buffers if no series has a map.
     pub(super) fn release_series(&mut self, series: Series) {
         self.keep(series);
         self.held[series.slot] = [None, None];
@@ -183,18 +184,19 @@ impl SkyCube {
         }
     }
 
-    /// Makes room for the maps of a series, and lets go of those of series that there are no longer.
+    /// Ensures one entry per series, and releases the maps of series that no longer exist.
     pub(super) fn keep(&mut self, series: Series) {
         self.held.resize_with(series.slots, || [None, None]);
     }
 
-    /// Records the glare of a frame, over its pictures.
+    /// Records the glare of a frame over its pictures.
     pub(super) fn record(&mut self, recording: &mut Recording<'_>) {
         self.hold_for(recording);
         self.record_views(recording);
     }
 
-    /// Records the glare of a frame whose veil is in the sums: of one batch, and before the first one what all share.
+    /// Records the glare of one batch of a frame whose veil is in the sums; with the first batch also the data shared
+    /// by all batches.
     pub(super) fn record_in_sums(&mut self, recording: &mut Recording<'_>, batch: usize) {
         if batch == 0 {
             self.hold_for(recording);
@@ -203,13 +205,13 @@ impl SkyCube {
         self.record_objects(recording, batch);
     }
 
-    /// Makes the map that a frame takes, if it is not held.
+    /// Computes the map of a frame unless it is up to date.
     fn hold_for(&mut self, recording: &mut Recording<'_>) {
         let frame = recording.frame;
         let Some(kernel) = &frame.plan.glare.kernel else { unreachable!("a plan of this method has its kernel") };
         let in_sums = frame.plan.glare.in_sums;
-        let scene = SkyScene::of(frame.scene, frame.settings, in_sums);
-        let views = Views::of(&frame.plan.all_viewports);
+        let scene = SkyScene::new(frame.scene, frame.settings, in_sums);
+        let views = Views::new(&frame.plan.all_viewports);
         let settings = scene.settings(&views);
         if frame.series.slot == 0 {
             self.last = Some((views, in_sums));
@@ -222,11 +224,11 @@ impl SkyCube {
         }
     }
 
-    /// Makes the map of a scene that has changed before it is known where the views look, as they were in the last frame: that
-    /// is when it takes its time, not between the poses of a headset and its picture.
+    /// Computes the map of a changed scene in advance, assuming the views of the last frame. The time is then spent
+    /// here and not between the poses of a headset and its picture.
     pub(super) fn hold_map(&mut self, holding: &Holding<'_>) {
         let (Some((views, in_sums)), Some(kernel)) = (&self.last, holding.kernel) else { return };
-        let scene = SkyScene::of(holding.scene, holding.settings, *in_sums);
+        let scene = SkyScene::new(holding.scene, holding.settings, *in_sums);
         let settings = scene.settings(views);
         if self.holds(0, &scene, &settings, kernel) {
             return;
@@ -244,29 +246,29 @@ impl SkyCube {
         gpu.queue.submit([encoder.finish()]);
     }
 
-    /// Whether the map that is held is one of these settings.
+    /// Whether the current map has these settings.
     fn holds(
         &self,
         slot: usize,
         scene: &SkyScene<'_>,
         settings: &SkyCubeSettings,
-        of_frame: &Arc<dyn GlareKernel>,
+        frame_kernel: &Arc<dyn GlareKernel>,
     ) -> bool {
         self.held.get(slot).and_then(|held| held[kind_of(settings)].as_ref()).is_some_and(|held| {
-            let Key { stars, settings: of, kernel } = &held.key;
-            Arc::ptr_eq(stars, scene.stars) && of == settings && Arc::ptr_eq(kernel, of_frame)
+            let Key { stars, settings: held_settings, kernel } = &held.key;
+            Arc::ptr_eq(stars, scene.stars) && held_settings == settings && Arc::ptr_eq(kernel, frame_kernel)
         })
     }
 
     fn hold_new(&mut self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, slot: usize, glare: &GlareSettings, key: Key) {
         let kind = kind_of(&key.settings);
-        // Gone before its successor is made, so that both never exist at once.
+        // Drop the old map before its successor is made, so that both never exist at once.
         self.held[slot][kind] = None;
         self.held[slot][kind] = Some(self.passes.get_or_init(|| MapPasses::new(gpu)).make(gpu, pass, glare, key));
     }
 }
 
-/// Which of the two maps these are the settings of.
+/// Index of the map for these settings: 0 for exact frames, 1 for frames whose veil is in the sums.
 fn kind_of(settings: &SkyCubeSettings) -> usize {
     usize::from(settings.least_cd_m2 > 0.0)
 }

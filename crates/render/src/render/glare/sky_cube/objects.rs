@@ -1,5 +1,5 @@
-//! Sources of glare that are an eye's own, as shaders read them; and the pass that scatters the light of bodies in display images whose veil is in their sums. Shader:
-//! `shaders/glare/sky_cube/objects.wgsl`.
+//! Encodes sources of glare that belong to one eye, and records the pass that scatters the light of bodies in display
+//! images whose veil is in the sums. Shader: `shaders/glare/sky_cube/objects.wgsl`.
 
 use std::f64::consts::PI;
 
@@ -22,12 +22,12 @@ use crate::{
     },
 };
 
-/// Chord of an angle, rad.
+/// Chord length of an angle, on the unit sphere.
 fn chord(angle_rad: f64) -> f64 {
     2.0 * (0.5 * angle_rad.min(PI)).sin()
 }
 
-/// A source of one eye.
+/// Encodes a source of one eye.
 pub(super) fn encode_near((direction, light): PointOfLight, reach: f64, parts: u32) -> layout::GlareNear {
     layout::GlareNear {
         direction: direction.as_vec3().to_array(),
@@ -37,33 +37,35 @@ pub(super) fn encode_near((direction, light): PointOfLight, reach: f64, parts: u
     }
 }
 
-/// An extended source of one eye: as wide as the kernel's core at least, so that its own image has a width.
+/// Encodes an extended source of one eye. It is at least as wide as the kernel's core, so that its own image has a
+/// width.
 fn encode_extended(source: &ExtendedSource, kernel: &dyn GlareKernel) -> layout::GlareNear {
     let radius_rad = source.radius_rad.max(kernel.inner_rad());
-    // The softened kernel leaves out what the kernel has within the radius.
+    // The softened kernel omits the share of the kernel within the radius.
     let share = (kernel.share_within(radius_rad).clamp(0.0, 1.0) * f64::from(SHARE_PARTS)).round() as u32;
     encode_near((source.direction, source.light), chord(radius_rad).powi(2), IS_EXTENDED | share)
 }
 
-/// What each body scatters in the eye of a viewport.
-fn of_bodies(plan: &Plan, viewport: usize) -> impl Iterator<Item = &Source> {
+/// Glare sources of each body for the eye of a viewport.
+fn body_sources(plan: &Plan, viewport: usize) -> impl Iterator<Item = &Source> {
     plan.bodies.as_ref().and_then(|plan| plan.glare.get(viewport)).into_iter().flatten()
 }
 
-/// Bodies that are no more than points to an eye: their veil is that of stars.
+/// Bodies that are points for an eye; their veil is that of stars.
 pub(super) fn points_of(plan: &Plan, viewport: usize) -> impl Iterator<Item = PointOfLight> {
-    of_bodies(plan, viewport).filter(|source| source.parts.is_empty()).map(|source| source.whole)
+    body_sources(plan, viewport).filter(|source| source.parts.is_empty()).map(|source| source.whole)
 }
 
-/// What bodies and fields of asteroids scatter in the eye of a viewport; without those of [`points_of`] where others draw them.
-pub(super) fn of_objects(
+/// Sources of glare from bodies and asteroid fields for the eye of a viewport. Those of [`points_of`] are included only
+/// if `with_points`.
+pub(super) fn object_sources(
     plan: &Plan,
     viewport: usize,
     kernel: &dyn GlareKernel,
     with_points: bool,
 ) -> Vec<layout::GlareNear> {
     let mut near = Vec::new();
-    for source in of_bodies(plan, viewport).filter(|source| with_points || !source.parts.is_empty()) {
+    for source in body_sources(plan, viewport).filter(|source| with_points || !source.parts.is_empty()) {
         near.push(encode_near(source.whole, chord(source.reach_rad), source.parts.len() as u32));
         let soft = chord(source.soft_rad).powi(2);
         near.extend(source.parts.iter().map(|part| encode_near(*part, soft, 0)));
@@ -73,10 +75,10 @@ pub(super) fn of_objects(
     near
 }
 
-/// The pass in each form.
+/// Pipelines of the pass, by form.
 pub(super) type ObjectPasses = Variants<Variant, wgpu::ComputePipeline>;
 
-/// The pass in that form.
+/// Returns the pipeline of a form.
 pub(super) fn pipeline(passes: &ObjectPasses, gpu: &Gpu, variant: Variant) -> wgpu::ComputePipeline {
     passes.get(variant, || {
         let constants = [&variant.constants(gpu)[..], &[("ROW_GROUPS", f64::from(row_groups(gpu)))]].concat();
@@ -84,7 +86,7 @@ pub(super) fn pipeline(passes: &ObjectPasses, gpu: &Gpu, variant: Variant) -> wg
     })
 }
 
-/// Sources of every viewport of a frame, and how each sees them.
+/// Glare sources and view parameters of every viewport of a frame.
 pub(super) struct ObjectFrame {
     near: wgpu::Buffer,
     views: wgpu::Buffer,
@@ -95,7 +97,7 @@ impl ObjectFrame {
         let mut near: Vec<layout::GlareNear> = Vec::new();
         let view = |(number, viewport)| {
             let first = near.len() as u32;
-            near.extend(of_objects(plan, number, &*held.key.kernel, false));
+            near.extend(object_sources(plan, number, &*held.key.kernel, false));
             held.view(viewport, first..near.len() as u32)
         };
         let views: Vec<layout::GlareView> = plan.viewports.iter().enumerate().map(view).collect();
@@ -104,7 +106,7 @@ impl ObjectFrame {
 }
 
 impl SkyCube {
-    /// Records the pass over what the surfaces of a batch show.
+    /// Records the pass over the surfaces of a batch.
     pub(super) fn record_objects(&mut self, recording: &mut Recording<'_>, number: usize) {
         let Some(geometry) = recording.targets.batches[number].geometry.clone() else { return };
         let Self { objects, held, object_frame, .. } = self;
@@ -114,21 +116,21 @@ impl SkyCube {
         if number == 0 {
             *object_frame = None;
         }
-        let of_frame = object_frame.get_or_insert_with(|| ObjectFrame::new(gpu, held, plan));
-        let variant = Variant::of(recording.frame.settings.glare.kernel, &plan.all_viewports);
+        let frame_buffers = object_frame.get_or_insert_with(|| ObjectFrame::new(gpu, held, plan));
+        let variant = Variant::new(recording.frame.settings.glare.kernel, &plan.all_viewports);
         let pipeline = pipeline(objects, gpu, variant);
         let fraction = plan.glare.fraction as f32;
-        let of_pass = layout::ObjectGlareParameters { fraction, ..Default::default() };
-        let of_pass = gpu.frame_uniform("object glare parameters", &of_pass);
-        let of_sky = gpu.frame_uniform("glare sky parameters", &held.parameters());
+        let parameters = layout::ObjectGlareParameters { fraction, ..Default::default() };
+        let parameters = gpu.frame_uniform("object glare parameters", &parameters);
+        let sky_parameters = gpu.frame_uniform("glare sky parameters", &held.parameters());
         let tiles = &recording.targets.batches[number].tiles;
-        let over_pixels = [&of_pass, &recording.targets.viewports, tiles, &geometry];
-        let of_source = [&of_sky, &of_frame.views, &of_frame.near, &held.kernel_table];
+        let over_pixels = [&parameters, &recording.targets.viewports, tiles, &geometry];
+        let source_buffers = [&sky_parameters, &frame_buffers.views, &frame_buffers.near, &held.kernel_table];
         let mut pass = begin_pass(recording.encoder, recording.timer, "glare");
         pass.set_pipeline(&pipeline);
         gpu.bind_tables(&mut pass, &pipeline);
         pass.set_bind_group(0, &bind_in_order(gpu, &pipeline, 0, &over_pixels), &[]);
-        pass.set_bind_group(1, &bind_in_order(gpu, &pipeline, 1, &of_source), &[]);
+        pass.set_bind_group(1, &bind_in_order(gpu, &pipeline, 1, &source_buffers), &[]);
         let [columns, rows, tiles] = workgroups(recording.targets.batches[number].grid, row_groups(gpu));
         pass.dispatch_workgroups(columns, rows, tiles);
     }

@@ -1,8 +1,9 @@
-//! What depends on where the views look: sources of each eye, lists of sprites, and the pass over pixels.
+//! Computes the data that depends on the directions of the views: sources of each eye, lists of sprites, and the pass
+//! over pixels.
 
 use super::{
     SkyCube,
-    objects::{encode_near, of_objects},
+    objects::{encode_near, object_sources},
     sprites::{SpriteBuffers, SpritePasses, block_grid, square_grid},
 };
 use crate::{
@@ -18,26 +19,27 @@ use crate::{
     view::{Viewport, projection::Projection},
 };
 
-/// Words of the list of sprites of a block, and of a square of blocks: a block with more sprites looks through those of its
-/// square, a square with more through all.
+/// Maximum number of words of the sprite list of a block, and of a square of blocks. A block with more sprites searches
+/// its square's list; a square with more searches all sprites.
 const MOST_LIST_WORDS: u32 = 256;
 const MOST_SQUARE_WORDS: u32 = 2048;
-/// Bytes that the lists of all blocks, and those of all squares, may take: beyond that they are shorter.
+/// Maximum size of the lists of all blocks, and of all squares. If they do not fit, the lists are shorter.
 const MOST_LIST_BYTES: u64 = 256 << 20;
-/// Pixels of flat views up to which eight of them see the map as a parabola: half a cell of it, rad.
+/// Greatest pixel size of flat views for which the map over eight pixels is approximated by a parabola: half a cell of
+/// the map, rad.
 const MOST_FLAT_PIXEL_RAD: f64 = 0.5 * 2.0 / FINEST_CELLS as f64 / 7.0;
-/// Forms of the pass over pixels.
+/// Form of the pass over pixels.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) struct Variant {
     /// The kernel is read from a table.
     pub(super) tabulated: bool,
-    /// All views are flat, with pixels far smaller than the cells of the map.
+    /// All views are flat, with pixels far smaller than the map's cells.
     flat: bool,
 }
 
 impl Variant {
-    /// What draws the scattered light of a kernel into these viewports.
-    pub(super) fn of(kernel: GlareKernelName, viewports: &[Viewport]) -> Self {
+    /// Form for the scattered light of a kernel in these viewports.
+    pub(super) fn new(kernel: GlareKernelName, viewports: &[Viewport]) -> Self {
         let flat = |viewport: &Viewport| {
             matches!(viewport.projection, Projection::Perspective(_) | Projection::CubeFace(_))
                 && viewport.projection.middle_pixel_rad() <= MOST_FLAT_PIXEL_RAD
@@ -45,14 +47,14 @@ impl Variant {
         Self { tabulated: kernel != GlareKernelName::InverseSquare, flat: viewports.iter().all(flat) }
     }
 
-    /// Constants of shaders.
+    /// Overridable constants of the shaders.
     pub(super) fn constants(self, gpu: &Gpu) -> [(&'static str, f64); 3] {
         let constants = [("TABULATED", self.tabulated), ("FLAT", self.flat), ("ROLLED", gpu.software)];
         constants.map(|(name, value)| (name, f64::from(u8::from(value))))
     }
 }
 
-/// The pass over pixels in that form.
+/// Returns the pass over pixels in the given form.
 pub(super) fn composite(
     composites: &Variants<Variant, GlareCompositePass>,
     gpu: &Gpu,
@@ -62,7 +64,7 @@ pub(super) fn composite(
 }
 
 impl SkyCube {
-    /// Records what depends on where the views look.
+    /// Records the data that depends on the directions of the views, and the pass over pixels.
     pub(super) fn record_views(&mut self, recording: &mut Recording<'_>) {
         let Self { sprites, composites, held, lists, square_lists, .. } = self;
         let held = held.get(recording.frame.series.slot).and_then(|[exact, _]| exact.as_ref());
@@ -73,6 +75,7 @@ impl SkyCube {
         let targets = &*recording.targets;
         let sky = &held.sky;
         let camera_pc = plan.camera_pc - held.key.settings.place_pc;
+        // Sources of each eye, and parameters of each view.
         let mut near: Vec<layout::GlareNear> = Vec::new();
         let views: Vec<layout::GlareView> = plan
             .viewports
@@ -83,20 +86,21 @@ impl SkyCube {
                 let eye_pc = camera_pc + viewport.eye_offset_m / PARSEC_M;
                 let stars = sky.near_for(eye_pc, plan.motion, plan.local_sky.as_deref());
                 near.extend(stars.into_iter().map(|star| encode_near(star, 0.0, 0)));
-                near.extend(of_objects(plan, number, &*held.key.kernel, true));
+                near.extend(object_sources(plan, number, &*held.key.kernel, true));
                 held.view(viewport, first_near..near.len() as u32)
             })
             .collect();
         let views = gpu.frame_storage("glare views", &views);
         let near = gpu.frame_storage("near glare", &near);
         let composite =
-            composite(composites, gpu, Variant::of(recording.frame.settings.glare.kernel, &plan.all_viewports));
+            composite(composites, gpu, Variant::new(recording.frame.settings.glare.kernel, &plan.all_viewports));
+        // Sprite lists and the pass over pixels, batch by batch.
         for (number, batch) in targets.batches.iter().enumerate() {
             let blocks = block_grid(batch.grid);
             let [columns, rows, tiles] = blocks;
             let squares = square_grid(blocks);
             let count = |[columns, rows, tiles]: [u32; 3]| u64::from(columns) * u64::from(rows) * u64::from(tiles);
-            // As many as fit.
+            // The list length that fits.
             let words = |lists: [u32; 3], most: u32| {
                 let fitting = gpu.max_binding_bytes().min(MOST_LIST_BYTES) / 4 / count(lists).max(1);
                 u32::try_from(fitting).map_or(most, |fitting| fitting.min(most))
@@ -122,7 +126,7 @@ impl SkyCube {
             };
             sprites.find(gpu, &mut pass, &buffers, blocks);
             let target = targets.picture(number);
-            let of_source: Vec<_> = [
+            let source_bindings: Vec<_> = [
                 &parameters,
                 &views,
                 &held.map,
@@ -138,7 +142,7 @@ impl SkyCube {
             .enumerate()
             .map(|(binding, buffer)| (binding as u32, buffer.as_entire_binding()))
             .collect();
-            composite.record(gpu, &mut pass, plan.glare.fraction, &target, &of_source, batch.grid);
+            composite.record(gpu, &mut pass, plan.glare.fraction, &target, &source_bindings, batch.grid);
         }
     }
 }

@@ -12,7 +12,7 @@ use crate::{
     },
 };
 
-/// The passes.
+/// Pipelines of the sprite search.
 pub(super) struct SpritePasses {
     find: wgpu::ComputePipeline,
     assign: wgpu::ComputePipeline,
@@ -38,7 +38,7 @@ impl SpritePasses {
         let SpriteBuffers {
             parameters,
             viewports,
-            tiles: of_tiles,
+            tiles: tile_buffer,
             views,
             regions,
             cells,
@@ -52,7 +52,7 @@ impl SpritePasses {
             gpu,
             &self.find,
             0,
-            &[parameters, viewports, of_tiles, views, regions, cells, sprites, square_lists],
+            &[parameters, viewports, tile_buffer, views, regions, cells, sprites, square_lists],
         );
         pass.set_bind_group(0, &group, &[]);
         pass.dispatch_workgroups(columns.div_ceil(SPRITE_SQUARES), rows, tiles);
@@ -62,14 +62,14 @@ impl SpritePasses {
             gpu,
             &self.assign,
             0,
-            &[parameters, viewports, of_tiles, views, sprites, square_lists, lists],
+            &[parameters, viewports, tile_buffer, views, sprites, square_lists, lists],
         );
         pass.set_bind_group(0, &group, &[]);
         pass.dispatch_workgroups(columns, rows, tiles);
     }
 }
 
-/// What the search for sprites reads, and its results.
+/// Inputs and results of the sprite search.
 #[derive(Clone, Copy)]
 pub(super) struct SpriteBuffers<'a> {
     pub parameters: &'a wgpu::Buffer,
@@ -83,12 +83,12 @@ pub(super) struct SpriteBuffers<'a> {
     pub lists: &'a wgpu::Buffer,
 }
 
-/// Blocks (columns, rows, tiles) of the workgroups that the passes over pixels have.
+/// Number of blocks (columns, rows, tiles) for a grid of workgroups over pixels.
 pub(super) fn block_grid([columns, rows, tiles]: [u32; 3]) -> [u32; 3] {
     [columns * (COLUMNS / BLOCK_SIDE), rows * (ROWS / BLOCK_SIDE), tiles]
 }
 
-/// Squares of a grid of blocks.
+/// Number of squares for a grid of blocks.
 pub(super) fn square_grid([columns, rows, tiles]: [u32; 3]) -> [u32; 3] {
     [columns.div_ceil(SQUARE_BLOCKS), rows.div_ceil(SQUARE_BLOCKS), tiles]
 }

@@ -1,8 +1,10 @@
-//! Glare of display images: the veil of sources that stand out adds up with the stars, the rest is computed on a coarse grid of points,
-//! between which the resolve pass reads. Shaders: `shaders/glare/sky_cube/veil_*.wgsl`.
+//! Glare of display images: the veil of bright sources is added to the sums together with the stars. The rest is
+//! computed on a coarse grid of points and interpolated by the resolve pass. Shaders:
+//! `shaders/glare/sky_cube/veil_*.wgsl`.
 //!
-//! What the map holds is smooth over some degrees, so that points less than 1.5 degrees apart are enough for it; and within a display's
-//! budget few pixels see single sources. No pass over the pixels is left but the one that resolves them.
+//! The light of the map is smooth over some degrees, so grid points less than 1.5 degrees apart are sufficient. Within
+//! the error budget of a display, only few pixels see the veil of single sources. The only remaining pass over all
+//! pixels is the resolve pass.
 
 use std::f64::consts::PI;
 
@@ -26,12 +28,12 @@ use crate::{
 /// The map is smooth over some degrees.
 const SPACING: GridSpacing = GridSpacing { most_rad: 0.0246, most_px: 16 };
 
-/// Reach from which on a source is wide, pixels.
+/// Reach above which a source counts as wide, pixels.
 const WIDE_PX: f64 = 8.0;
 
-/// The passes.
+/// Pipelines of the veil.
 pub(super) struct VeilPasses {
-    /// By whether the kernel is read from a table.
+    /// One pipeline with and one without a kernel table.
     points: Variants<bool, wgpu::ComputePipeline>,
     splat: Variants<bool, wgpu::ComputePipeline>,
 }
@@ -41,27 +43,27 @@ impl VeilPasses {
         Self { points: Variants::new(), splat: Variants::new() }
     }
 
-    /// The pass over points, and the one over sources.
+    /// Returns the pass over points and the pass over sources.
     pub(super) fn pipelines(&self, gpu: &Gpu, tabulated: bool) -> [wgpu::ComputePipeline; 2] {
-        let of_kernel = ("TABULATED", f64::from(u8::from(tabulated)));
+        let kernel_constant = ("TABULATED", f64::from(u8::from(tabulated)));
         let splat = self.splat.get(tabulated, || {
-            let constants = [of_kernel, workgroup_constant(gpu), rolled_loops(gpu)];
+            let constants = [kernel_constant, workgroup_constant(gpu), rolled_loops(gpu)];
             gpu.compute_pipeline_with(&splatting(gpu, "glare/sky_cube/veil_splat"), &constants)
         });
         let points = self.points.get(tabulated, || {
-            let constants = [of_kernel, rolled_loops(gpu)];
+            let constants = [kernel_constant, rolled_loops(gpu)];
             gpu.compute_pipeline_with(&projecting(gpu, "glare/sky_cube/veil_points").source(), &constants)
         });
         [points, splat]
     }
 }
 
-/// What of a frame all batches share.
+/// Data of a frame shared by all batches.
 pub(super) struct VeilFrame {
     parameters: wgpu::Buffer,
     views: wgpu::Buffer,
     near: wgpu::Buffer,
-    /// Sources of its own of every viewport.
+    /// Index range of each viewport's own sources.
     near_of: Vec<std::ops::Range<u32>>,
 }
 
@@ -98,7 +100,8 @@ impl VeilFrame {
 }
 
 impl SkyCube {
-    /// Records the veil of single sources into the sums of a batch; before the first one, the smooth part of all pictures.
+    /// Records the veil of single sources into the sums of a batch; with the first batch also the smooth part of all
+    /// pictures.
     pub(super) fn record_veil(&mut self, recording: &mut Recording<'_>, number: usize) {
         let Self { veil, held, veil_points, veil_frame, .. } = self;
         let held = held.get(recording.frame.series.slot).and_then(|[_, in_sums]| in_sums.as_ref());
@@ -107,17 +110,17 @@ impl SkyCube {
         let tabulated = held.inverse_square.is_none();
         let [points, splat] = veil.get_or_init(VeilPasses::new).pipelines(gpu, tabulated);
         if number == 0 {
-            let of_frame = veil_frame.insert(VeilFrame::new(gpu, held, recording));
+            let frame = veil_frame.insert(VeilFrame::new(gpu, held, recording));
             let (grids, count) = point_grids(&recording.frame.plan.viewports, SPACING);
             let smooth = SmoothGrid {
                 grids: gpu.frame_storage("veil grids", &grids),
                 points: veil_points.with_room(gpu, 16 * u64::from(count)).clone(),
             };
-            record_points(gpu, recording, &points, (held, of_frame), (&smooth, &grids));
+            record_points(gpu, recording, &points, (held, frame), (&smooth, &grids));
             recording.targets.veil = Some(smooth);
         }
-        let Some(of_frame) = veil_frame.as_ref() else { unreachable!("batches are recorded from the first one on") };
-        record_sources(gpu, recording, &splat, (held, of_frame), number);
+        let Some(frame) = veil_frame.as_ref() else { unreachable!("the first batch is recorded before the others") };
+        record_sources(gpu, recording, &splat, (held, frame), number);
     }
 }
 
@@ -125,19 +128,19 @@ fn record_points(
     gpu: &Gpu,
     recording: &mut Recording<'_>,
     pipeline: &wgpu::ComputePipeline,
-    (held, of_frame): (&Held, &VeilFrame),
+    (held, frame): (&Held, &VeilFrame),
     (smooth, grids): (&SmoothGrid, &[PointGrid]),
 ) {
     let fraction = recording.frame.plan.glare.fraction as f32;
     let parameters = gpu.frame_uniform("veil parameters", &layout::VeilParameters { fraction, ..Default::default() });
     let buffers = [
         &parameters,
-        &of_frame.parameters,
+        &frame.parameters,
         &recording.targets.viewports,
         &smooth.grids,
-        &of_frame.views,
+        &frame.views,
         &held.map,
-        &of_frame.near,
+        &frame.near,
         &held.kernel_table,
         &smooth.points,
     ];
@@ -152,20 +155,21 @@ fn record_sources(
     gpu: &Gpu,
     recording: &mut Recording<'_>,
     pipeline: &wgpu::ComputePipeline,
-    (held, of_frame): (&Held, &VeilFrame),
+    (held, frame): (&Held, &VeilFrame),
     number: usize,
 ) {
     let plan = recording.frame.plan;
     let tiles = plan.batches[number].tiles.len() as u32;
-    // Those that cover many pixels are shared by the invocations of a workgroup.
+    // All invocations of a workgroup share each source that covers many pixels.
     let pixel_rad = plan.viewports.iter().map(|viewport| viewport.projection.middle_pixel_rad()).fold(PI, f64::min);
     let wide = held.chords.partition_point(|chord| *chord > WIDE_PX * pixel_rad) as u32;
     let group = workgroup(gpu);
-    let of_sky = [(0..wide, group), (wide..held.chords.len() as u32, 1)];
-    let of_sky = of_sky.into_iter().map(|(range, shared_by)| (&held.sprites, range, EVERY_VIEWPORT, shared_by));
-    let own = of_frame.near_of.iter().cloned().zip(0..);
-    let own = own.map(|(range, viewport)| (&of_frame.near, range, viewport, group));
-    let sources: Vec<_> = of_sky.chain(own).filter(|(_, range, ..)| !range.is_empty()).collect();
+    let sky_ranges = [(0..wide, group), (wide..held.chords.len() as u32, 1)];
+    let sky_sources =
+        sky_ranges.into_iter().map(|(range, shared_by)| (&held.sprites, range, EVERY_VIEWPORT, shared_by));
+    let own = frame.near_of.iter().cloned().zip(0..);
+    let own = own.map(|(range, viewport)| (&frame.near, range, viewport, group));
+    let sources: Vec<_> = sky_sources.chain(own).filter(|(_, range, ..)| !range.is_empty()).collect();
     for (range, bright) in [(Some(plan.ranges.main), false), (plan.ranges.bright, true)] {
         let (Some(range), Some(sums)) = (range, recording.targets.sums(number, bright)) else { continue };
         let FixedPoint { units_per_lx, faintest_lx, brightest_lx } = range;
@@ -187,7 +191,7 @@ fn record_sources(
             };
             let parameters = gpu.frame_uniform("veil source parameters", &parameters);
             pass.set_bind_group(0, &bind_sums(gpu, pipeline, &parameters, &sums, &[]), &[]);
-            let buffers = [&of_frame.parameters, &of_frame.views, sprites, &held.kernel_table];
+            let buffers = [&frame.parameters, &frame.views, sprites, &held.kernel_table];
             pass.set_bind_group(1, &bind_in_order(gpu, pipeline, 1, &buffers), &[]);
             pass.dispatch_workgroups(groups_per_row, rows, tiles);
         }

@@ -1,6 +1,7 @@
-//! The published star methods that use the graphics pipeline: a point or a square per star of the catalogue, in its order,
-//! added by blending. Shaders: `shaders/stars/billboards/`; the f64 twin is
-//! `crate::reference::stars::billboards`.
+//! The published star methods that use the graphics pipeline: one point or square per star of the catalogue, in its
+//! order, added by blending.
+//!
+//! Shaders: `shaders/stars/billboards/`; the f64 twin is `crate::reference::stars::billboards`.
 
 use glam::DQuat;
 
@@ -17,49 +18,49 @@ use crate::{
     render::{stars::catalogue_buffers::CatalogueDraw, stars::layout, tabulated::projecting},
 };
 
-/// One method.
+/// Draw pass of one method.
 pub(crate) struct BillboardPass {
     pipeline: wgpu::RenderPipeline,
-    /// Corners per star.
+    /// Vertices per star.
     vertices: u32,
-    /// The image of the methods that carry one.
+    /// Star image, for the methods that use one.
     image: Option<wgpu::TextureView>,
 }
 
-/// An image of a star: texels along a side, and their colours row by row from the top.
+/// Square image of a star: texels along a side, and colours row by row from the top.
 #[derive(Clone, Copy)]
 pub(crate) struct SquareImage<'a> {
     pub size: u32,
     pub rgb: &'a [[f32; 3]],
 }
 
-/// What is drawn in a frame.
+/// Inputs of a frame.
 #[derive(Clone, Copy)]
 pub(crate) struct BillboardFrame<'a> {
     pub plan: &'a BillboardPlan,
     pub psf: Option<&'a DrawnPsf>,
     pub camera_pc: [f32; 3],
     pub colours: &'a wgpu::Buffer,
-    /// All stars.
+    /// All stars of the catalogue.
     pub draws: &'a [CatalogueDraw<'a>],
 }
 
-/// A plane that is drawn on.
+/// Image plane that stars are drawn on.
 pub(crate) struct BillboardPlane {
-    /// The plane as shaders read it.
+    /// Encoded viewport of the plane.
     pub viewport: layout::Viewport,
-    /// Rotation from its axes to those of the view.
+    /// Rotation from the plane's axes to those of the view.
     pub view_from_plane: DQuat,
     /// Angle of a pixel at the principal ray, rad.
     pub pixel_rad: f64,
 }
 
-/// How the light of a star is spread over its billboard: one fragment shader each.
+/// Distribution of a star's light over its billboard. Each profile has a fragment shader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Profile {
     /// A whole pixel.
     Point,
-    /// The share of a pixel that a small disc covers.
+    /// Covered share of a pixel, for a small disc.
     SmoothPoint,
     /// Constant luminance.
     Disc,
@@ -80,7 +81,7 @@ enum Profile {
 }
 
 impl Profile {
-    /// Whether it reads an image of a star.
+    /// Whether the profile reads a star image.
     fn has_image(self) -> bool {
         matches!(self, Self::Sprite | Self::Psf)
     }
@@ -101,7 +102,7 @@ impl Profile {
     }
 }
 
-/// The law and the profile of a method.
+/// Law and profile of a method; `None` if it does not blend.
 fn shaders_of(method: StarMethod) -> Option<(u32, Profile)> {
     Some(match method {
         StarMethod::HardwarePoint => (billboards::LAW_POINT, Profile::Point),
@@ -119,7 +120,7 @@ fn shaders_of(method: StarMethod) -> Option<(u32, Profile)> {
     })
 }
 
-/// How the corners of a billboard are joined, and how many there are.
+/// Primitive topology and number of vertices of a billboard.
 fn corners_of(profile: Profile) -> (wgpu::PrimitiveTopology, u32) {
     match profile {
         Profile::Point => (wgpu::PrimitiveTopology::PointList, 1),
@@ -127,16 +128,16 @@ fn corners_of(profile: Profile) -> (wgpu::PrimitiveTopology, u32) {
     }
 }
 
-/// The pipelines of all methods, each made when it is first asked for.
+/// Pipelines of all methods, each created at first use.
 pub(crate) struct BillboardPipelines(Variants<StarMethod, wgpu::RenderPipeline>);
 
 impl BillboardPipelines {
-    /// None yet.
+    /// Creates an empty set of pipelines.
     pub(crate) fn new() -> Self {
         Self(Variants::new())
     }
 
-    /// That of a method that blends; `None` for the others.
+    /// Returns the pipeline of a blending method; `None` for other methods.
     pub(crate) fn get(&self, gpu: &Gpu, method: StarMethod) -> Option<wgpu::RenderPipeline> {
         let (law, profile) = shaders_of(method)?;
         let make = || {
@@ -152,7 +153,8 @@ impl BillboardPipelines {
 }
 
 impl BillboardPass {
-    /// The pass of a method that blends; `None` for the others. `image` is what `sprite` and `psf_texture` carry.
+    /// Creates the pass of a blending method; `None` for other methods. `image` is the star image of `sprite` and
+    /// `psf_texture`.
     pub(crate) fn new(
         gpu: &Gpu,
         pipelines: &BillboardPipelines,
@@ -257,7 +259,7 @@ fn image_texture(gpu: &Gpu, image: SquareImage<'_>) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor::default())
 }
 
-/// Counts stars in pictures. It is recorded after all timed passes: no method needs the number to draw.
+/// Counts the stars in pictures. It is recorded after all timed passes, since no method needs the number for drawing.
 pub(crate) struct CountPass {
     pipeline: wgpu::ComputePipeline,
 }
@@ -267,7 +269,7 @@ impl CountPass {
         Self { pipeline: gpu.compute_pipeline(&projecting(gpu, "stars/billboards/count").source()) }
     }
 
-    /// Counts the stars of every viewport, into the counter of its view.
+    /// Counts the stars of every viewport into the counter of its view.
     pub(crate) fn record(
         &self,
         gpu: &Gpu,

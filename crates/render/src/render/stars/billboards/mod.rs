@@ -1,5 +1,5 @@
-//! Recording the star methods that blend: every plane is drawn whole into a texture, once per frame, and the resolve pass of
-//! its tiles reads it there. Flat pictures are planes themselves; other projections go through the six faces of a cube
+//! Records the blending star methods. Every plane is drawn into a texture as a whole, once per frame, and the resolve
+//! pass of its tiles reads that texture. A flat picture is a plane; other projections use the six faces of a cube
 //! (`plan::cube_faces`).
 
 mod draw;
@@ -35,34 +35,34 @@ use crate::{
     },
 };
 
-/// What is blended into.
+/// Texture that stars are blended into.
 struct BlendTarget {
     size: wgpu::Extent3d,
-    /// All layers.
+    /// View of all layers.
     whole: wgpu::TextureView,
-    /// Each layer.
+    /// View of each layer.
     layers: Vec<wgpu::TextureView>,
 }
 
-/// Passes and textures of the methods that blend, made when they are first asked for.
+/// Lazily created passes and textures of the blending methods.
 pub(super) struct Billboards {
     pipelines: BillboardPipelines,
-    /// The passes of the methods used so far, with their images.
+    /// Passes of the methods used so far, with their images.
     methods: Vec<MethodPass>,
-    /// The one in use.
+    /// Index of the current method.
     in_use: Option<usize>,
     from_texture: OnceLock<LuminancePass>,
     from_cube: OnceLock<LuminancePass>,
     count: OnceLock<CountPass>,
     target: Option<BlendTarget>,
-    /// The viewport that `target` holds in the frame being recorded.
+    /// Viewport whose stars `target` contains in the frame being recorded.
     drawn: Option<usize>,
 }
 
 struct MethodPass {
     method: StarMethod,
     pass: BillboardPass,
-    /// Whose texture it holds.
+    /// Point-spread function whose texture the pass contains.
     psf: Option<Arc<DrawnPsf>>,
 }
 
@@ -80,7 +80,7 @@ impl Billboards {
         }
     }
 
-    /// The pipelines of a method, for these viewports.
+    /// Pipelines of a method for the viewports of `wish`.
     pub(super) fn pipelines<'a>(&'a self, wish: &Wish<'a>, method: StarMethod) -> Vec<PipelineJob<'a>> {
         let gpu = wish.gpu;
         let needs_cube =
@@ -116,7 +116,7 @@ impl Billboards {
         self.count.get_or_init(|| CountPass::new(gpu))
     }
 
-    /// Forgets everything that belongs to a scene or a size.
+    /// Releases everything that belongs to a scene or a size.
     pub(super) fn release(&mut self) {
         self.methods.clear();
         self.in_use = None;
@@ -132,14 +132,14 @@ impl Billboards {
             (None, None) => true,
             _ => false,
         };
-        // A pass holds the texture of its function.
+        // A pass contains the texture of its point-spread function, so it is kept only if that is unchanged.
         self.methods.retain(|held| held.method != method || same(&held.psf));
         self.in_use = self.methods.iter().position(|held| held.method == method);
         if self.in_use.is_none() {
             let sprite = (method == StarMethod::Sprite).then(|| sprite(SPRITE_SIZE));
-            let of_sprite = sprite.as_ref().map(|image| SquareImage { size: image.size, rgb: &image.rgb });
-            let of_psf = psf.map(|psf| SquareImage { size: psf.form.size, rgb: &psf.form.rgb });
-            if let Some(pass) = BillboardPass::new(gpu, &self.pipelines, method, of_psf.or(of_sprite)) {
+            let sprite_image = sprite.as_ref().map(|image| SquareImage { size: image.size, rgb: &image.rgb });
+            let psf_image = psf.map(|psf| SquareImage { size: psf.form.size, rgb: &psf.form.rgb });
+            if let Some(pass) = BillboardPass::new(gpu, &self.pipelines, method, psf_image.or(sprite_image)) {
                 self.methods.push(MethodPass { method, pass, psf: psf.cloned() });
                 self.in_use = Some(self.methods.len() - 1);
             }
@@ -193,12 +193,12 @@ impl Billboards {
             Some(cube) => (self.cube_resolve(gpu), [cube.edge_px, GUARD_PX]),
             None => (self.texture_resolve(gpu), [0, 0]),
         };
-        let of_source = [(0, wgpu::BindingResource::TextureView(&drawn.whole))];
-        let inputs = LuminanceInputs { scale: 1.0, numbers, of_source: &of_source };
+        let source_bindings = [(0, wgpu::BindingResource::TextureView(&drawn.whole))];
+        let inputs = LuminanceInputs { scale: 1.0, numbers, source_bindings: &source_bindings };
         resolve.record(gpu, pass, &inputs, target, tile_grid(tile, viewport));
     }
 
-    /// Records the planes of a viewport: itself, or the faces of its cube.
+    /// Records the planes of a viewport: the picture itself, or the faces of its cube.
     fn draw_planes(
         &mut self,
         gpu: &Gpu,
@@ -208,6 +208,7 @@ impl Billboards {
         viewport: &Viewport,
         cube: Option<CubeFaces>,
     ) {
+        // Planes to draw; `None` for faces that the picture does not show.
         let planes: Vec<Option<BillboardPlane>> = match cube {
             Some(cube) => {
                 let face_plane = |face: Face| {
@@ -223,13 +224,14 @@ impl Billboards {
             }
             None => match &viewport.projection {
                 Projection::Perspective(plane) => vec![Some(plane_of(viewport, plane, DQuat::IDENTITY))],
-                // Billboards of a cubemap's faces stand the same way across its edges.
+                // Billboards keep their orientation across the edges of a cubemap's faces.
                 Projection::CubeFace(face) => {
                     vec![Some(plane_of(viewport, face.plane(), face.face.cube_from_face()))]
                 }
                 Projection::Fisheye(_) | Projection::Equirectangular(_) | Projection::Tabulated(_) => Vec::new(),
             },
         };
+        // One render pass per plane.
         let size = cube.map_or(viewport.size(), |cube| [cube.side_px(); 2]);
         self.make_target(gpu, size, planes.len() as u32);
         let Some(held) = self.in_use.and_then(|index| self.methods.get(index)) else { return };
@@ -256,13 +258,13 @@ impl Billboards {
         }
     }
 
-    /// Makes the texture that is blended into, unless the one that is held has that size.
+    /// Creates the blend target, unless the current one has the right size.
     fn make_target(&mut self, gpu: &Gpu, [width, height]: [u32; 2], layers: u32) {
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: layers };
         if self.target.as_ref().is_some_and(|held| held.size == size) {
             return;
         }
-        // Gone before its successor is made, so that both never exist at once.
+        // Drop the old texture before its successor is made, so that both never exist at once.
         self.target = None;
         let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
             label: Some("blended stars"),
@@ -289,7 +291,7 @@ impl Billboards {
         });
     }
 
-    /// Counts the stars drawn: after everything that is timed.
+    /// Records the count of drawn stars, after all timed passes.
     pub(super) fn record_count(
         &self,
         recording: &mut Recording<'_>,
