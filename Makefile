@@ -1,4 +1,4 @@
-# `make demo` runs the main job, `make test` the tests; both set the machine up first.
+# `make demo` renders the example scenes, `make test` runs the tests; both run `make setup` first. For a faster edit cycle see CONTRIBUTING.md.
 .DEFAULT_GOAL := help
 .PHONY: help demo test test-long test-outside test-all setup page check clean
 
@@ -11,23 +11,23 @@ demo: setup ## Builds and renders the example scenes in all views
 	$(CARGO) build --release --bin steradian --example client --example flux
 	scripts/demo.sh
 
-test: setup ## Runs the tests, all but the long sweeps
+test: setup ## Runs the tests without the long sweeps
 	$(CARGO) test --release
 
-# Those that are ignored by default. The ones that need a copy of the Yale catalogue are among them only where there is none.
+# Runs the tests that are ignored by default. Tests of the Yale catalogue are skipped: they are ignored only if no copy is available.
 test-long: setup ## Runs the long sweeps alone
 	$(CARGO) test --release --tests -- --ignored --skip yale
 
 test-outside: setup ## Runs a crate that uses the library without its features
 	$(CARGO) run --release -p steradian-outside
 
-test-all: test test-long test-outside ## Runs the tests, the long sweeps and the crate outside, and checks what is not among the default features
+test-all: test test-long test-outside ## Runs all tests, the long sweeps and the crate outside, and checks the optional features
 	$(CARGO) check --release --features opentelemetry --bin steradian
 
-setup: ## Checks toolchain, linker and Vulkan driver; installs what is missing where it can
+setup: ## Checks toolchain, linker and Vulkan driver; installs missing packages if it can
 	scripts/setup.sh
 
-page: ## Builds the page of the daemon from web/src into web/dist
+page: ## Builds the daemon's web page from web/src into web/dist
 	scripts/ensure-page.sh npm
 	cd web && npm run --silent build
 
@@ -35,6 +35,6 @@ check: ## Checks format and lints
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --release --workspace --all-targets -- -D warnings
 
-clean: ## Removes what was built and rendered
+clean: ## Removes builds and rendered files
 	$(CARGO) clean
 	rm -rf out web/node_modules web/gen

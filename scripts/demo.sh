@@ -1,20 +1,20 @@
 #!/usr/bin/env bash
-# The main job in small: starts the daemon on a free port, lets a client move the camera over gRPC while frames stream
-# back, and leaves dome, stereo pair, cubemap and equirectangular picture in out/ as PNG (to look at) and EXR (cd/m^2).
-# Prints adapter, stars, time per view and the error of the light in the pictures. `make demo` builds what it needs.
+# Starts the daemon on a free port, lets a client move the camera over gRPC while frames stream back, and writes a dome, a
+# stereo pair, a cubemap and an equirectangular picture to out/, as PNG and as EXR (cd/m^2). Prints adapter, stars, time per
+# view and the error of the light in the pictures. `make demo` builds the programs first.
 #
-# Usage: scripts/demo.sh [CONFIG [FOLDER]]. Exit code 0: everything was there, and the light is right to 1e-3.
+# Usage: scripts/demo.sh [CONFIG [FOLDER]]. Exit code 0: all steps succeeded, and the light is correct to 1e-3.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 readonly config=${1:-configs/demo.toml} out=${2:-out}
 readonly bin=${CARGO_TARGET_DIR:-target}/release
-# The daemon loads its stars before it listens: a large catalogue on a slow machine takes its time.
+# The daemon loads its stars before it listens, which takes long with a large catalogue on a slow machine.
 readonly start_timeout_s=300 stop_timeout_s=60
 
 for program in "$bin/steradian" "$bin/examples/client" "$bin/examples/flux"; do
     if [[ ! -x $program ]]; then
-        printf 'demo: %s is not there: run make demo, which builds it\n' "$program" >&2
+        printf 'demo: %s does not exist: run make demo, which builds it\n' "$program" >&2
         exit 1
     fi
 done
@@ -32,7 +32,7 @@ trap clean_up EXIT
 trap 'exit 130' INT
 trap 'exit 143' TERM
 
-# fail MESSAGE: says what went wrong, with what the daemon logged.
+# fail MESSAGE: prints the message and the log of the daemon, and ends the script.
 fail() {
     printf 'demo: %s\n' "$1" >&2
     if [[ -s $scratch/log ]]; then sed 's/^/daemon: /' "$scratch/log" >&2; fi
@@ -75,5 +75,5 @@ daemon=
 if ((code != 0)); then fail "the daemon ended with code $code after SIGTERM"; fi
 printf 'daemon      drained and ended with code 0\n'
 
-# Says itself what is wrong: wrong light, or no whole-sky view to weigh.
+# Reports errors itself: wrong light, or no whole-sky view to measure.
 "$bin/examples/flux" --config "$config" --pictures "$out"

@@ -1,16 +1,16 @@
 #!/usr/bin/env bash
-# Makes sure that the page of the daemon can be built (npm) or tested (browser): installs what is missing with apt, and the packages that
-# web/package-lock.json names with npm. Neither is needed to build or run Steradian: the built page is in web/dist.
+# Ensures that the daemon's page can be built (npm) or tested (browser): installs missing packages with apt, and those of web/package-lock.json
+# with npm. Building and running Steradian needs neither: the built page is in web/dist.
 #
-# Usage: scripts/ensure-page.sh [npm] [browser]. Exit code 69: something is missing that the script cannot install.
+# Usage: scripts/ensure-page.sh [npm] [browser]. Exit code 69: a missing package cannot be installed.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source scripts/lib/apt.sh
 
-# The oldest Node.js that the packages take.
+# The oldest Node.js that the packages support.
 readonly NODE=20
 
-# has_node: whether node is new enough, and npm is there.
+# has_node: whether node is new enough and npm exists.
 has_node() {
     local found
     if ! command -v node >/dev/null || ! command -v npm >/dev/null; then return 1; fi
@@ -39,10 +39,10 @@ ensure_browser() {
     apt_install "$reason" '' chromium chromium-driver || fail "$reason, and apt could not install them (see above)"
 }
 
-for what in "$@"; do
-    case $what in
+for part in "$@"; do
+    case $part in
     npm) ensure_npm ;;
     browser) ensure_browser ;;
-    *) fail "$what: needed is npm or browser" ;;
+    *) fail "$part: must be npm or browser" ;;
     esac
 done

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# Makes sure that there is a Vulkan driver that works on this machine. If there is none, installs Mesa's software
-# driver (lavapipe) on Debian and its relatives; on other systems it says what is missing. Exit code 69: no driver.
+# Ensures that a Vulkan driver works on this machine. If none does, installs Mesa's software driver (lavapipe) on Debian and
+# its derivatives; on other systems it reports the missing packages. Exit code 69: no driver.
 #
 # On Debian 12 the driver comes from bookworm-backports, because the release's own (Mesa 22.3) draws only the first
-# layer in multiview. If that suite is not among the apt sources, it is added, as
-# /etc/apt/sources.list.d/steradian-backports.sources, with the address and key of the Debian source that is there. It
-# stays, so that the driver keeps getting updates; apt takes nothing else from it, since backports have a low priority.
+# layer in multiview. If that suite is not among the apt sources, it is added as
+# /etc/apt/sources.list.d/steradian-backports.sources, with the address and key of the existing Debian source. It stays, so
+# that the driver keeps getting updates; apt installs nothing else from it, because backports have a low priority.
 #
-# A driver of your own choice: set VK_DRIVER_FILES to its manifest. It is then only checked to be there.
+# To use another driver, set VK_DRIVER_FILES to its manifest. The script then only checks that it exists.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source scripts/lib/apt.sh
@@ -28,8 +28,8 @@ library_exists() {
 # shared_library_exists NAME: whether the dynamic linker finds a library of this name.
 shared_library_exists() {
     local name=$1 cache directory
-    # ldconfig stands in a folder that ordinary users often do not have in PATH. The cache goes to a variable, since
-    # 'grep -q' at the end of a pipe would end ldconfig by a signal, which pipefail reports.
+    # ldconfig is in a folder that is often not in the PATH of ordinary users. Its output is stored first, because 'grep -q'
+# at the end of a pipe would end ldconfig by a signal, which pipefail reports.
     cache=$(PATH=$PATH:/usr/sbin:/sbin ldconfig -p 2>/dev/null) || cache=
     if grep -qF "$name " <<<"$cache"; then return 0; fi
     local -a directories
@@ -63,7 +63,7 @@ manifests() {
     done
 }
 
-# render_node_of VENDOR...: whether there is a GPU of one of these PCI vendors (none: of any) that this user may use.
+# render_node_of VENDOR...: whether this user may use a GPU of one of these PCI vendors (no argument: of any vendor).
 render_node_of() {
     local node vendor wanted
     for node in /dev/dri/renderD*; do
@@ -77,7 +77,7 @@ render_node_of() {
     return 1
 }
 
-# works LIBRARY: whether a driver has what it drives. A hardware driver without its hardware shows no adapter at all.
+# works LIBRARY: whether the hardware of a driver exists. Without it a hardware driver offers no adapter.
 works() {
     case ${1##*/} in
     *lvp* | *swiftshader*) return 0 ;;
@@ -86,7 +86,7 @@ works() {
     *radeon* | *amdvlk*) render_node_of 0x1002 ;;
     *nouveau*) render_node_of 0x10de ;;
     *dzn*) [[ -e /dev/dxg ]] ;;
-    # Drivers of virtual machines: whether the host serves them cannot be seen from here.
+    # Drivers of virtual machines: it cannot be determined here whether the host supports them.
     *virtio* | *gfxstream*) return 1 ;;
     *) render_node_of ;;
     esac
@@ -114,17 +114,17 @@ apt_knows_backports() {
         /etc/apt/sources.list /etc/apt/sources.list.d
 }
 
-# ensure_backports: makes bookworm-backports available to apt, or says why not and returns 1.
+# ensure_backports: makes bookworm-backports available to apt, or reports the reason and returns 1.
 ensure_backports() {
     local source
     if apt_knows_backports; then return 0; fi
     if ! source=$(debian_source bookworm bookworm-backports); then
-        say 'no apt source for bookworm found to take the address of bookworm-backports from'
+        say 'no apt source for bookworm found, so the address of bookworm-backports is unknown'
         return 1
     fi
     say "adding $BACKPORTS_FILE for a driver newer than Debian 12's (remove the file if you do not want it)"
     printf '%s\n' "$source" | as_root tee "$BACKPORTS_FILE" >/dev/null
-    # The exit code would also tell of other sources' troubles, or of nothing: what counts is whether the suite is there.
+    # The exit code also depends on other sources, so check instead whether the suite is available.
     apt_refresh
     if ! grep -q 'n=bookworm-backports' <<<"$(apt-cache policy)"; then
         say "bookworm-backports cannot be read from there: removing $BACKPORTS_FILE"
@@ -134,23 +134,23 @@ ensure_backports() {
 }
 
 install_driver() {
-    local reason='there is no Vulkan driver that works here (on a machine without a GPU: the software driver)'
+    local reason='no working Vulkan driver was found (on a machine without a GPU: the software driver)'
     local packages=(libvulkan1 mesa-vulkan-drivers)
     need_root "$reason" "${packages[@]}"
     if [[ $(os_release ID) == debian && $(os_release VERSION_CODENAME) == bookworm ]]; then
         if ensure_backports && apt_install "$reason" bookworm-backports "${packages[@]}"; then return 0; fi
-        say "falling back to Debian 12's own driver: right, except that multiview is not used with it"
+        say "falling back to the driver of Debian 12: correct, but multiview is not used with it"
     fi
     apt_install "$reason" '' "${packages[@]}"
 }
 
 if find_driver >/dev/null; then exit 0; fi
 if [[ -n ${VK_DRIVER_FILES:-${VK_ICD_FILENAMES-}} ]]; then
-    fail 'there is no Vulkan loader, or no driver that VK_DRIVER_FILES (or VK_ICD_FILENAMES) names:' \
+    fail 'the Vulkan loader is missing, or the driver named by VK_DRIVER_FILES (or VK_ICD_FILENAMES):' \
         "  ${VK_DRIVER_FILES:-$VK_ICD_FILENAMES}"
 fi
 if ! has_apt; then
-    fail 'no Vulkan driver that works was found. Install the Vulkan loader and a driver:' \
+    fail 'no working Vulkan driver was found. Install the Vulkan loader and a driver:' \
         '  Fedora: dnf install vulkan-loader mesa-vulkan-drivers' \
         '  Arch: pacman -S vulkan-icd-loader vulkan-swrast' \
         '  Alpine: apk add vulkan-loader mesa-vulkan-swrast' \
@@ -158,5 +158,5 @@ if ! has_apt; then
         'A driver in an unusual place: set VK_DRIVER_FILES to its manifest.'
 fi
 install_driver || fail 'apt could not install libvulkan1 and mesa-vulkan-drivers (see above)'
-driver=$(find_driver) || fail 'libvulkan1 and mesa-vulkan-drivers are installed, and still no Vulkan driver works'
+driver=$(find_driver) || fail 'libvulkan1 and mesa-vulkan-drivers are installed, but no Vulkan driver works'
 say "Vulkan driver: $driver"

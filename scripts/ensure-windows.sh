@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Makes sure that windows can be tested without a monitor: installs Xvfb, and Xorg with its dummy driver, whose monitors can be switched on
-# and off, with apt. Neither is needed to build or run Steradian.
+# Ensures that windows can be tested without a monitor: installs Xvfb, and Xorg with its dummy driver, whose monitors can be switched on and
+# off, with apt. Building and running Steradian needs neither.
 #
-# Usage: scripts/ensure-windows.sh. Exit code 69: something is missing that the script cannot install.
+# Usage: scripts/ensure-windows.sh. Exit code 69: a missing package cannot be installed.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source scripts/lib/apt.sh
@@ -18,4 +18,4 @@ if has_all; then exit 0; fi
 has_apt || fail "$reason: install them"
 apt_install "$reason" '' xvfb xserver-xorg-core xserver-xorg-video-dummy ||
     fail "$reason, and apt could not install them (see above)"
-has_all || fail "$reason: the packages are installed, and they are not where they are looked for ($DUMMY)"
+has_all || fail "$reason: the packages are installed, but not at the expected place ($DUMMY)"

@@ -1,19 +1,19 @@
 #!/usr/bin/env bash
-# Makes sure that Monado, an OpenXR runtime that needs no headset, is unpacked in a folder of this user, and prints that
-# folder. The tests of the headset start it there; it is no part of Steradian. Exit code 69: it cannot be had here.
+# Ensures that Monado, an OpenXR runtime that needs no headset, is unpacked in a folder of this user, and prints that
+# folder. The headset tests start it there; it is not part of Steradian. Exit code 69: it is not available here.
 #
-# The packages come from Debian's suite trixie, with the address and key of the Debian source that the machine has. They
-# are fetched and unpacked, not installed: nothing of the system changes, its apt state included, and no root is needed.
-# The C library is among them, since the runtime wants a newer one than Debian 12 has. So both the service and a program
-# that loads the runtime are started through the dynamic linker unpacked here: see runtime.json in the folder.
+# The packages come from Debian's suite trixie, with the address and key of the machine's Debian source. They are fetched
+# and unpacked, not installed: the system does not change, including its apt state, and no root is needed. The C library
+# is included, because the runtime needs a newer one than that of Debian 12. So both the service and a program that loads
+# the runtime are started through the dynamic linker unpacked here: see runtime.json in the folder.
 #
-# The folder, about 150 MB to fetch and 550 MB on disk, is kept outside of the build folder, so that all
-# checkouts share it: ~/.cache/steradian/monado-N. Another one: STERADIAN_MONADO_DIR. To fetch anew, remove it.
+# The folder (150 MB to fetch, 550 MB on disk) is outside of the build folder, so that all checkouts share it:
+# ~/.cache/steradian/monado-N, or STERADIAN_MONADO_DIR. To fetch again, remove it.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source scripts/lib/apt.sh
 
-# Number of this recipe, part of the folder's name: raise it with every change of what is put there.
+# Number of this recipe, part of the folder's name: increase it with every change of the contents.
 readonly RECIPE=1
 readonly SUITE=trixie
 readonly LIBRARIES=/usr/lib/x86_64-linux-gnu
@@ -21,15 +21,15 @@ readonly PACKAGES=(
     libopenxr1-monado monado-cli libopenxr-loader1 openxr-layer-corevalidation
     libvulkan1 mesa-vulkan-drivers libblas3 liblapack3
 )
-# Needed by packages above, but not by the runtime: apt is told that they are there.
+# Dependencies of the packages above that the runtime does not need: apt treats them as installed.
 readonly NEEDLESS=(
     adduser debconf fontconfig-config gdal-data gdal-plugins gnupg iso-codes libglx-mesa0 libpam-modules lsb-base
     mariadb-common openssl-provider-legacy passwd proj-data readline-common sysvinit-utils unixodbc-common x11-common
     xkb-data
 )
 
-# write_status FILE: the list of installed packages that apt resolves against: those that are not wanted, in a version
-# that is new enough for everything.
+# write_status FILE: writes the list of installed packages for apt: the unneeded ones, in a version that satisfies every
+# dependency.
 write_status() {
     local package
     for package in "${NEEDLESS[@]}"; do
@@ -38,8 +38,8 @@ write_status() {
     done >"$1"
 }
 
-# write_apt_configuration FOLDER: an apt that knows only FOLDER. Of the machine's settings it keeps those for fetching
-# (proxies, time limits), and none of the hooks, which act on the system.
+# write_apt_configuration FOLDER: configures apt to use only FOLDER. Of the machine's settings it keeps those for fetching
+# (proxies, time limits), but no hooks, which act on the system.
 write_apt_configuration() {
     local folder=$1
     apt-config dump | grep '^Acquire::' >"$folder/apt.conf" || true
@@ -65,7 +65,7 @@ Debug::NoLocking "true";
 CONFIGURATION
 }
 
-# fetch FOLDER: downloads the packages and what they need to FOLDER/cache/archives.
+# fetch FOLDER: downloads the packages and their dependencies to FOLDER/cache/archives.
 fetch() {
     local folder=$1 own
     own=$(os_release VERSION_CODENAME)
@@ -74,20 +74,20 @@ fetch() {
     write_status "$folder/status"
     write_apt_configuration "$folder"
     if ! debian_source "$own" "$SUITE" >"$folder/debian.sources"; then
-        fail "no apt source of Debian found to take the address of its suite $SUITE from"
+        fail "no apt source of Debian found, so the address of its suite $SUITE is unknown"
     fi
-    # Only what names packages: no lists of files, descriptions or icons.
+    # Package lists only: no lists of files, descriptions or icons.
     printf 'Targets: Packages\n' >>"$folder/debian.sources"
 
     say "reading the package lists of Debian $SUITE"
     APT_CONFIG=$folder/apt.conf apt-get --quiet update >&2 ||
         fail "the package lists of Debian $SUITE cannot be read (no network? see above)"
-    say "fetching Monado and what it needs from Debian $SUITE (about 150 MB)"
+    say "fetching Monado and its dependencies from Debian $SUITE (about 150 MB)"
     APT_CONFIG=$folder/apt.conf apt-get --quiet=2 --yes --download-only install "${PACKAGES[@]}" >&2 ||
         fail "the packages of Monado cannot be fetched from Debian $SUITE (see above)"
 }
 
-# unpack FOLDER ROOT: unpacks what was fetched, but for what only people read.
+# unpack FOLDER ROOT: unpacks the fetched packages without documentation and translations.
 unpack() {
     local folder=$1 root=$2 package
     mkdir -p "$root"
@@ -100,20 +100,20 @@ unpack() {
     done
 }
 
-# library_of MANIFEST: the library that a manifest of a driver, a runtime or a layer names.
+# library_of MANIFEST: prints the library named by the manifest of a driver, a runtime or a layer.
 library_of() { sed -nE 's/.*"library_path"[[:space:]]*:[[:space:]]*"([^"]*)".*/\1/p' "$1" | head -n 1; }
 
 # absolute_manifest MANIFEST ROOT TARGET: copies a manifest, with the absolute path of its library below ROOT.
 absolute_manifest() {
     local manifest=$1 root=$2 target=$3 library
     library=$(library_of "$manifest")
-    # A bare name is one that the dynamic linker looks up.
+    # The dynamic linker looks up a bare name.
     if [[ $library != /* ]]; then library=$LIBRARIES/$library; fi
-    if [[ ! -f $root$library ]]; then fail "$manifest names a library that is not there: $library"; fi
+    if [[ ! -f $root$library ]]; then fail "$manifest names a missing library: $library"; fi
     sed -E "s|(\"library_path\"[[:space:]]*:[[:space:]]*\")[^\"]*|\1$root$library|" "$manifest" >"$target"
 }
 
-# only PATTERN: the one file that matches.
+# only PATTERN: prints the one file that matches.
 only() {
     local -a files
     mapfile -t files < <(compgen -G "$1")
@@ -121,11 +121,11 @@ only() {
     printf '%s\n' "${files[0]}"
 }
 
-# describe DIR: writes the manifests and runtime.json of what is unpacked in DIR/root.
+# describe DIR: writes the manifests and runtime.json for the files in DIR/root.
 describe() {
     local dir=$1 root=$1/root libraries=$1/root$LIBRARIES
     local linker=$libraries/ld-linux-x86-64.so.2 driver runtime layer
-    # Below a real root, alternatives and the packages' own run paths would name these folders.
+    # On an installed system, alternatives and run paths of the packages would name these folders.
     local path=$libraries:$root/usr/lib:$libraries/blas:$libraries/lapack:$libraries/pulseaudio
     mkdir -p "$dir/manifests/layers"
     driver=$(only "$root/usr/share/vulkan/icd.d/lvp_icd*.json")
@@ -135,7 +135,7 @@ describe() {
     absolute_manifest "$runtime" "$root" "$dir/manifests/openxr_monado.json"
     absolute_manifest "$layer" "$root" "$dir/manifests/layers/${layer##*/}"
 
-    # Each part must find all of its libraries here, or it would fail in the middle of a test.
+    # Check now that each part finds all of its libraries; otherwise it would fail in the middle of a test.
     local part missing
     for part in "$root/usr/bin/monado-service" "$root/usr/bin/monado-ctl" "$libraries/libopenxr_loader.so.1" \
         "$libraries/libvulkan.so.1" "$(library_of "$dir/manifests/openxr_monado.json")" \
@@ -146,7 +146,7 @@ describe() {
         fi
     done
 
-    # Steradian's tests read this. Written under another name first: whoever finds the file finds all that it names.
+    # Steradian's tests read this file. It is renamed into place last, so that its existence implies that of all files it names.
     cat >"$dir/runtime.json.part" <<RUNTIME
 {
     "recipe": $RECIPE,
@@ -165,7 +165,7 @@ RUNTIME
     mv "$dir/runtime.json.part" "$dir/runtime.json"
 }
 
-# complete DIR: whether all is there, at the place that its manifests name.
+# complete DIR: whether everything exists at the paths in its manifests.
 complete() {
     [[ -f $1/runtime.json ]] && grep -qF "\"recipe\": $RECIPE," "$1/runtime.json" &&
         grep -qF "\"folder\": \"$1\"," "$1/runtime.json"
@@ -178,29 +178,29 @@ elif [[ -n ${XDG_CACHE_HOME:-${HOME-}} ]]; then
 else
     dir=${CARGO_TARGET_DIR:-target}/monado-$RECIPE
 fi
-mkdir -p "$dir" 2>/dev/null || fail "the folder for Monado cannot be made: $dir"
+mkdir -p "$dir" 2>/dev/null || fail "the folder for Monado cannot be created: $dir"
 dir=$(realpath "$dir")
-# Manifests and library paths name the folder, and neither has a way to quote these.
+# Manifests and library paths contain the folder's name, and cannot quote these characters.
 case $dir in
 *[\"\\:\|\&]* | *$'\n'*) fail "the folder for Monado must have no quote, backslash, colon, | or & in its name: $dir" ;;
 esac
 
 if ! complete "$dir"; then
-    # What is half done is removed below. Somebody else's folder, named by mistake, must not lose its own.
+    # Partial results are removed below. A folder with other contents, named by mistake, must not lose them.
     if [[ ! -e $dir/monado.lock && -n $(ls -A "$dir") ]]; then
-        fail "the folder for Monado must be a new or an empty one, and this one is neither: $dir"
+        fail "the folder for Monado must be new or empty: $dir"
     fi
     if [[ $(uname -s)-$(uname -m) != Linux-x86_64 ]]; then
-        fail "Monado is fetched for Linux on x86-64 only, not for $(uname -s) on $(uname -m)"
+        fail "Monado can be fetched for Linux on x86-64 only, not for $(uname -s) on $(uname -m)"
     fi
     for tool in apt-get apt-config dpkg-deb tar flock; do
-        command -v "$tool" >/dev/null || fail "Monado is fetched with the tools of Debian, and there is no $tool here"
+        command -v "$tool" >/dev/null || fail "fetching Monado needs the tools of Debian, and $tool is missing"
     done
-    # One run at a time: whoever comes second finds it done. The lock ends with the script.
+    # One run at a time: the second one waits and finds the result. The lock ends with the script.
     if [[ ! -w $dir ]]; then fail "the folder for Monado is not writable: $dir"; fi
     exec 9>>"$dir/monado.lock"
     if ! flock --nonblock 9; then
-        say "waiting for another run that fetches Monado to $dir"
+        say "waiting for another run that is fetching Monado to $dir"
         flock 9
     fi
     if ! complete "$dir"; then

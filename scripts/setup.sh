@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Makes sure that this machine can build and run Steradian: a Rust toolchain, a linker, a Vulkan driver; with STERADIAN_REQUIRE_PAGE=1 also
-# what the tests of the page need, with STERADIAN_REQUIRE_PYTHON=1 what those of the Python package do.
-# Changes nothing where everything is there. Exit code 69: something is missing that the script cannot install.
+# Ensures that this machine can build and run Steradian: a Rust toolchain, a linker, a Vulkan driver; with STERADIAN_REQUIRE_PAGE=1 also the
+# programs for the tests of the page, with STERADIAN_REQUIRE_PYTHON=1 those for the tests of the Python package.
+# Changes nothing if everything is installed. Exit code 69: a missing program cannot be installed.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source scripts/lib/apt.sh
@@ -20,14 +20,14 @@ check_cargo() {
     found=$(cargo --version | cut -d ' ' -f 2)
     # sort --version-sort puts the older version first.
     if [[ $(printf '%s\n' "$needed" "${found%%-*}" | sort --version-sort | head -n 1) != "$needed" ]]; then
-        fail "cargo is of version $found. $how"
+        fail "the version of cargo is $found. $how"
     fi
 }
 
 # No dependency compiles C, but rustc links through the C compiler's driver.
 check_linker() {
     if command -v cc >/dev/null; then return; fi
-    local reason="there is no 'cc', through which rustc links"
+    local reason="'cc' is missing, which rustc needs for linking"
     if has_apt; then
         apt_install "$reason" '' gcc libc6-dev || fail "$reason, and apt could not install gcc and libc6-dev (see above)"
     else
@@ -38,11 +38,11 @@ check_linker() {
 check_cargo
 check_linker
 scripts/ensure-vulkan.sh
-# Most machines need no browser: the tests of the page are shown as ignored there.
+# Optional: without a browser the tests of the page are reported as ignored.
 if [[ -n ${STERADIAN_REQUIRE_PAGE-} && $STERADIAN_REQUIRE_PAGE != 0 ]]; then
     scripts/ensure-page.sh npm browser
 fi
-# Nor a Python with grpcio and pytest.
+# Optional: a Python with grpcio and pytest.
 if [[ -n ${STERADIAN_REQUIRE_PYTHON-} && $STERADIAN_REQUIRE_PYTHON != 0 ]]; then
     scripts/ensure-python.sh
 fi

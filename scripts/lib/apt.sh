@@ -1,12 +1,12 @@
 # shellcheck shell=bash
-# Installing packages on Debian and its relatives. Sourced, not run. It announces everything that it does to the system.
+# Functions that install packages on Debian and its derivatives. Sourced, not run. Every change of the system is announced.
 
 # Exit code of a missing prerequisite: EX_UNAVAILABLE of sysexits.h.
 readonly EX_UNAVAILABLE=69
 
 say() { printf 'setup: %s\n' "$*" >&2; }
 
-# fail LINE...: says what is missing and how to get it, and ends the script.
+# fail LINE...: prints what is missing and how to get it, and ends the script.
 fail() {
     local line
     for line in "$@"; do say "$line"; done
@@ -31,7 +31,7 @@ os_release() {
 as_root() {
     if [[ $EUID -eq 0 ]]; then
         "$@"
-    # Without a terminal nobody could type a password: then sudo must do without, or fail at once.
+    # Without a terminal no password can be typed: sudo must work without one, or fail at once.
     elif [[ -t 0 ]]; then
         sudo "$@"
     else
@@ -39,7 +39,7 @@ as_root() {
     fi
 }
 
-# need_root REASON PACKAGE...: ends the script with the command to run, if there is no way to become root.
+# need_root REASON PACKAGE...: if the script cannot become root, prints the command to run and ends.
 need_root() {
     local reason=$1
     shift
@@ -53,14 +53,14 @@ apt_get() {
     as_root env DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=300 "$@"
 }
 
-# Refreshes the package lists. A source that fails is no reason to give up: what is needed may be in another.
+# Refreshes the package lists. A failing source is not fatal, because another may have the packages.
 apt_refresh() {
     say 'refreshing the package lists'
     apt_get update >&2 || say 'some package lists could not be refreshed (see above)'
 }
 
-# apt_install REASON SUITE PACKAGE...: installs packages, of the given suite if that is not empty. The package lists are
-# refreshed only if apt cannot do it with those it has.
+# apt_install REASON SUITE PACKAGE...: installs packages, from SUITE if that is not empty. The package lists are refreshed
+# only if the installation fails with the current ones.
 apt_install() {
     local reason=$1 suite=$2
     shift 2
@@ -79,14 +79,14 @@ apt_install() {
     apt_get "${options[@]}" install "$@" >&2
 }
 
-# debian_source OWN SUITE: prints a deb822 source for another suite of Debian's archive, made of the machine's source for
-# the suite OWN (an extended regular expression: 'bookworm', 'trixie|stable'), with its address and key. Others' archives
-# name their suites alike: Debian's has 'debian' in its address and a component 'main', and is not that of security.
+# debian_source OWN SUITE: prints a deb822 source for another suite of Debian's archive, with the address and key of the
+# machine's source for the suite OWN (an extended regular expression: 'bookworm', 'trixie|stable'). Other archives use the
+# same suite names: Debian's has 'debian' in its address and a component 'main', and is not the security archive.
 debian_source() {
     local own=$1 suite=$2 file found
     for file in /etc/apt/sources.list.d/*.sources; do
         if [[ ! -f $file ]]; then continue; fi
-        # Copies the first paragraph whose suites hold OWN itself, key included, with the suite replaced.
+        # Copies the first paragraph with the suite OWN, including its key, and replaces the suite.
         found=$(grep -v '^#' "$file" | awk -v own="$own" -v suite="$suite" '
             BEGIN { RS = ""; FS = "\n" }
             /(^|\n)Enabled:[ \t]*no/ { next }
