@@ -1,5 +1,6 @@
-//! Frames per second that reach a client over gRPC while the camera turns: the whole way, everything on. Two daemons, or two configurations, take
-//! turns in one run, and medians over rounds are printed with the ratio. `cargo bench --bench delivered -- --help`.
+//! Measures the frames per second that reach a client over gRPC while the camera turns: the complete path with all
+//! features on. Two daemons, or two configurations, take turns in one run; medians over rounds are printed with their
+//! ratio. `cargo bench --bench delivered -- --help`.
 
 use std::{
     error::Error,
@@ -16,44 +17,44 @@ use steradian::{
 };
 use tokio::time::{sleep, timeout};
 
-/// A daemon that has not begun to listen by then has failed.
+/// A daemon that does not listen by then has failed.
 const START: Duration = Duration::from_secs(300);
 /// Poses per second.
 const POSES_HZ: f64 = 250.0;
 
-/// Frames per second that a daemon delivers while the camera turns.
+/// Measures the frames per second that a daemon delivers while the camera turns.
 #[derive(Debug, Parser)]
 struct Arguments {
     /// Configuration of the daemon.
     #[arg(long, default_value = "configs/dome.toml")]
     config: PathBuf,
-    /// View that is read.
+    /// View to read.
     #[arg(long, default_value = "dome")]
     view: String,
-    /// Overrides of keys, for both.
+    /// Overrides of keys for both daemons.
     #[arg(long = "set")]
     set: Vec<String>,
-    /// Overrides of keys for the second one alone.
+    /// Overrides of keys for the second daemon only.
     #[arg(long = "beside-set")]
     beside_set: Vec<String>,
-    /// Program of the second daemon; absent: the same, if it has overrides of its own.
+    /// Program of the second daemon. Default: the same program, if it has separate overrides.
     #[arg(long)]
     beside: Option<PathBuf>,
-    /// Rounds, in each of which either is measured once.
+    /// Number of rounds; each daemon is measured once per round.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     rounds: u32,
-    /// Seconds of a round.
+    /// Length of a round, seconds.
     #[arg(long, default_value_t = 3.0)]
     seconds: f64,
     /// Turn of the camera, degrees per second.
     #[arg(long, default_value_t = 5.0)]
     turn_deg_s: f64,
-    /// What cargo gives to every benchmark.
+    /// Option that cargo passes to every benchmark.
     #[arg(long, hide = true)]
     bench: bool,
 }
 
-/// A daemon that ends with this.
+/// A daemon that is killed on drop.
 struct Daemon {
     child: Child,
     address: String,
@@ -85,22 +86,22 @@ impl Daemon {
 
 impl Drop for Daemon {
     fn drop(&mut self) {
-        // One that has ended already needs no end.
+        // The daemon may have ended already.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-/// What a client saw in a round.
+/// Measurements of a client in a round.
 struct Round {
     frames_per_s: f64,
-    /// From the time of a frame's pose to the frame here, ms, median.
+    /// Median time from the pose of a frame to its arrival, ms.
     age_ms: f64,
     ev100: f64,
     pixels: u64,
 }
 
-/// One round of one daemon: a client turns the camera, another one reads.
+/// Runs one round of one daemon: one client turns the camera, another one reads.
 async fn round(daemon: &Daemon, arguments: &Arguments, number: u32) -> Result<Round, Box<dyn Error>> {
     let mut client = Client::connect(&daemon.address).await?;
     let start = client.camera().await?;
@@ -119,7 +120,7 @@ async fn round(daemon: &Daemon, arguments: &Arguments, number: u32) -> Result<Ro
         }
     });
     let mut stream = client.stream_frames(&arguments.view, Encoding::Rgba8, 0.0).await?;
-    // What is made for the first frames, a map of faint light among it.
+    // Skip the first frames, which build the map of faint light among others.
     for _ in 0..if number == 0 { 12 } else { 3 } {
         stream.next().await?.ok_or("the stream has ended")?;
     }

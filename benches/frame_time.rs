@@ -1,6 +1,7 @@
 //! Frame time on the adapter in use: ten million stars with and without chunk culling, a whole frame of a planetarium
-//! dome, the passes of every glare method, and those of fields of asteroids. None but those of glare draw glare. Variants are interleaved in one run; medians are printed. Run: `cargo bench --bench frame_time`, or with the
-//! names of some of the benchmarks.
+//! dome, the passes of every glare method, and the passes of asteroid fields. Only the glare benchmarks draw glare.
+//! Variants are interleaved in one run; medians are printed. Run: `cargo bench --bench frame_time`, or with the names
+//! of some of the benchmarks.
 
 use std::{f64::consts::PI, sync::Arc};
 
@@ -33,7 +34,7 @@ fn galaxy(stars: usize) -> Arc<StarSet> {
     Arc::new(StarSet::from_records(generate(&parameters).expect("the galaxy has so many stars").stars))
 }
 
-/// The default, without glare.
+/// Default settings without glare.
 fn stars_alone() -> RenderSettings {
     RenderSettings { glare: GlareSettings::none(), ..RenderSettings::default() }
 }
@@ -43,7 +44,7 @@ fn rig(kind: ViewKind) -> Rig {
     Rig::new(vec![view]).expect("a valid rig")
 }
 
-/// Camera at the Sun that looks along `direction`.
+/// Returns a camera at the Sun that looks along `direction`.
 fn looking(direction: DVec3) -> Camera {
     let back = -direction.normalize();
     let right = DVec3::Z.cross(back).normalize();
@@ -69,7 +70,7 @@ struct Bench {
 
 impl Bench {
     fn frame(&mut self, scene: &SceneSnapshot, rig: &Rig) -> (FrameTimes, u64) {
-        // As the daemon does, the exposure of the frame is the one that the frames before have adapted to.
+        // As in the daemon, the exposure of a frame is the one to which the previous frames have adapted.
         let frame = self
             .renderer
             .render(
@@ -139,7 +140,8 @@ impl Bench {
         }
     }
 
-    /// Our methods beside the published rasteriser: GPU time from the first clear to the HDR image, culling included.
+    /// Compares our methods with the published rasteriser: GPU time from the first clear to the HDR image, including
+    /// culling.
     fn rasterisers(&mut self, stars: &Arc<StarSet>) {
         let flat = rig(ViewKind::Perspective { size: [1920, 1080], fov_y_rad: PI / 3.0 });
         let sky = rig(ViewKind::Equirectangular { size: [2048, 1024] });
@@ -154,7 +156,7 @@ impl Bench {
         for (name, rig) in [("anticentre 1080p", &flat), ("full sky 2048 x 1024", &sky), ("dome 2048", &dome)] {
             let camera = looking(icrs_from_galactic() * DVec3::NEG_X);
             let scene = SceneSnapshot { revision: 1, stars: stars.clone(), objects: Default::default(), camera };
-            // The default of manual exposure, at which a star of magnitude 3 reaches white: the naked eye's sky.
+            // The default manual exposure, at which a star of magnitude 3 reaches white: the naked-eye sky.
             self.settings.exposure.mode = ExposureMode::Manual;
             let mut times = vec![vec![]; methods.len()];
             let mut stars_ms = vec![vec![]; methods.len()];
@@ -170,10 +172,11 @@ impl Bench {
                     );
                     let frame = frame.expect("the frame renders");
                     if round > 0 {
-                        let of = |pass| frame.times.passes_ms.iter().filter(|p| p.0 == pass).map(|p| p.1).sum::<f64>();
+                        let pass_ms =
+                            |pass| frame.times.passes_ms.iter().filter(|p| p.0 == pass).map(|p| p.1).sum::<f64>();
                         times[i].push(frame.times.gpu_ms.expect("timestamps") + frame.times.cull_ms);
-                        stars_ms[i].push(of("stars"));
-                        resolve_ms[i].push(of("resolve"));
+                        stars_ms[i].push(pass_ms("stars"));
+                        resolve_ms[i].push(pass_ms("resolve"));
                     } else {
                         self.adapted_ev100 = Some(frame.metered_ev100);
                     }
@@ -194,7 +197,8 @@ impl Bench {
         self.settings = stars_alone();
     }
 
-    /// The glare passes of every method, in a picture like the one before: GPU time of all that they take together.
+    /// Measures the passes of every glare method: total GPU time for a picture that differs little from the previous
+    /// one.
     fn glare(&mut self, stars: &Arc<StarSet>) {
         let camera = looking(icrs_from_galactic() * DVec3::X);
         let scene = SceneSnapshot { revision: 1, stars: stars.clone(), objects: Default::default(), camera };
@@ -204,10 +208,11 @@ impl Bench {
             for round in 0..=self.frames {
                 for (method, glare_ms) in &mut times {
                     self.settings.glare.method = *method;
-                    // What a method keeps from frame to frame is made in a frame that does not count: the others let go of it.
+                    // Draw one frame that does not count, because drawing with the other methods discards the cached
+                    // data of this one.
                     self.frame(&scene, &rig);
                     let (times, _) = self.frame(&scene, &rig);
-                    // Pipelines and textures are made in the first round.
+                    // The first round builds pipelines and textures.
                     if round > 0 {
                         glare_ms.push(times.passes_ms.iter().filter(|pass| pass.0 == "glare").map(|pass| pass.1).sum());
                     }
@@ -267,7 +272,8 @@ impl Bench {
     }
 }
 
-/// A field of asteroids in a box, its middle 25 km before the camera at the Earth's distance from the Sun.
+/// Returns a field of asteroids in a box with its centre 25 km in front of the camera at the Earth's distance from the
+/// Sun.
 fn asteroids(instances: u32) -> SceneSnapshot {
     let camera = Camera { position_m: DVec3::X * 1.496e11, ..Camera::default() };
     let spec = FieldSpec {
@@ -300,7 +306,8 @@ fn asteroids(instances: u32) -> SceneSnapshot {
 const ASTEROID_PASSES: [&str; 4] = ["asteroid cull", "asteroids", "geometry", "stars"];
 
 impl Bench {
-    /// What a field of asteroids takes, pass by pass, inside and outside of views, for two eyes and one, for six faces and the whole sky.
+    /// Measures a field of asteroids pass by pass: inside and outside of views, for two eyes and one, for six faces and
+    /// the whole sky.
     fn asteroids(&mut self, instances: u32) {
         let scene = asteroids(instances);
         let moved = |camera: Camera| SceneSnapshot { camera, ..scene.clone() };
@@ -322,11 +329,17 @@ impl Bench {
         for round in 0..=self.frames {
             for ((_, scene, rig), times) in cases.iter().zip(&mut times) {
                 let (found, _) = self.frame(scene, rig);
-                // Atlases are baked and buffers grow in the first round.
+                // The first round bakes atlases and enlarges buffers.
                 if round > 0 {
                     times[0].push(found.plan_ms);
                     for (pass, times) in ASTEROID_PASSES.iter().zip(&mut times[1..]) {
-                        times.push(found.passes_ms.iter().filter(|of| of.0 == *pass).fold(0.0, |sum, of| sum + of.1));
+                        times.push(
+                            found
+                                .passes_ms
+                                .iter()
+                                .filter(|entry| entry.0 == *pass)
+                                .fold(0.0, |sum, entry| sum + entry.1),
+                        );
                     }
                 }
             }
@@ -343,7 +356,7 @@ impl Bench {
             println!("{name:20}{cells} {:9.2}", of_case.iter().sum::<f64>());
             medians.push(of_case);
         }
-        // The pass that puts layers into pictures goes by pixels, and holds bodies too.
+        // Exclude the pass that composites layers into pictures, which scales with pixels and includes bodies.
         let all = |case: usize| medians[case].iter().sum::<f64>() - medians[case][3];
         let culling = |case: usize| medians[case][..2].iter().sum::<f64>();
         let pass = |case: usize| medians[case][1];
@@ -359,7 +372,7 @@ impl Bench {
 }
 
 fn main() {
-    // Cargo passes `--bench`; the other words choose benchmarks.
+    // Cargo passes `--bench`; the other words select benchmarks.
     let chosen: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with("--")).collect();
     let wanted = |name: &str| chosen.is_empty() || chosen.iter().any(|word| word == name);
     let gpu = Gpu::open(&GpuOptions::default()).expect("an adapter");
@@ -392,7 +405,7 @@ fn main() {
     }
 }
 
-/// Peak resident memory of this process, where the system tells (Linux).
+/// Returns the peak resident memory of this process, if the system reports it (Linux).
 fn peak_memory_mib() -> String {
     std::fs::read_to_string("/proc/self/status")
         .ok()

@@ -1,5 +1,6 @@
-//! Six projectors of 1920 x 1080 pixels on a dome in the default configuration, blends computed, display images read back: drawn straight into their pixels, and bent from flat
-//! pictures. The ways are interleaved in one run; medians are printed. Run: `cargo bench --bench projectors`, or with width and height.
+//! Six projectors of 1920 x 1080 pixels on a dome in the default configuration, with computed blends and display images
+//! read back: compares drawing directly into their pixels with warping flat pictures. The methods are interleaved in
+//! one run; medians are printed. Run: `cargo bench --bench projectors`, or with width and height.
 
 use testkit::theatre;
 
@@ -22,9 +23,9 @@ const SAMPLES: usize = 65;
 const ROUNDS: usize = 7;
 
 fn mapping(projector: &theatre::Projector) -> Arc<TabulatedMapping> {
-    let at = |index: usize| theatre::centre(index, SAMPLES);
-    let samples =
-        (0..SAMPLES * SAMPLES).map(|index| Some(projector.direction(at(index % SAMPLES), at(index / SAMPLES))));
+    let coordinate = |index: usize| theatre::centre(index, SAMPLES);
+    let samples = (0..SAMPLES * SAMPLES)
+        .map(|index| Some(projector.direction(coordinate(index % SAMPLES), coordinate(index / SAMPLES))));
     let grid = DirectionGrid {
         columns: SAMPLES,
         rows: SAMPLES,
@@ -88,29 +89,29 @@ fn main() {
             (name, rig(&mappings, &blends, scale), Renderer::new(gpu), Vec::new())
         })
         .collect();
-    let mut told = String::new();
+    let mut summary = String::new();
     let mut passes: Vec<Vec<(&str, f64)>> = vec![Vec::new(); ways.len()];
     for round in 0..=ROUNDS {
         for ((_, rig, renderer, times), passes) in ways.iter_mut().zip(&mut passes) {
             let start = Instant::now();
             let request = FrameRequest::new(&scene, rig).settings(&settings).wanted(Wanted::display());
             let frame = renderer.render(request).expect("the frame renders");
-            // The first one makes pipelines and uploads stars.
+            // The first round builds pipelines and uploads stars.
             if round > 0 {
                 times.push(start.elapsed().as_secs_f64() * 1e3);
             }
             *passes = frame.times.passes_ms.clone();
             let drawn: u64 = frame.views.iter().map(|view| view.stars_drawn).sum();
-            told = format!("ev100 {:.2}, {drawn} stars in all views", frame.exposure_ev100);
+            summary = format!("ev100 {:.2}, {drawn} stars in all views", frame.exposure_ev100);
         }
     }
-    println!("{told}");
+    println!("{summary}");
     let direct = median(ways[0].3.clone());
     for ((name, _, _, times), passes) in ways.into_iter().zip(passes) {
         let ms = median(times);
         let passes: Vec<String> = passes.iter().map(|(pass, ms)| format!("{pass} {ms:.0}")).collect();
         println!(
-            "{name}: {ms:.0} ms a frame of six, {:.2} of direct; last frame on the adapter, ms: {}",
+            "{name}: {ms:.0} ms per frame of six projectors, {:.2} of direct; last frame on the adapter, ms: {}",
             ms / direct,
             passes.join(", ")
         );

@@ -1,7 +1,7 @@
 //! A client of the daemon: `cargo run --release --example client -- --connect http://127.0.0.1:7143 --out out`.
 //!
-//! Moves the camera along a short path while it reads the frames of one view, saves the last of them as PNG, then asks for
-//! every view as PNG and EXR, and prints a summary. Ends with 1 if anything of that fails.
+//! Moves the camera along a short path while it reads the frames of one view, saves the last of them as PNG, then
+//! requests every view as PNG and EXR, and prints a summary. Exits with 1 if anything fails.
 
 use std::{
     error::Error,
@@ -19,9 +19,9 @@ use steradian::{
 };
 use tokio::{sync::oneshot, task::JoinHandle, time::timeout};
 
-/// A frame that shows a new pose must come within this time.
+/// A frame with a new pose must arrive within this time.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Streamed frames that are kept and saved.
+/// Number of streamed frames to save.
 const KEPT_FRAMES: usize = 3;
 
 /// Moves the camera of a running daemon and saves what it sees.
@@ -30,23 +30,24 @@ struct Arguments {
     /// Address of the daemon, for example http://127.0.0.1:7143.
     #[arg(long)]
     connect: String,
-    /// Folder for the pictures; made if it is not there.
+    /// Folder for the pictures; created if it does not exist.
     #[arg(long)]
     out: PathBuf,
-    /// View whose frames are streamed; the first one if not given.
+    /// View whose frames are streamed. Default: the first one.
     #[arg(long)]
     stream: Option<String>,
     /// Poses along the path.
     #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..))]
     steps: u32,
-    /// How far the camera turns to the left along the path, degrees. In the end it looks where it looked before.
+    /// Angle by which the camera turns to the left along the path, degrees; at the end it returns to its first
+    /// direction.
     #[arg(long, default_value_t = 30.0)]
     turn_deg: f64,
 }
 
-/// What the reader of the stream has seen.
+/// Results of the reader of the stream.
 struct Streamed {
-    /// When the first frame that shows each awaited pose, or a later one, was here; with that frame's revision.
+    /// Arrival time of the first frame that shows each awaited pose or a later one, with that frame's revision.
     arrivals: Vec<(Instant, u64)>,
     /// The last frames.
     kept: Vec<ReceivedFrame>,
@@ -58,37 +59,37 @@ struct Streamed {
 async fn read(mut stream: FrameReceiver, last: oneshot::Receiver<u64>) -> Result<Streamed, ClientError> {
     let mut last = Box::pin(last);
     let mut wanted = None;
-    let mut seen = Streamed { arrivals: Vec::new(), kept: Vec::new(), frames: 0, dropped: 0 };
+    let mut streamed = Streamed { arrivals: Vec::new(), kept: Vec::new(), frames: 0, dropped: 0 };
     loop {
         let frame = tokio::select! {
-            // What to wait for is known only when the path is at its end; a sender that is gone ends the reading.
+            // The awaited revision is known only at the end of the path; reading ends if its sender was dropped.
             revision = &mut last, if wanted.is_none() => {
-                let Ok(revision) = revision else { return Ok(seen) };
+                let Ok(revision) = revision else { return Ok(streamed) };
                 wanted = Some(revision);
                 None
             }
             frame = stream.next() => match frame? {
                 Some(frame) => Some(frame),
-                None => return Ok(seen),
+                None => return Ok(streamed),
             },
         };
         if let Some(frame) = frame {
-            seen.frames += 1;
-            seen.dropped = frame.dropped;
-            seen.arrivals.push((Instant::now(), frame.camera_revision));
-            if seen.kept.len() == KEPT_FRAMES {
-                seen.kept.remove(0);
+            streamed.frames += 1;
+            streamed.dropped = frame.dropped;
+            streamed.arrivals.push((Instant::now(), frame.camera_revision));
+            if streamed.kept.len() == KEPT_FRAMES {
+                streamed.kept.remove(0);
             }
-            seen.kept.push(frame);
+            streamed.kept.push(frame);
         }
-        let newest = seen.arrivals.last().map_or(0, |arrival| arrival.1);
+        let newest = streamed.arrivals.last().map_or(0, |arrival| arrival.1);
         if wanted.is_some_and(|wanted| newest >= wanted) {
-            return Ok(seen);
+            return Ok(streamed);
         }
     }
 }
 
-/// Turns the camera step by step; gives when each pose was sent, with its revision.
+/// Turns the camera step by step; returns the time and the revision of each pose.
 async fn move_along_path(
     client: &mut Client,
     start: &Camera,
@@ -118,7 +119,7 @@ fn save(folder: &Path, name: &str, frame: &ReceivedFrame, extension: &str) -> st
     Ok(())
 }
 
-/// The value below which a share of the sorted values lies (nearest rank).
+/// Returns the value below which a share of the sorted values lies (nearest rank).
 fn percentile(sorted: &[f64], share: f64) -> f64 {
     let rank = (share * sorted.len() as f64).ceil() as usize;
     sorted[rank.clamp(1, sorted.len()) - 1]
@@ -147,27 +148,27 @@ async fn run(arguments: Arguments) -> Result<(), Box<dyn Error>> {
     let reader: JoinHandle<Result<Streamed, ClientError>> = tokio::spawn(read(stream, is_last));
     let sent = move_along_path(&mut client, &start, arguments.steps, arguments.turn_deg).await?;
     let (_, newest) = *sent.last().ok_or("the path has no poses")?;
-    // A reader that has failed already says why below.
+    // If the reader has failed already, its error is reported below.
     let _ = last.send(newest);
-    let seen = timeout(PATIENCE, reader).await.map_err(|_| "the frame of the last pose did not come")???;
-    for (index, frame) in seen.kept.iter().enumerate() {
+    let streamed = timeout(PATIENCE, reader).await.map_err(|_| "the frame of the last pose did not arrive")???;
+    for (index, frame) in streamed.kept.iter().enumerate() {
         save(&arguments.out, &format!("{streamed_view}.stream{index}"), frame, "png")?;
     }
 
-    // From the call of SetCamera to the first frame here that shows its pose; poses that were overtaken have no frame.
+    // Time from the call of SetCamera to the arrival of the first frame with its pose; skipped poses have no frame.
     let mut latencies_ms: Vec<f64> = Vec::new();
     for (begin, revision) in &sent {
-        if let Some((here, _)) = seen.arrivals.iter().find(|(_, shown)| shown == revision) {
+        if let Some((here, _)) = streamed.arrivals.iter().find(|(_, shown)| shown == revision) {
             latencies_ms.push(here.duration_since(*begin).as_secs_f64() * 1e3);
         }
     }
     latencies_ms.sort_by(f64::total_cmp);
-    println!("streamed    {} frames of {streamed_view}, {} dropped", seen.frames, seen.dropped);
+    println!("streamed    {} frames of {streamed_view}, {} dropped", streamed.frames, streamed.dropped);
     if latencies_ms.is_empty() {
         return Err("no streamed frame shows any of the poses".into());
     }
     println!(
-        "latency     {:.1} ms median, {:.1} ms p99, from SetCamera to the PNG here ({} of {} poses had a frame of their own)",
+        "latency     {:.1} ms median, {:.1} ms p99, from SetCamera to the PNG here ({} of {} poses had a separate frame)",
         percentile(&latencies_ms, 0.5),
         percentile(&latencies_ms, 0.99),
         latencies_ms.len(),
@@ -197,7 +198,7 @@ async fn main() -> ExitCode {
     match run(Arguments::parse()).await {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            // Where standard error is gone too, the exit code still says it.
+            // If standard error is closed too, the exit code still reports the failure.
             match writeln!(std::io::stderr(), "error: {error}") {
                 Ok(()) | Err(_) => ExitCode::FAILURE,
             }

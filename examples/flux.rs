@@ -1,8 +1,8 @@
 //! Compares the light in images with the catalogue: `cargo run --release --example flux -- --config configs/demo.toml --pictures out`.
 //!
-//! For every view of a configuration that shows the whole sphere, sums luminance times solid angle over the pixels of its EXR
-//! files, and compares that with the sum over the stars, and with what the light of no single star has towards the same pixels. Solid angles are those of the projection in f64, not the ones
-//! that the files hold. Ends with 1 if a sum is off by more than 1e-3.
+//! For every view of a configuration that shows the whole sphere, sums luminance times solid angle over the pixels of
+//! its EXR files, and compares that with the light of the stars and the diffuse light towards the same pixels. Solid
+//! angles come from the projection in f64, not from the files. Exits with 1 if a sum differs by more than 1e-3.
 
 use std::{
     error::Error,
@@ -26,21 +26,21 @@ use steradian::{
 /// Compares the light in pictures with the light of the stars.
 #[derive(Debug, Parser)]
 struct Arguments {
-    /// The configuration that the pictures were rendered with.
+    /// Configuration with which the pictures were rendered.
     #[arg(long)]
     config: PathBuf,
-    /// The folder that holds them.
+    /// Folder of the pictures.
     #[arg(long)]
     pictures: PathBuf,
 }
 
-/// Illuminance in an EXR file, lx: luminance of each pixel times its solid angle.
+/// Returns the illuminance of an EXR file, lx: luminance of each pixel times its solid angle.
 fn illuminance_lx(path: &Path, mapping: &dyn PlaneMapping) -> Result<f64, Box<dyn Error>> {
     let file = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
     let layer = file.from_file(path).map_err(|error| format!("{}: {error}", path.display()))?.layer_data;
     let [width, height] = mapping.size();
     if (layer.size.width(), layer.size.height()) != (width as usize, height as usize) {
-        return Err(format!("{}: not of {width} x {height} pixels", path.display()).into());
+        return Err(format!("{}: the size is not {width} x {height} pixels", path.display()).into());
     }
     let channel = |name: &str| {
         let found = layer.channel_data.list.iter().find(|channel| channel.name == *name);
@@ -87,7 +87,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             let path = arguments.pictures.join(format!("{}{part}.exr", view.name));
             drawn_lx += illuminance_lx(&path, image.projection.mapping())?;
         }
-        // In the middle of each pixel, as it is drawn.
+        // Evaluate the diffuse light at the centre of each pixel, as the renderer does.
         let mut diffuse_lx = 0.0;
         if let Some(diffuse) = &stars.unresolved {
             for viewport in viewports.iter().filter(|viewport| viewport.view == number) {
@@ -100,17 +100,17 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
                     }
                 }
             }
-            println!("light       {diffuse_lx:.6e} lx of no single star towards {}", view.name);
+            println!("light       {diffuse_lx:.6e} lx diffuse towards {}", view.name);
         }
         let error = drawn_lx / (stars_lx + diffuse_lx) - 1.0;
         println!("flux        {:.6e} lx in {}: relative error {error:+.1e}", drawn_lx, view.name);
         if error.is_nan() || error.abs() > 1e-3 {
-            return Err(format!("{}: the picture does not hold the light of the stars", view.name).into());
+            return Err(format!("{}: the picture does not have the light of the stars", view.name).into());
         }
         weighed += 1;
     }
     if weighed == 0 {
-        return Err("no view shows the whole sphere: nothing to compare with".into());
+        return Err("no view shows the whole sphere, so there is nothing to compare with".into());
     }
     Ok(())
 }
@@ -119,7 +119,7 @@ fn main() -> ExitCode {
     match run(&Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            // Where standard error is gone too, the exit code still says it.
+            // If standard error is closed too, the exit code still reports the failure.
             match writeln!(std::io::stderr(), "error: {error}") {
                 Ok(()) | Err(_) => ExitCode::FAILURE,
             }

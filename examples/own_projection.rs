@@ -1,10 +1,10 @@
-//! A projection of one's own: `cargo run --release --example own_projection -- --out out`.
+//! A custom projection: `cargo run --release --example own_projection -- --out out`.
 //!
 //! The Hammer projection shows the whole sphere in an ellipse twice as wide as high, and every pixel of it has the same
-//! solid angle. The library does not know it: here it implements `PlaneMapping`. The f64 renderer draws through it; the
-//! adapter draws through a table of it. `hammer.png` is the sky in galactic coordinates in f64, `hammer_adapter.png` what the adapter
-//! makes of it. Ends with 1 if the f64 map does not hold the light of all stars to 1e-9 or the adapter's to 1e-4, or if
-//! the adapter's pixels are not those of the f64 map.
+//! solid angle. The library does not include it; this example implements `PlaneMapping` for it. The f64 renderer draws
+//! with the mapping; the adapter draws with a table of it. `hammer.png` is the sky in galactic coordinates in f64,
+//! `hammer_adapter.png` the adapter's picture. Exits with 1 if the f64 map does not have the light of all stars to 1e-9
+//! or the adapter's to 1e-4, or if the adapter's pixels differ from those of the f64 map.
 
 use std::{
     error::Error,
@@ -41,25 +41,26 @@ use steradian::{
     },
 };
 
-/// Magnitude of the stars that are just seen, and the code of 255 that they peak at.
+/// Magnitude of the faintest visible stars, and the code of 255 of their peak.
 const LIMITING_MAGNITUDE: f64 = 6.5;
 const JUST_SEEN_CODE: f64 = 20.0;
 
 /// Draws the whole sky as an ellipse.
 #[derive(Debug, Parser)]
 struct Arguments {
-    /// Folder for the picture; made if it is not there.
+    /// Folder for the pictures; created if it does not exist.
     #[arg(long)]
     out: PathBuf,
     /// Height of the picture in pixels; it is twice as wide.
     #[arg(long, default_value_t = 512, value_parser = clap::value_parser!(u32).range(16..=8192))]
     height: u32,
-    /// Synthetic stars behind the real ones.
+    /// Number of synthetic stars in addition to the real ones.
     #[arg(long, default_value_t = 200_000)]
     stars: usize,
 }
 
-/// Hammer (1892), centred on -z, +y at the top. On its plane (x to 2 sqrt 2, y to sqrt 2) areas are solid angles:
+/// Hammer projection (1892), centred on -z, +y at the top. On its plane (x to 2 sqrt 2, y to sqrt 2) areas are solid
+/// angles:
 /// x = 2 sqrt 2 cos(b) sin(l/2) / w, y = sqrt 2 sin(b) / w, w = sqrt(1 + cos(b) cos(l/2)).
 struct Hammer {
     height: u32,
@@ -92,7 +93,7 @@ impl PlaneMapping for Hammer {
 
     fn direction_from_pixel(&self, pixel: DVec2) -> Option<DVec3> {
         let p = (pixel - self.middle()) / self.scale() * DVec2::new(1.0, -1.0);
-        // On the ellipse z^2 is 1/2; smaller outside of it.
+        // On the ellipse z^2 is 1/2; it is smaller outside.
         let z_squared = 1.0 - (p.x / 4.0).powi(2) - (p.y / 2.0).powi(2);
         if z_squared < 0.5 {
             return None;
@@ -104,7 +105,7 @@ impl PlaneMapping for Hammer {
         Some(DVec3::new(across * longitude.sin(), sin_latitude, -across * longitude.cos()))
     }
 
-    /// The same for every pixel of the picture.
+    /// Every pixel of the picture has the same solid angle.
     fn solid_angle_sr(&self, x: u32, y: u32) -> f64 {
         if self.contains(x, y) { self.scale().powi(-2) } else { 0.0 }
     }
@@ -117,8 +118,8 @@ impl PlaneMapping for Hammer {
         BoundingCone { axis: DVec3::NEG_Z, half_angle_rad: PI }
     }
 
-    /// The ellipse's edge is a cut through the sky. What of a star's kernel falls over it goes to the pixels inside, so that
-    /// the map holds all of its light.
+    /// The ellipse's edge is a cut through the sky. The part of a star's kernel beyond it goes to the pixels inside, so
+    /// that the map has all of its light.
     fn taps(&self, kernel: Footprint<'_>, direction: DVec3) -> Vec<Tap> {
         let Some(centre) = self.pixel_from_direction(direction) else { return Vec::new() };
         let mut taps: Vec<Tap> = kernel(centre).into_iter().filter_map(|tap| self.tap_inside(tap)).collect();
@@ -130,11 +131,12 @@ impl PlaneMapping for Hammer {
     }
 }
 
-/// Where a map of the adapter may differ from the f64 one: sum of all differences over the sum of all light. A star a hundredth of
-/// a pixel off would make 1e-2 of its light.
+/// Maximum difference of a map of the adapter from the f64 one: sum of all differences over the sum of all light. A
+/// star displaced by a hundredth of a pixel differs by 1e-2 of its light.
 const MOST_APART: f64 = 6e-4;
 
-/// Draws the map on the adapter, through a table of the mapping. Light is compared with `true_lx`, pixels with those of `map`.
+/// Draws the map on the adapter with a table of the mapping. Compares the light with `true_lx`, and the pixels with
+/// those of `map`.
 fn draw_on_adapter(
     stars: StarSet,
     world_from_view: DQuat,
@@ -159,7 +161,7 @@ fn draw_on_adapter(
     let error = drawn_lx / true_lx - 1.0;
     println!("adapter     {}: {drawn_lx:.9e} lx, relative difference {error:+.1e}", renderer.adapter().adapter);
     if error.is_nan() || error.abs() > 1e-4 {
-        return Err("the adapter's map does not hold the light of all stars".into());
+        return Err("the adapter's map does not have the light of all stars".into());
     }
     let expected = map.luminance_cd_m2(&*table);
     let apart: f64 = image
@@ -167,16 +169,16 @@ fn draw_on_adapter(
         .iter()
         .flatten()
         .zip(&expected)
-        .map(|(seen, expected)| {
-            let [red, green, blue, omega_sr] = seen.map(f64::from);
-            let seen = [red, green, blue];
-            (0..3).map(|channel| (seen[channel] - expected[channel]).abs() * omega_sr).sum::<f64>() / 3.0
+        .map(|(found, expected)| {
+            let [red, green, blue, omega_sr] = found.map(f64::from);
+            let found = [red, green, blue];
+            (0..3).map(|channel| (found[channel] - expected[channel]).abs() * omega_sr).sum::<f64>() / 3.0
         })
         .sum::<f64>()
         / true_lx;
     println!("pixels      differences from f64 add up to {apart:.1e} of the light");
     if apart.is_nan() || apart > MOST_APART {
-        return Err("the adapter's pixels are not those of the f64 map".into());
+        return Err("the adapter's pixels differ from those of the f64 map".into());
     }
     Ok(image)
 }
@@ -189,14 +191,15 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let stars = StarSet::from_records(records);
     println!("stars       {real} real, {} synthetic", stars.stars.len() - real);
 
-    // Galactic coordinates: the centre of the Milky Way in the middle, its north pole at the top, longitude to the left.
+    // Galactic coordinates: the centre of the Milky Way in the middle, its north pole at the top, longitude to the
+    // left.
     let [centre, left, north] = icrs_from_galactic().to_cols_array_2d().map(DVec3::from_array);
     let world_from_view = DQuat::from_mat3(&DMat3::from_cols(-left, north, -centre));
     let eye = Eye { world_from_view, ..Eye::default() };
     let mapping = Hammer { height: arguments.height };
     let map = draw(&stars, eye, &mapping, |_| Some(SplatKernel::BSpline));
 
-    // The pixels' own sum against the stars' own sum.
+    // Compare the light of the pixels with the light of the stars.
     let drawn_lx: f64 = map.illuminance_lx.iter().map(|rgb| luminance(*rgb)).sum();
     let true_lx: f64 = stars
         .iter()
@@ -207,11 +210,11 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let error = drawn_lx / true_lx - 1.0;
     println!("flux        {drawn_lx:.9e} lx, all stars {true_lx:.9e} lx: relative difference {error:+.1e}");
     if error.is_nan() || error.abs() > 1e-9 {
-        return Err("the map does not hold the light of all stars".into());
+        return Err("the map does not have the light of all stars".into());
     }
 
     let tone_map = ToneMapSettings::default();
-    // All pixels have the same solid angle: the ellipse has the area 4 pi where the map's height is 2 sqrt 2.
+    // All pixels have the same solid angle: the ellipse has the area 4 pi if the map's height is 2 sqrt 2.
     let pixel_sr = 8.0 / f64::from(arguments.height).powi(2);
     let limit_lx = illuminance_lx_from_magnitude(LIMITING_MAGNITUDE);
     let white_cd_m2 = white_luminance_cd_m2(limiting_ev100(limit_lx, pixel_sr, tone_map.light_of_code(JUST_SEEN_CODE)));
@@ -241,7 +244,7 @@ fn main() -> ExitCode {
     match run(&Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            // Where standard error is gone too, the exit code still says it.
+            // If standard error is closed too, the exit code still reports the failure.
             match writeln!(std::io::stderr(), "error: {error}") {
                 Ok(()) | Err(_) => ExitCode::FAILURE,
             }

@@ -1,8 +1,9 @@
-//! Draws one view with the library alone, without the daemon:
+//! Draws one view with the library, without the daemon:
 //! `cargo run --release --example render_view -- --out out`.
 //!
-//! Real bright stars around Orion, through a flat window: `orion.png` and `orion.exr`. Prints the light in the picture,
-//! once as the adapter drew it and once as the same view in f64 has it; ends with 1 if the two differ by more than 1e-3.
+//! The view is a flat window with real bright stars around Orion: `orion.png` and `orion.exr`. Prints the light in the
+//! picture, as drawn by the adapter and as computed for the same view in f64; exits with 1 if the two differ by more
+//! than 1e-3.
 
 use std::{error::Error, io::Write, path::PathBuf, process::ExitCode, sync::Arc};
 
@@ -20,13 +21,13 @@ use steradian::{
     view::{Rig, View, ViewKind},
 };
 
-/// Takes camera axes to ICRS axes: looks at Orion, north up.
+/// Rotation from camera axes to ICRS axes: looks at Orion, north up.
 const TOWARDS_ORION: [f64; 4] = [0.699_883_6, -0.037_904_3, -0.038_571_7, 0.712_206_7];
 
 /// Draws Orion with the library.
 #[derive(Debug, Parser)]
 struct Arguments {
-    /// Folder for the pictures; made if it is not there.
+    /// Folder for the pictures; created if it does not exist.
     #[arg(long)]
     out: PathBuf,
 }
@@ -37,15 +38,16 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let stars = Arc::new(StarSet::from_records(bright_stars(0.0)));
     let scene = SceneSnapshot { revision: 1, stars, objects: Default::default(), camera };
 
-    // The rig: a single view of a single image. A rig may hold many, of all kinds; they are drawn together.
+    // The rig: a single view with a single image. A rig may have many views of all kinds, which are drawn together.
     let kind = ViewKind::Perspective { size: [960, 640], fov_y_rad: 32f64.to_radians() };
     let rig = Rig::new(vec![View::new("orion", kind, DQuat::IDENTITY, DVec3::ZERO)?])?;
 
     let mut settings = RenderSettings::default();
     settings.stars.method = StarMethod::BSpline;
-    // Glare would take light from stars near the border out of the picture: what is compared below is the stars' own.
+    // Turn off glare, which would take light from stars near the border out of the picture: the comparison is with the
+    // light of the stars.
     settings.glare = GlareSettings::none();
-    // Stars to this magnitude are just seen; the brighter ones keep their colours.
+    // Stars of this magnitude are just visible; brighter ones keep their colours.
     settings.exposure.limiting_magnitude = 6.5;
 
     let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default())?);
@@ -61,7 +63,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         println!("picture     {}", path.display());
     }
 
-    // Luminance times solid angle is illuminance: what arrives from all the stars in the picture.
+    // Luminance times solid angle is illuminance: the light that arrives from all stars in the picture.
     let viewport = &rig.viewports(scene.camera.world_from_camera)[0];
     let mapping = viewport.projection.mapping();
     let drawn_lx = image.illuminance_lx().ok_or("the frame has no HDR image")?;
@@ -75,7 +77,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let error = drawn_lx / twin_lx - 1.0;
     println!("flux        {drawn_lx:.6e} lx, in f64 {twin_lx:.6e} lx: relative difference {error:+.1e}");
     if error.is_nan() || error.abs() > 1e-3 {
-        return Err("the picture does not hold the light of its stars".into());
+        return Err("the picture does not have the light of its stars".into());
     }
     Ok(())
 }
@@ -84,7 +86,7 @@ fn main() -> ExitCode {
     match run(&Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            // Where standard error is gone too, the exit code still says it.
+            // If standard error is closed too, the exit code still reports the failure.
             match writeln!(std::io::stderr(), "error: {error}") {
                 Ok(()) | Err(_) => ExitCode::FAILURE,
             }

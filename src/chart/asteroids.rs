@@ -1,15 +1,14 @@
-//! The axis `asteroids`: every way of drawing a field of asteroids, timed in turn as their number grows, with its
-//! errors against the meshes at the finest detail.
+//! The axis `asteroids`: times every method of drawing a field of asteroids as their number grows, and measures errors
+//! against meshes at the finest level of detail.
 //!
-//! Time is that of the passes of asteroids (culling, meshes and impostors, putting them into the pictures, points) and
-//! of planning on the CPU, which is where culling is that the adapter does not do. It stands in parts in the notes.
-//! Atlases are baked before. There are no stars. Where a frame would take more than its share of the budget, as the
-//! workload before tells, it is not drawn.
+//! The time covers the asteroid passes (culling, meshes and impostors, compositing, points) and planning on the CPU,
+//! which includes culling if the adapter does not do it. The notes list the parts. Atlases are baked beforehand. There
+//! are no stars. A frame is skipped if the previous workload predicts that it would exceed its share of the budget.
 //!
-//! - `workload`: the field, the camera, the ways of drawing;
-//! - `turn`: one frame and its parts;
-//! - `ratios`: what is outside of every view, a second eye, the faces of a cube;
-//! - `extent`: how much is drawn;
+//! - `workload`: the field, the camera, the drawing methods;
+//! - `turn`: one frame and the times of its parts;
+//! - `ratios`: field outside of every view, a second eye, the faces of a cube;
+//! - `extent`: sizes of a quick and of a full run;
 //! - `published`: figures of other hardware.
 
 mod extent;
@@ -27,21 +26,21 @@ use self::{
     workload::{Fields, Place, Variant, count_name},
 };
 use super::{
-    AsteroidMetric, Axis, Budget, ChartError, Extent, Row, Scores, Step, Tell, ViewShape,
+    AsteroidMetric, Axis, Budget, ChartError, Extent, ReportStep, Row, Scores, Step, ViewShape,
     scores::{AsteroidScenes, score_asteroids},
     timing::{self, Case, Timed},
     workloads::rig_of,
 };
 use crate::{render::Renderer, view::Rig};
 
-/// Share of the time for ratios, beside that of all sizes and views.
+/// Share of the time for ratios; the rest is for all sizes and views.
 const RATIOS_SHARE: f64 = 0.15;
 
-/// What is timed.
+/// Field and view that are timed.
 struct Workload {
     instances: u32,
     view: ViewShape,
-    /// Index of the view that its errors are measured in.
+    /// Index of the view in which its errors are measured.
     scored: usize,
 }
 
@@ -63,7 +62,7 @@ fn view_name(view: ViewShape) -> String {
     }
 }
 
-/// What the last frame of a method took, for how many asteroids and pixels.
+/// Cost of a method's last frame, with its number of asteroids and pixels.
 #[derive(Clone, Copy)]
 struct Known {
     took: Duration,
@@ -75,10 +74,11 @@ pub(super) fn run(
     renderer: &mut Renderer,
     extent: &Extent,
     budget: Budget,
-    tell: Tell<'_>,
+    report_step: ReportStep<'_>,
 ) -> Result<Vec<Row>, ChartError> {
     let extent = &extent.asteroids;
     let variants = Variant::all(&extent.cache);
+    // All numbers in the first view, one number in each of the others.
     let workloads: Vec<Workload> = extent
         .instances
         .iter()
@@ -89,18 +89,20 @@ pub(super) fn run(
             scored,
         }))
         .collect();
-    let of = extent.views.len() + workloads.len() + ratios::RATIOS.len();
+    let total = extent.views.len() + workloads.len() + ratios::RATIOS.len();
     let mut done = 0;
-    let mut step = |what: String| {
-        tell(&Step { axis: Axis::Asteroids, done, of, what });
+    let mut step = |task: String| {
+        report_step(&Step { axis: Axis::Asteroids, done, total, task });
         done += 1;
     };
+    // Score every variant in each view.
     let mut scores = Vec::new();
     for &view in &extent.views {
         step(format!("scoring in {}", view_name(view)));
-        let scenes = AsteroidScenes::new(view.like(extent.scored_px), &variants_settings(&variants))?;
+        let scenes = AsteroidScenes::new(view.with_longer_side(extent.scored_px), &variants_settings(&variants))?;
         scores.push(score_variants(renderer, &variants, &scenes)?);
     }
+    // Time every variant in each workload; the budget is divided by the expected cost.
     let mut rows = published::rows();
     let mut fields = Fields::default();
     let weight = |workload: &Workload| f64::from(workload.instances) + 0.1 * workload.pixels();
@@ -121,9 +123,10 @@ pub(super) fn run(
             items: u64::from(workload.instances),
             planes: workload.view.is_flat(),
         };
-        for ((variant, (timed, beside)), scores) in variants.iter().zip(&timed).zip(&scores[workload.scored]) {
+        // One row per variant and metric.
+        for ((variant, (timed, remark)), scores) in variants.iter().zip(&timed).zip(&scores[workload.scored]) {
             let note =
-                [variant.note, beside].into_iter().filter(|note| !note.is_empty()).collect::<Vec<_>>().join("; ");
+                [variant.note, remark].into_iter().filter(|note| !note.is_empty()).collect::<Vec<_>>().join("; ");
             for metric in AsteroidMetric::ALL {
                 let score = scores.get(metric).cloned().unwrap_or_default();
                 let names = [variant.name, variant.source.name()];
@@ -139,8 +142,8 @@ fn variants_settings(variants: &[Variant]) -> Vec<crate::plan::settings::Asteroi
     variants.iter().map(|variant| variant.settings.clone()).collect()
 }
 
-/// Scores of every variant in a view. Culling on the CPU leads to the same pictures as on the adapter, but is scored by
-/// itself.
+/// Scores every variant in a view. Culling on the CPU leads to the same pictures as on the adapter, but is scored
+/// separately.
 fn score_variants(
     renderer: &mut Renderer,
     variants: &[Variant],
@@ -150,8 +153,11 @@ fn score_variants(
     variants.iter().map(|variant| score_asteroids(renderer, &variant.settings, scenes, &truth)).collect()
 }
 
-/// Times every variant that has room in the budget; beside the times, a note.
-#[expect(clippy::too_many_arguments, reason = "what is drawn, how often, and what is known of it")]
+/// Times every variant that fits into the budget; returns a note with each time.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "the renderer, the content, the repetitions and the earlier costs are separate inputs"
+)]
 fn time_variants(
     renderer: &mut Renderer,
     variants: &[Variant],
@@ -165,16 +171,16 @@ fn time_variants(
     let expected: Vec<Option<Duration>> =
         known.iter().map(|known| known.map(|known| workload.expected(known))).collect();
     let drawn = affordable(&expected, budget.left());
-    let mut seen = vec![FrameParts::default(); variants.len()];
+    let mut parts = vec![FrameParts::default(); variants.len()];
     let found = timing::rounds(drawn.len(), rounds, budget, |turn_of| {
         let index = drawn[turn_of];
-        turn(renderer, &variants[index], scene, rig, &mut seen[index])
+        turn(renderer, &variants[index], scene, rig, &mut parts[index])
     })?;
     let mut timed: Vec<(Timed, String)> = expected
         .iter()
         .map(|expected| {
             let seconds = expected.map_or(0.0, |expected| expected.as_secs_f64());
-            let note = format!("not drawn: a frame would take {seconds:.0} s, the budget had no more");
+            let note = format!("not drawn: a frame would take {seconds:.0} s, the budget was used up");
             (Timed { note, failed: true, ..Timed::default() }, String::new())
         })
         .collect();
@@ -183,22 +189,21 @@ fn time_variants(
             let Workload { instances, .. } = *workload;
             known[index] = Some(Known { took: found.took, instances, pixels: workload.pixels() });
         }
-        timed[index] = (found, seen[index].note());
+        timed[index] = (found, parts[index].note());
     }
     Ok(timed)
 }
 
 impl Workload {
-    /// What a frame may take, all in all, after what another one took: more asteroids as many times as long, more
-    /// pixels too.
+    /// Estimates the time of a whole frame from an earlier one: it grows with the number of asteroids and of pixels.
     fn expected(&self, known: Known) -> Duration {
         let grows = f64::from(self.instances) / f64::from(known.instances);
         known.took.mul_f64(grows * (self.pixels() / known.pixels).max(1.0))
     }
 }
 
-/// Indices of those that one frame of each fits into a budget, the fastest first served. Of whom nothing is known yet
-/// is drawn.
+/// Returns the indices of the methods of which one frame each fits into the budget, the fastest first. Methods without
+/// an estimate are always included.
 fn affordable(expected: &[Option<Duration>], budget: Duration) -> Vec<usize> {
     let mut order: Vec<usize> = (0..expected.len()).collect();
     order.sort_by_key(|index| expected[*index]);
@@ -223,7 +228,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_does_not_fit_into_the_budget_is_left_out_the_slowest_first() {
+    fn methods_beyond_the_budget_are_skipped_slowest_first() {
         let seconds = |seconds: &[u64]| -> Vec<Option<Duration>> {
             seconds.iter().map(|seconds| (*seconds > 0).then(|| Duration::from_secs(*seconds))).collect()
         };
@@ -233,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn more_asteroids_take_longer() {
+    fn expected_time_grows_with_the_number_of_asteroids() {
         let known = Known { took: Duration::from_secs(2), instances: 250_000, pixels: 100.0 };
         let workload = |instances, side| Workload { instances, view: ViewShape::Flat([side; 2]), scored: 0 };
         assert_eq!(workload(1_000_000, 10).expected(known), Duration::from_secs(8));

@@ -1,4 +1,5 @@
-//! `chart.csv`: one row per method, workload and error metric. What does not apply or was not measured is an empty cell.
+//! `chart.csv`: one row per method, workload and error metric. A figure that does not apply or was not measured is an
+//! empty cell.
 
 use serde::{Deserialize, Serialize};
 
@@ -29,19 +30,19 @@ pub struct Row {
     pub axis: String,
     /// Name of the method.
     pub method: String,
-    /// Where the method is from.
+    /// Origin of the method.
     pub source: String,
     /// Name of the workload.
     pub workload: String,
-    /// Adapter that the time was measured on.
+    /// Adapter on which the time was measured.
     pub adapter: String,
     /// Width of the (first) image, pixels.
     pub width: u32,
     /// Height of the (first) image, pixels.
     pub height: u32,
-    /// Stars of the workload.
+    /// Number of stars in the workload.
     pub items: u64,
-    /// Median of the frame's time, ms.
+    /// Median frame time, ms.
     pub gpu_ms_median: Option<f64>,
     /// Shortest time, ms.
     pub gpu_ms_min: Option<f64>,
@@ -49,16 +50,16 @@ pub struct Row {
     pub gpu_ms_max: Option<f64>,
     /// Name of the error metric.
     pub error_metric: String,
-    /// Its value.
+    /// Value of the error metric.
     pub error_value: Option<f64>,
-    /// What a reader must know about this row.
+    /// Remarks on this row.
     pub notes: String,
 }
 
-/// The text of `chart.csv`. Numbers are written with all their digits.
+/// Returns the text of `chart.csv`. Numbers are written with all digits.
 ///
 /// # Errors
-/// [`ChartError::Csv`] for a figure that is not finite, which no row may have.
+/// [`ChartError::Csv`] for a figure that is not finite.
 pub fn write_csv(rows: &[Row]) -> Result<String, ChartError> {
     let wrong = |error: &dyn std::fmt::Display| ChartError::Csv(error.to_string());
     let mut writer = csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new());
@@ -67,7 +68,9 @@ pub fn write_csv(rows: &[Row]) -> Result<String, ChartError> {
         let figures = [row.gpu_ms_median, row.gpu_ms_min, row.gpu_ms_max, row.error_value];
         if let Some(figure) = figures.into_iter().flatten().find(|figure| !figure.is_finite()) {
             let Row { method, workload, error_metric, .. } = row;
-            return Err(ChartError::Csv(format!("{method}, {workload}, {error_metric}: {figure} is no figure")));
+            return Err(ChartError::Csv(format!(
+                "{method}, {workload}, {error_metric}: {figure} is not a finite number"
+            )));
         }
         writer.serialize(row).map_err(|error| wrong(&error))?;
     }
@@ -78,7 +81,7 @@ pub fn write_csv(rows: &[Row]) -> Result<String, ChartError> {
 /// Reads the text of a `chart.csv`.
 ///
 /// # Errors
-/// [`ChartError::Csv`] if its columns are others or a cell is not what it must be.
+/// [`ChartError::Csv`] if the columns differ from [`COLUMNS`] or a cell has the wrong type.
 pub fn read_csv(text: &str) -> Result<Vec<Row>, ChartError> {
     let wrong = |error: csv::Error| ChartError::Csv(error.to_string());
     let mut reader = csv::Reader::from_reader(text.as_bytes());
@@ -114,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn the_header_is_the_one_that_scripts_read() {
+    fn header_has_the_documented_columns() {
         let text = write_csv(&[]).unwrap();
         assert_eq!(
             text,
@@ -124,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_come_back_as_they_were_and_what_is_missing_stays_empty() {
+    fn rows_round_trip_with_empty_cells() {
         let missing = Row { gpu_ms_median: None, gpu_ms_min: None, gpu_ms_max: None, error_value: None, ..row() };
         let text = write_csv(&[row(), missing.clone()]).unwrap();
         assert!(text.lines().nth(2).unwrap().contains(",1000000,,,,flicker_k10,,"), "{text}");
@@ -132,14 +135,14 @@ mod tests {
     }
 
     #[test]
-    fn no_row_has_a_figure_that_is_none() {
+    fn non_finite_figures_are_refused() {
         let error = write_csv(&[Row { error_value: Some(f64::NAN), ..row() }]).unwrap_err().to_string();
         assert!(error.contains("tent") && error.contains("NaN"), "{error}");
         assert!(write_csv(&[Row { gpu_ms_max: Some(f64::INFINITY), ..row() }]).is_err());
     }
 
     #[test]
-    fn other_columns_and_broken_cells_are_refused() {
+    fn wrong_columns_and_malformed_cells_are_refused() {
         let text = write_csv(&[row()]).unwrap();
         assert!(read_csv(&text.replacen("gpu_ms_min", "gpu_ms_least", 1)).is_err());
         assert!(read_csv(&text.replacen("1920", "wide", 1)).is_err());

@@ -1,18 +1,20 @@
-//! The axis `glare`: every way of drawing glare in every projection, timed in turn, with its errors against the reference.
+//! The axis `glare`: times every glare method in every projection, and measures errors against the reference.
 //!
-//! Time is that of the passes of glare alone; the whole frame's stands in the notes. What a method keeps from frame to frame is kept:
-//! in every turn a method draws a frame that is not counted and then one with the camera turned a little, which is. `sky_cube` keeps
-//! its map of the sky then. As `sky_cube_in_flight` it draws a third frame from another place, for which the map is made anew;
-//! what that takes on the CPU, the difference of the planning times of both frames, is part of its time.
+//! The time covers the glare passes only; the notes give the time of the whole frame. Data that a method keeps between
+//! frames is kept: in every turn a method draws one frame that is not counted and then one with the camera turned a
+//! little, which is counted. For the latter, `sky_cube` reuses its map of the sky. As `sky_cube_in_flight` it draws a
+//! third frame from another place, which needs a new map; the CPU time for the map, measured as the difference of the
+//! planning times of both frames, is part of its time.
 //!
-//! Errors are measured in smaller views of the same projections, where every pixel that is compared can be compared with every star.
+//! Errors are measured in smaller views of the same projections, in which every compared pixel can be compared with
+//! every star.
 
 use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 
 use super::{
-    Axis, Budget, ChartError, Extent, GlareMetric, Row, Score, Scores, Sky, Step, Tell, ViewShape,
+    Axis, Budget, ChartError, Extent, GlareMetric, ReportStep, Row, Score, Scores, Sky, Step, ViewShape,
     scores::{GlareScenes, ScoredSky, score_glare},
     timing::{self, Case, Spread, TIMING_EV100, Taken, Timed, message_of},
     workloads::{Skies, rig_of, snapshot},
@@ -25,12 +27,12 @@ use crate::{
     view::Rig,
 };
 
-/// How far the camera turns from frame to frame, rad.
+/// Angle by which the camera turns between frames, rad.
 const TURN_RAD: f64 = 0.01;
-/// How far a camera in flight comes from frame to frame, m.
+/// Distance by which a camera in flight moves between frames, m.
 const STEP_M: f64 = 1e-4 * PARSEC_M;
 
-/// A method with what it has to choose.
+/// A method with its options.
 #[derive(Clone, Debug, PartialEq)]
 struct Variant {
     name: String,
@@ -39,7 +41,7 @@ struct Variant {
     in_flight: bool,
 }
 
-/// Everything that is charted; without glare first, as what all others add to.
+/// Returns all charted variants; first the one without glare, to which the others add their time.
 fn variants() -> Vec<Variant> {
     let variant = |method: GlareMethod, weights: PyramidWeights, suffix: &str| Variant {
         name: format!("{}{suffix}", method.name()),
@@ -60,18 +62,18 @@ fn variants() -> Vec<Variant> {
 }
 
 impl Variant {
-    /// What a reader must know of every row.
+    /// Note on every row of the variant.
     fn note(&self) -> &'static str {
         match (self.settings.method, self.settings.weights) {
             (GlareMethod::SkyCube, _) if self.in_flight => {
-                "the camera moves: the map of the sky is made anew for every frame"
+                "the camera moves: the map of the sky is recomputed for every frame"
             }
-            (GlareMethod::SkyCube, _) => "the map of the sky is kept, as while a head turns",
+            (GlareMethod::SkyCube, _) => "the map of the sky is reused, as during head rotation",
             (GlareMethod::ScreenPyramid | GlareMethod::ViewPyramid, PyramidWeights::Halved) => {
-                "weights halved from level to level, as published: the inverse cube"
+                "weights are halved from level to level, as published: inverse-cube falloff"
             }
             (GlareMethod::ScreenPyramid | GlareMethod::ViewPyramid, PyramidWeights::Equal) => {
-                "equal weights: the inverse square"
+                "equal weights: inverse-square falloff"
             }
             _ => "no glare",
         }
@@ -83,8 +85,9 @@ pub(super) fn run(
     extent: &Extent,
     skies: &mut Skies,
     budget: Budget,
-    tell: Tell<'_>,
+    report_step: ReportStep<'_>,
 ) -> Result<Vec<Row>, ChartError> {
+    // Views for the scores, each listed once.
     let variants = variants();
     let views = &extent.glare.views;
     let mut small: Vec<ViewShape> = Vec::new();
@@ -93,18 +96,20 @@ pub(super) fn run(
             small.push(*view);
         }
     }
-    let of = small.len() + views.len();
+    let total = small.len() + views.len();
     let mut done = 0;
-    let mut step = |what: String| {
-        tell(&Step { axis: Axis::Glare, done, of, what });
+    let mut step = |task: String| {
+        report_step(&Step { axis: Axis::Glare, done, total, task });
         done += 1;
     };
+    // Score every variant in these views.
     let records = skies.records(Sky::Galaxy(extent.glare.scored_stars))?;
     let mut scores = Vec::new();
     for &view in &small {
         step(format!("scoring in {}", view.name()));
         scores.push(score_variants(renderer, &variants, view, &records, extent.glare.pixels)?);
     }
+    // Time every variant in each view; the budget is divided by the number of pixels.
     let sky = Sky::Galaxy(extent.glare.stars);
     let scene = snapshot(skies.records(sky)?.to_vec());
     let pixels = |view: ViewShape| -> f64 {
@@ -132,10 +137,11 @@ pub(super) fn run(
             planes: view.is_flat(),
         };
         let scores = small.iter().position(|view| *view == scored).map(|index| &scores[index]);
+        // One row per variant and metric.
         for (index, variant) in variants.iter().enumerate() {
-            let (timed, beside) = &timed[index];
+            let (timed, notes) = &timed[index];
             let note =
-                [variant.note(), beside].into_iter().filter(|note| !note.is_empty()).collect::<Vec<_>>().join("; ");
+                [variant.note(), notes].into_iter().filter(|note| !note.is_empty()).collect::<Vec<_>>().join("; ");
             let source = variant.settings.method.source().name();
             for metric in GlareMetric::ALL {
                 let score = scores.and_then(|scores| scores[index].as_ref()?.get(metric));
@@ -152,7 +158,7 @@ pub(super) fn run(
     Ok(rows)
 }
 
-/// Scores of every variant in a view; none without glare. In flight a method shows what it shows at rest.
+/// Scores every variant in a view; variants without glare have no score. In flight a method shows the same as at rest.
 fn score_variants(
     renderer: &mut Renderer,
     variants: &[Variant],
@@ -160,7 +166,7 @@ fn score_variants(
     records: &[crate::catalogue::StarRecord],
     pixels: usize,
 ) -> Result<Vec<Option<Scores<GlareMetric>>>, ChartError> {
-    // The kernel by default is a formula: making it cannot fail.
+    // The default kernel is a formula, so building it cannot fail.
     let Ok(kernel) = GlareSettings::default().kernel() else { return Ok(vec![None; variants.len()]) };
     let scenes = GlareScenes::new(view, &ScoredSky { records, pixels }, kernel)?;
     let mut found: Vec<Option<Scores<GlareMetric>>> = Vec::new();
@@ -175,24 +181,25 @@ fn score_variants(
     Ok(found)
 }
 
-/// What the frames of a variant took beside the passes of glare, ms: that of the first turn first.
+/// Times of a variant's frames besides the glare passes, ms; the first entry belongs to the first turn.
 #[derive(Clone, Debug, Default)]
-struct Beside {
+struct FrameNotes {
     whole_gpu: Vec<f64>,
     map_cpu: Vec<f64>,
 }
 
-impl Beside {
-    /// In a line. The first turn, in which pipelines are made, counts where there is no other.
+impl FrameNotes {
+    /// Describes the times in one line. The first turn, which builds pipelines, counts only if there is no other.
     fn note(&self) -> String {
-        let median = |values: &[f64]| Spread::of(values.get(1..).filter(|rest| !rest.is_empty()).unwrap_or(values));
+        let median =
+            |values: &[f64]| Spread::from_values(values.get(1..).filter(|rest| !rest.is_empty()).unwrap_or(values));
         let whole = median(&self.whole_gpu).map(|spread| format!("whole frame {:.2} ms", spread.median_ms));
         let map = median(&self.map_cpu).map(|spread| format!("{:.2} ms of the time on the CPU", spread.median_ms));
         whole.into_iter().chain(map).collect::<Vec<_>>().join("; ")
     }
 }
 
-/// Times every variant; beside the times, a note.
+/// Times every variant; returns a note with each time.
 fn time_variants(
     renderer: &mut Renderer,
     variants: &[Variant],
@@ -201,27 +208,27 @@ fn time_variants(
     rounds: usize,
     budget: Budget,
 ) -> Result<Vec<(Timed, String)>, ChartError> {
-    let mut beside = vec![Beside::default(); variants.len()];
+    let mut notes = vec![FrameNotes::default(); variants.len()];
     let timed = timing::rounds(variants.len(), rounds, budget, |index| {
-        turn(renderer, &variants[index], scene, rig, &mut beside[index])
+        turn(renderer, &variants[index], scene, rig, &mut notes[index])
     })?;
-    let with_note = |((mut timed, beside), variant): ((Timed, Beside), &Variant)| {
+    let with_note = |((mut timed, notes), variant): ((Timed, FrameNotes), &Variant)| {
         if variant.settings.method == GlareMethod::None && !timed.failed {
-            // It has no pass to be timed: that its time is missing says nothing of the adapter.
+            // Without glare there is no pass to time: the missing time is not a limit of the adapter.
             timed.note = String::new();
         }
-        (timed, beside.note())
+        (timed, notes.note())
     };
-    Ok(timed.into_iter().zip(beside).zip(variants).map(with_note).collect())
+    Ok(timed.into_iter().zip(notes).zip(variants).map(with_note).collect())
 }
 
-/// The frames of one turn; see the module.
+/// Draws the frames of one turn; see the module head.
 fn turn(
     renderer: &mut Renderer,
     variant: &Variant,
     scene: &SceneSnapshot,
     rig: &Rig,
-    beside: &mut Beside,
+    notes: &mut FrameNotes,
 ) -> Result<Taken, ChartError> {
     let mut settings = RenderSettings { glare: variant.settings.clone(), ..RenderSettings::default() };
     settings.exposure.mode = ExposureMode::Manual;
@@ -247,19 +254,19 @@ fn turn(
             Err(message) => return Ok(Err(message)),
         }
     }
-    Ok(Ok((counted(&times, variant.in_flight, beside), start.elapsed())))
+    Ok(Ok((counted(&times, variant.in_flight, notes), start.elapsed())))
 }
 
-/// Time of the last of the frames of a turn, ms; `None` without a pass of glare that could be timed.
-fn counted(times: &[FrameTimes], in_flight: bool, beside: &mut Beside) -> Option<f64> {
+/// Time of the last frame of a turn, ms; `None` if no glare pass could be timed.
+fn counted(times: &[FrameTimes], in_flight: bool, notes: &mut FrameNotes) -> Option<f64> {
     let (last, before) = times.split_last()?;
-    beside.whole_gpu.extend(last.gpu_ms);
+    notes.whole_gpu.extend(last.gpu_ms);
     let passes: Vec<f64> = last.passes_ms.iter().filter(|pass| pass.0 == "glare").map(|pass| pass.1).collect();
     if passes.is_empty() {
         return None;
     }
     let map_ms = before.last().filter(|_| in_flight).map(|kept| (last.plan_ms - kept.plan_ms).max(0.0));
-    beside.map_cpu.extend(map_ms);
+    notes.map_cpu.extend(map_ms);
     Some(passes.iter().sum::<f64>() + map_ms.unwrap_or(0.0))
 }
 
@@ -268,7 +275,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_method_is_charted_once_and_under_its_own_name() {
+    fn variants_have_unique_names_and_cover_all_methods() {
         let all = variants();
         let names: Vec<&str> = all.iter().map(|variant| variant.name.as_str()).collect();
         assert_eq!(
@@ -294,19 +301,19 @@ mod tests {
     }
 
     #[test]
-    fn the_passes_of_glare_count_and_the_map_where_it_is_made_anew() {
+    fn time_covers_glare_passes_and_recomputed_map() {
         let before = times(&[("stars", 1.0), ("glare", 50.0)], 4.0);
         let last = times(&[("stars", 1.0), ("glare", 2.0), ("glare", 3.0), ("exposure", 7.0)], 10.0);
-        let mut beside = Beside::default();
-        assert_eq!(counted(&[before.clone(), last.clone()], false, &mut beside), Some(5.0));
-        assert_eq!(beside.note(), "whole frame 20.00 ms");
-        let mut beside = Beside::default();
-        assert_eq!(counted(&[before.clone(), last], true, &mut beside), Some(11.0));
-        assert_eq!(beside.note(), "whole frame 20.00 ms; 6.00 ms of the time on the CPU");
-        // Without such a pass there is no time, never one of nought.
-        assert_eq!(counted(&[before.clone(), times(&[("stars", 1.0)], 1.0)], true, &mut beside), None);
-        // The first turn does not count beside others.
-        beside.map_cpu.extend([1.0, 3.0]);
-        assert!(beside.note().contains("2.00 ms of the time"), "{}", beside.note());
+        let mut notes = FrameNotes::default();
+        assert_eq!(counted(&[before.clone(), last.clone()], false, &mut notes), Some(5.0));
+        assert_eq!(notes.note(), "whole frame 20.00 ms");
+        let mut notes = FrameNotes::default();
+        assert_eq!(counted(&[before.clone(), last], true, &mut notes), Some(11.0));
+        assert_eq!(notes.note(), "whole frame 20.00 ms; 6.00 ms of the time on the CPU");
+        // Without a glare pass there is no time, rather than a time of zero.
+        assert_eq!(counted(&[before.clone(), times(&[("stars", 1.0)], 1.0)], true, &mut notes), None);
+        // The first turn does not count if there are others.
+        notes.map_cpu.extend([1.0, 3.0]);
+        assert!(notes.note().contains("2.00 ms of the time"), "{}", notes.note());
     }
 }

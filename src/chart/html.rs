@@ -1,5 +1,5 @@
-//! `index.html`: the pictures and, for every workload, a table that a person can read. One file without scripts; the
-//! pictures lie beside it.
+//! `index.html`: the pictures, and a readable table for every workload. One file without scripts; the pictures are next
+//! to it.
 
 use std::fmt::Write as _;
 
@@ -8,7 +8,7 @@ use super::{
     timing::TIMING_EV100,
 };
 
-/// Columns of the table of the axis `stars`, each with its heading.
+/// Columns of the table of the axis `stars`, with their headings.
 const STARS: [(Metric, &str); 13] = [
     (Metric::FluxStarRms, "flux error, one star"),
     (Metric::FluxTotal, "flux error, frame"),
@@ -25,7 +25,7 @@ const STARS: [(Metric, &str); 13] = [
     (Metric::OrderBitsDiffer, "shuffles identical"),
 ];
 
-/// The same of the axis `glare`.
+/// Columns of the axis `glare`.
 const GLARE: [(GlareMetric, &str); 7] = [
     (GlareMetric::VeilRms, "veil, rms error"),
     (GlareMetric::VeilLargest, "veil, largest error"),
@@ -36,7 +36,7 @@ const GLARE: [(GlareMetric, &str); 7] = [
     (GlareMetric::FluxKept, "light kept"),
 ];
 
-/// The same of the axis `asteroids`.
+/// Columns of the axis `asteroids`.
 const ASTEROIDS: [(AsteroidMetric, &str); 5] = [
     (AsteroidMetric::SilhouetteIou, "silhouette, IoU"),
     (AsteroidMetric::OutlinePx, "outline, px"),
@@ -45,7 +45,7 @@ const ASTEROIDS: [(AsteroidMetric, &str); 5] = [
     (AsteroidMetric::Light, "light"),
 ];
 
-/// The same of the axis `projectors`.
+/// Columns of the axis `projectors`.
 const PROJECTORS: [(ProjectorMetric, &str); 5] = [
     (ProjectorMetric::LightRms, "light, rms error"),
     (ProjectorMetric::LightLargest, "light, largest"),
@@ -54,7 +54,7 @@ const PROJECTORS: [(ProjectorMetric, &str); 5] = [
     (ProjectorMetric::WidthVariation, "width varies"),
 ];
 
-/// A column of errors.
+/// An error column.
 #[derive(Clone, Copy)]
 struct Column {
     metric: &'static str,
@@ -62,14 +62,18 @@ struct Column {
     meaning: &'static str,
 }
 
-/// The columns of errors of an axis that has a table per workload.
+/// Returns the error columns of an axis that has one table per workload.
 fn columns(axis: Axis) -> Vec<Column> {
-    let of = |(metric, heading, meaning)| Column { metric, heading, meaning };
+    let column = |(metric, heading, meaning)| Column { metric, heading, meaning };
     match axis {
-        Axis::Stars => STARS.map(|(metric, heading)| of((metric.name(), heading, metric.meaning()))).to_vec(),
-        Axis::Glare => GLARE.map(|(metric, heading)| of((metric.name(), heading, metric.meaning()))).to_vec(),
-        Axis::Asteroids => ASTEROIDS.map(|(metric, heading)| of((metric.name(), heading, metric.meaning()))).to_vec(),
-        Axis::Projectors => PROJECTORS.map(|(metric, heading)| of((metric.name(), heading, metric.meaning()))).to_vec(),
+        Axis::Stars => STARS.map(|(metric, heading)| column((metric.name(), heading, metric.meaning()))).to_vec(),
+        Axis::Glare => GLARE.map(|(metric, heading)| column((metric.name(), heading, metric.meaning()))).to_vec(),
+        Axis::Asteroids => {
+            ASTEROIDS.map(|(metric, heading)| column((metric.name(), heading, metric.meaning()))).to_vec()
+        }
+        Axis::Projectors => {
+            PROJECTORS.map(|(metric, heading)| column((metric.name(), heading, metric.meaning()))).to_vec()
+        }
         Axis::Views | Axis::Scale => Vec::new(),
     }
 }
@@ -82,17 +86,17 @@ const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;margin:2rem auto;ma
     td:last-child{white-space:normal;min-width:18rem;color:#555} .summary td:last-child{min-width:0;color:inherit} tr.none td{color:#999} dt{font-weight:bold} dd{margin:0 0 .4rem 1rem}\
     code{background:#f4f4f4;padding:1px 4px}";
 
-/// Text as it may stand between tags and in attributes.
+/// Escapes text for use between tags and in attributes.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// The metric of a row, if it is one of the axis `stars`.
+/// Returns the metric of a row if it belongs to the axis `stars`.
 pub(super) fn metric_of(row: &Row) -> Option<Metric> {
     Metric::ALL.into_iter().find(|metric| metric.name() == row.error_metric)
 }
 
-/// A figure with as many digits as mean something.
+/// Formats a figure with its significant digits.
 pub(super) fn figure(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_owned(),
@@ -103,7 +107,7 @@ pub(super) fn figure(value: f64) -> String {
     }
 }
 
-/// Distinct values of the rows, in their order.
+/// Returns the distinct values of the rows in order of first occurrence.
 pub(super) fn distinct<'a>(rows: &[&'a Row], value: fn(&Row) -> &str) -> Vec<&'a str> {
     let mut found: Vec<&str> = Vec::new();
     for row in rows {
@@ -114,11 +118,12 @@ pub(super) fn distinct<'a>(rows: &[&'a Row], value: fn(&Row) -> &str) -> Vec<&'a
     found
 }
 
-/// The page.
+/// Returns the page.
 pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> String {
     let mut page = String::new();
     // Writing to a string cannot fail.
     let mut add = |text: &str| page.push_str(text);
+    // Head of the page.
     add("<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n");
     add("<meta name=\"viewport\" content=\"width=device-width\">\n<title>Steradian: speed against accuracy</title>\n");
     add(&format!("<style>{STYLE}</style>\n</head>\n<body>\n<h1>Speed against accuracy</h1>\n"));
@@ -129,6 +134,7 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
         escaped(&about.date),
         escaped(&about.command)
     ));
+    // Per axis: picture, summary of all methods, and a table per workload.
     for (axis, picture) in pictures {
         let of_axis: Vec<&Row> = rows.iter().filter(|row| row.axis == axis.name()).collect();
         add(&format!("<h2>{}</h2>\n", escaped(axis.title())));
@@ -139,14 +145,17 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
             continue;
         }
         add(&match axis {
-            Axis::Glare => summary(&Summary::glare(rows), "rms error of the veil, workloads in the order of the times"),
+            Axis::Glare => summary(
+                &Summary::glare(rows),
+                "errors are the rms error of the veil, workloads in the same order as the times",
+            ),
             Axis::Asteroids => {
-                let what = "errors in the first view and, of disparity, between two eyes; what was published is of other hardware";
-                summary(&Summary::asteroids(rows), what)
+                let remark = "errors are measured in the first view, disparity between two eyes; published figures come from other hardware";
+                summary(&Summary::asteroids(rows), remark)
             }
             _ => {
-                let what = "flux error of single stars; identical: whether shuffled stars give the same bits";
-                summary(&Summary::stars(rows), what)
+                let remark = "errors are those of single stars; identical: shuffled stars give the same bits";
+                summary(&Summary::stars(rows), remark)
             }
         });
         for workload in distinct(&of_axis, |row| &row.workload) {
@@ -158,38 +167,39 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
             }
         }
     }
+    // Explanation of the columns.
     add(
-        "<h2>What the columns mean</h2>\n<dl>\n<dt>ms</dt><dd>median (shortest to longest) of the frames of interleaved rounds: \
-         clear, cull, splat and resolve, the HDR image made and left on the GPU. ",
+        "<h2>Meaning of the columns</h2>\n<dl>\n<dt>ms</dt><dd>median (shortest to longest) of the frames of interleaved rounds: \
+         clear, cull, splat and resolve, the HDR image is made and stays on the GPU. ",
     );
     add(&format!(
-        "The exposure is manual, ev100 = {TIMING_EV100}, for every method: a star of magnitude 3 or so reaches display white if all \
-         of its light falls into one pixel of a view of 1080 pixels and 60 degrees. Workloads whose names end with another ev100 have \
-         that one, as users do; there the notes of <code>auto</code> have the times of whole frames with readback. It matters to methods that go by what the display \
-         shows. On the axis <code>glare</code> it is the time of the passes of glare alone, the map of the sky made on the CPU included \
-         where it is made anew for every frame; on the axis <code>asteroids</code> that of the passes that draw asteroids and of planning on \
+        "The exposure is manual, ev100 = {TIMING_EV100}, for every method: a star of about magnitude 3 reaches display white if all \
+         of its light falls into one pixel of a view of 1080 pixels and 60 degrees. Workloads whose names end with another ev100 use \
+         that exposure, a typical one for users; their notes of <code>auto</code> give the times of whole frames with readback. The exposure matters to methods that depend on what the display \
+         shows. On the axis <code>glare</code> the time covers the glare passes only, plus the map of the sky on the CPU \
+         if it is recomputed for every frame; on the axis <code>asteroids</code> it covers the asteroid passes and planning on \
          the CPU.</dd>\n"
     ));
     for Column { metric, heading, meaning } in pictures.iter().flat_map(|(axis, _)| columns(*axis)) {
         add(&format!("<dt>{heading} (<code>{metric}</code>)</dt><dd>{}.</dd>\n", escaped(meaning)));
     }
     add(
-        "</dl>\n<p>All figures but the frame's flux error and the time are of single stars in scenes of their own, the same for \
-         every workload; those of glare and of asteroids are measured in smaller views of the same projections. A dash: the figure does not apply or could not be measured, the notes say why. The Pareto front holds \
-         the methods that no other beats in both time and error.</p>\n</body>\n</html>\n",
+        "</dl>\n<p>All figures except the frame's flux error and the time are measured on single stars in dedicated scenes, the same for \
+         every workload; errors of glare and of asteroids are measured in smaller views of the same projections. A dash: the figure does not apply or could not be measured; the notes give the reason. The Pareto front contains \
+         the methods that no other method beats in both time and error.</p>\n</body>\n</html>\n",
     );
     page
 }
 
-/// The table of all methods; `what` says what beside times it has.
-fn summary(summary: &Summary, what: &str) -> String {
+/// Returns the table of all methods; `remark` describes its figures besides times.
+fn summary(summary: &Summary, remark: &str) -> String {
     let times = summary.workloads.iter().map(|name| format!("<th>ms, {}</th>", escaped(name)));
     let heads: String =
         times.chain(summary.headings.iter().map(|name| format!("<th>{}</th>", escaped(name)))).collect();
     let mut table = format!(
         "<h3>Every method</h3>\n<p>Times are medians; {}.</p>\n\
          <div class=\"wide\"><table class=\"summary\">\n<tr><th>method</th><th>source</th>{heads}</tr>\n",
-        escaped(what)
+        escaped(remark)
     );
     for line in &summary.lines {
         let cells: String = line.iter().map(|cell| format!("<td>{}</td>", escaped(cell))).collect();
@@ -198,7 +208,7 @@ fn summary(summary: &Summary, what: &str) -> String {
     table + "</table></div>\n"
 }
 
-/// The table of one workload.
+/// Returns the table of one workload.
 fn table(workload: &str, rows: &[&Row], columns: &[Column]) -> String {
     let mut table = String::new();
     let first = rows.first();
@@ -256,7 +266,7 @@ fn table(workload: &str, rows: &[&Row], columns: &[Column]) -> String {
     table
 }
 
-/// The table of an axis that has one figure beside the time: a line per method, a column per workload.
+/// Returns the table of an axis that has one figure besides the time: one row per method, one column per workload.
 fn matrix(rows: &[&Row]) -> String {
     let workloads = distinct(rows, |row| &row.workload);
     let metric = rows.first().map_or("", |row| row.error_metric.as_str());
@@ -279,7 +289,7 @@ fn matrix(rows: &[&Row]) -> String {
         let cells: String = cells.collect();
         let mut notes: Vec<&str> = Vec::new();
         for note in of_method.iter().flat_map(|row| row.notes.split("; ")).filter(|note| !note.is_empty()) {
-            // That a column has no figure is seen.
+            // A missing figure is visible without a note.
             if !notes.contains(&note) && !note.starts_with("does not apply") {
                 notes.push(note);
             }
@@ -294,7 +304,7 @@ fn matrix(rows: &[&Row]) -> String {
     table + "</table></div>\n"
 }
 
-/// The time of a row.
+/// Formats the time of a row.
 fn time(row: &Row) -> String {
     match (row.gpu_ms_median, row.gpu_ms_min, row.gpu_ms_max) {
         (Some(median), Some(min), Some(max)) => format!("{median:.2} ({min:.2}\u{2013}{max:.2})"),
@@ -333,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_tells_where_it_is_from_and_shows_picture_and_table() {
+    fn page_has_provenance_picture_and_table() {
         let rows = [
             row(Metric::CentroidPx, None),
             row(Metric::OrderBitsDiffer, Some(0.0)),
@@ -351,31 +361,31 @@ mod tests {
         ] {
             assert!(page.contains(part), "`{part}` is not in {page}");
         }
-        assert_eq!(page.matches("<tr>").count(), 4, "the heads and one method, in the summary and in the workload");
+        assert_eq!(page.matches("<tr>").count(), 4, "a head and one method, in the summary and in the workload");
         assert!(page.contains("ev100 = -3,") && page.contains("<th>ms, 10k dome-8</th>"), "{page}");
         let differing = super::table("w", &[&row(Metric::OrderBitsDiffer, Some(0.25))], &columns(Axis::Stars));
         assert!(differing.contains("no (25.0 % of pixels)"), "{differing}");
     }
 
     #[test]
-    fn glare_has_a_table_of_its_own_errors() {
-        let of = |metric: GlareMetric, value| Row {
+    fn glare_table_has_glare_errors() {
+        let row_of = |metric: GlareMetric, value| Row {
             axis: "glare".to_owned(),
             method: "sky_cube".to_owned(),
             error_metric: metric.name().to_owned(),
             error_value: Some(value),
             ..row(Metric::Seam, None)
         };
-        let rows = [of(GlareMetric::Slope, -2.0), of(GlareMetric::FromOutside, 1.0)];
+        let rows = [row_of(GlareMetric::Slope, -2.0), row_of(GlareMetric::FromOutside, 1.0)];
         let page = page(&rows, &[(Axis::Glare, "glare.svg".to_owned())], &about());
         for part in ["<img src=\"glare.svg\"", "<td>-2.000</td><td>1.000</td>", "veil_flux_kept", "<td>sky_cube</td>"] {
             assert!(page.contains(part), "`{part}` is not in {page}");
         }
-        assert!(!page.contains("flicker_k10"), "the errors of stars are not charted");
+        assert!(!page.contains("flicker_k10"), "the page has errors of stars");
     }
 
     #[test]
-    fn figures_are_short_and_nought_is_nought() {
+    fn figures_are_short_and_zero_is_0() {
         let found = [0.0, 1.234e-5, 0.038_41, 0.29, 1.0, 12.34, 123_456.0].map(figure);
         assert_eq!(found, ["0", "1.2e-5", "0.0384", "0.290", "1.000", "12.3", "1.2e5"]);
     }

@@ -1,21 +1,21 @@
 //! The chart: speed against accuracy of every method, from one run.
 //!
-//! An [`Axis`] is one question asked of many methods. It turns a renderer into [`Row`]s: a figure of merit beside the time
-//! that the method took, for each method, workload and metric. `csv`, `svg` and `html` show the rows and know nothing of
-//! how they were made, so a further axis is an entry in [`Axis`] and a module with one function.
+//! An [`Axis`] is one question asked of many methods. Its module uses a renderer to produce [`Row`]s: one figure of
+//! merit and the time of the method, for each method, workload and metric. `csv`, `svg` and `html` display the rows and
+//! do not depend on how they were measured, so a new axis is an entry in [`Axis`] and a module with one function.
 //!
-//! - `workloads`: which skies are drawn in which views, in a quick and in a full run;
-//! - `timing`: frames of all methods in turn, within a budget of time;
-//! - `scenes`: small made-up skies of which the right picture is known;
+//! - `workloads`: skies and views of a quick and of a full run;
+//! - `timing`: frames of all methods in turn, within a time budget;
+//! - `scenes`: small artificial skies whose correct picture is known;
 //! - `scores`: the figures of one method over those scenes, by [`crate::metrics`];
 //! - `stars`, `glare`, `asteroids`, `projectors`, `views`, `scale`: the axes;
-//! - `summary`: a line per method;
-//! - `pareto`: which methods no other beats in both time and accuracy.
+//! - `summary`: one line per method;
+//! - `pareto`: methods that no other method beats in both time and accuracy.
 //!
-//! Time is the GPU's from the clearing of the first buffer to the end of the last pass, plus the culling on the CPU, ms: so
-//! clear, cull, splat and resolve count alike for every method; of the axes `glare` and `asteroids` it
-//! is that of their passes. Scores are dimensionless unless the metric's name has a
-//! unit. What could not be measured is empty and says why in the notes, never 0.
+//! Time is GPU time from the clearing of the first buffer to the end of the last pass, plus culling on the CPU, in ms.
+//! It thus covers clear, cull, splat and resolve for every method; for the axes `glare` and `asteroids` it covers their
+//! passes. Scores are dimensionless unless the metric's name has a unit. A figure that could not be measured is empty,
+//! never 0, and the notes give the reason.
 
 mod asteroids;
 mod csv;
@@ -59,11 +59,11 @@ use crate::{
     view::RigError,
 };
 
-/// Why a chart cannot be made.
+/// Error of a chart.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ChartError {
-    /// The device failed; nothing measured after that would be worth anything.
+    /// The device failed, so later measurements would be meaningless.
     #[error(transparent)]
     Gpu(GpuError),
     /// The stars of a workload cannot be made.
@@ -83,7 +83,7 @@ pub enum ChartError {
     Write {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         source: io::Error,
     },
     /// The table cannot be written or read.
@@ -91,25 +91,25 @@ pub enum ChartError {
     Csv(String),
 }
 
-/// What is charted.
+/// Subject of a chart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
-    /// Every way of drawing stars: time against each of their errors.
+    /// Every method of drawing stars: time against each error.
     Stars,
-    /// Every way of drawing glare, in every projection: time against each of their errors.
+    /// Every method of drawing glare, in every projection: time against each error.
     Glare,
-    /// Every way of drawing fields of asteroids: time as they grow, and errors against the finest meshes.
+    /// Every method of drawing asteroid fields: time against their number, and errors against the finest meshes.
     Asteroids,
-    /// Drawing straight into a projector's pixels, and bending a flat picture: time against errors of stars.
+    /// Drawing directly into a projector's pixels compared with warping a flat picture: time against errors of stars.
     Projectors,
-    /// What a further view of the same frame costs.
+    /// Cost of each additional view of the same frame.
     Views,
     /// Time against the number of stars.
     Scale,
 }
 
 impl Axis {
-    /// The axes that exist.
+    /// All axes.
     pub const ALL: [Self; 6] = [Self::Stars, Self::Glare, Self::Asteroids, Self::Projectors, Self::Views, Self::Scale];
 
     /// Name on the command line and in `chart.csv`.
@@ -124,7 +124,7 @@ impl Axis {
         }
     }
 
-    /// What the axis shows, as a heading.
+    /// Returns the heading of the axis.
     pub fn title(self) -> &'static str {
         match self {
             Self::Stars => "Drawing stars: time against error",
@@ -136,40 +136,45 @@ impl Axis {
         }
     }
 
-    /// The axis of a name.
+    /// Parses the name of an axis.
     ///
     /// # Errors
-    /// What there is, where there is none of that name.
+    /// The list of valid names, if the name is unknown.
     pub fn from_name(name: &str) -> Result<Self, String> {
-        let there_is = Self::ALL.map(Self::name).join(", ");
+        let valid = Self::ALL.map(Self::name).join(", ");
         match Self::ALL.into_iter().find(|axis| axis.name() == name) {
             Some(axis) => Ok(axis),
-            None => Err(format!("there is: {there_is}")),
+            None => Err(format!("must be one of {valid}")),
         }
     }
 }
 
-/// A step of the work, to show progress.
+/// A step of the work, for progress reports.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Step {
     /// The axis.
     pub axis: Axis,
-    /// Steps of the axis done before this one.
+    /// Number of steps of the axis that are done.
     pub done: usize,
-    /// All steps of the axis.
-    pub of: usize,
-    /// What comes now.
-    pub what: String,
+    /// Number of steps of the axis.
+    pub total: usize,
+    /// Description of the step that starts.
+    pub task: String,
 }
 
-/// Where progress goes.
-pub type Tell<'a> = &'a mut dyn FnMut(&Step);
+/// Callback that receives progress.
+pub type ReportStep<'a> = &'a mut dyn FnMut(&Step);
 
-/// Charts the axes, one after the other.
+/// Charts the axes one after the other.
 ///
 /// # Errors
-/// [`ChartError`] where the device fails or a workload cannot be made. A method that fails has rows that say so.
-pub fn run(renderer: &mut Renderer, axes: &[Axis], extent: &Extent, tell: Tell<'_>) -> Result<Vec<Row>, ChartError> {
+/// [`ChartError`] if the device fails or a workload cannot be made. A method that fails has rows with a note.
+pub fn run(
+    renderer: &mut Renderer,
+    axes: &[Axis],
+    extent: &Extent,
+    report_step: ReportStep<'_>,
+) -> Result<Vec<Row>, ChartError> {
     let budget = Budget::new(extent.budget);
     let mut skies = Skies::default();
     let mut rows = Vec::new();
@@ -182,18 +187,18 @@ pub fn run(renderer: &mut Renderer, axes: &[Axis], extent: &Extent, tell: Tell<'
         let share = weight(axis) / axes[index..].iter().map(|axis| weight(*axis)).sum::<f64>();
         let budget = budget.part(share, 1);
         rows.extend(match axis {
-            Axis::Stars => stars::run(renderer, extent, &mut skies, budget, tell)?,
-            Axis::Glare => glare::run(renderer, extent, &mut skies, budget.at_most(extent.glare.budget), tell)?,
-            Axis::Asteroids => asteroids::run(renderer, extent, budget.at_most(extent.asteroids.budget), tell)?,
-            Axis::Projectors => projectors::run(renderer, extent, &mut skies, budget, tell)?,
-            Axis::Views => views::run(renderer, extent, &mut skies, budget, tell)?,
-            Axis::Scale => scale::run(renderer, extent, &mut skies, budget, tell)?,
+            Axis::Stars => stars::run(renderer, extent, &mut skies, budget, report_step)?,
+            Axis::Glare => glare::run(renderer, extent, &mut skies, budget.at_most(extent.glare.budget), report_step)?,
+            Axis::Asteroids => asteroids::run(renderer, extent, budget.at_most(extent.asteroids.budget), report_step)?,
+            Axis::Projectors => projectors::run(renderer, extent, &mut skies, budget, report_step)?,
+            Axis::Views => views::run(renderer, extent, &mut skies, budget, report_step)?,
+            Axis::Scale => scale::run(renderer, extent, &mut skies, budget, report_step)?,
         });
     }
     Ok(rows)
 }
 
-/// A span of time that the work of an axis divides among its parts.
+/// A span of time that an axis divides among its parts.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Budget {
     end: Instant,
@@ -204,17 +209,17 @@ impl Budget {
         Self { end: Instant::now() + length }
     }
 
-    /// What is left; nothing when it is over.
+    /// Returns the remaining time, zero if the budget is used up.
     fn left(&self) -> Duration {
         self.end.saturating_duration_since(Instant::now())
     }
 
-    /// One of `parts` equal parts of a share (0 to 1) of what is left.
+    /// Returns one of `parts` equal parts of a share (0 to 1) of the remaining time.
     fn part(&self, share: f64, parts: usize) -> Self {
         Self { end: Instant::now() + self.left().mul_f64(share) / parts.max(1) as u32 }
     }
 
-    /// The same, but no longer than that.
+    /// Returns this budget, limited to a length.
     fn at_most(&self, length: Duration) -> Self {
         Self { end: self.end.min(Instant::now() + length) }
     }
@@ -224,21 +229,21 @@ impl Budget {
     }
 }
 
-/// Where and how a chart was made, for its readers.
+/// Adapter, date and command of a chart, shown to its readers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct About {
     /// Name of the adapter.
     pub adapter: String,
-    /// Its driver.
+    /// Driver of the adapter.
     pub driver: String,
-    /// Day and time, UTC.
+    /// Date and time, UTC.
     pub date: String,
-    /// The command that made it.
+    /// Command line that made the chart.
     pub command: String,
 }
 
 impl About {
-    /// A chart made now on an adapter by a command.
+    /// Describes a chart made now on an adapter by a command.
     pub fn now(adapter: &AdapterReport, command: &str) -> Self {
         let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
         Self {
@@ -250,7 +255,7 @@ impl About {
     }
 }
 
-/// Seconds since 1970-01-01T00:00:00 UTC, shown as day and minute of the Gregorian calendar.
+/// Seconds since 1970-01-01T00:00:00 UTC, displayed as date and minute of the Gregorian calendar.
 struct UtcTime(u64);
 
 impl fmt::Display for UtcTime {
@@ -275,10 +280,10 @@ impl fmt::Display for UtcTime {
     }
 }
 
-/// Writes `chart.csv`, an SVG per axis that has rows, and `index.html`; makes the folder. Returns the files.
+/// Writes `chart.csv`, one SVG per axis that has rows, and `index.html`; creates the folder. Returns the files.
 ///
 /// # Errors
-/// [`ChartError::Write`] with the file that cannot be written, [`ChartError::Csv`] if the table cannot be made.
+/// [`ChartError::Write`] with the file that cannot be written, [`ChartError::Csv`] if a row is invalid.
 pub fn write(folder: &Path, rows: &[Row], about: &About) -> Result<Vec<PathBuf>, ChartError> {
     let wrong = |path: &Path| {
         let path = path.to_owned();
@@ -310,20 +315,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn axes_that_do_not_exist_are_refused_with_those_that_do() {
+    fn unknown_axis_is_refused_with_the_valid_names() {
         for axis in Axis::ALL {
             assert_eq!(Axis::from_name(axis.name()), Ok(axis));
         }
         assert!(
             Axis::from_name("Stars")
                 .unwrap_err()
-                .contains("there is: stars, glare, asteroids, projectors, views, scale")
+                .contains("must be one of stars, glare, asteroids, projectors, views, scale")
         );
     }
 
     #[test]
-    fn days_are_those_of_the_calendar() {
-        for (seconds, shown) in [
+    fn utc_dates_match_the_calendar() {
+        for (seconds, text) in [
             (0, "1970-01-01 00:00 UTC"),
             (951_782_400, "2000-02-29 00:00 UTC"),
             (951_868_799, "2000-02-29 23:59 UTC"),
@@ -332,12 +337,12 @@ mod tests {
             (4_107_542_399, "2100-02-28 23:59 UTC"),
             (4_107_542_400, "2100-03-01 00:00 UTC"),
         ] {
-            assert_eq!(UtcTime(seconds).to_string(), shown);
+            assert_eq!(UtcTime(seconds).to_string(), text);
         }
     }
 
     #[test]
-    fn a_budget_is_divided_and_ends() {
+    fn budget_divides_and_runs_out() {
         let budget = Budget::new(Duration::from_secs(100));
         let part = budget.part(0.5, 10);
         assert!(part.left() <= Duration::from_secs(5) && part.left() > Duration::from_secs(4));

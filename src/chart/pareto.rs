@@ -1,22 +1,23 @@
 //! The Pareto front: the points that no other point beats in both figures.
 
-/// Why there is no front.
+/// A point that is not finite.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("point {index} ({x}, {y}): both figures must be finite")]
 pub struct ParetoError {
-    /// Index of the first point that is no point.
+    /// Index of the first such point.
     pub index: usize,
-    /// Its first figure.
+    /// First figure of the point.
     pub x: f64,
-    /// Its second figure.
+    /// Second figure of the point.
     pub y: f64,
 }
 
-/// Indices of the points (time, error) that no other point dominates, by growing time; smaller is better in both. A point
-/// dominates another if it is not worse in either figure and better in one. Of equal points all are on the front.
+/// Returns the indices of the points (time, error) that no other point dominates, in order of increasing time; smaller
+/// is better in both. A point dominates another if it is not worse in either figure and better in one. Equal points are
+/// all on the front.
 ///
 /// # Errors
-/// [`ParetoError`] for the first point with a figure that is not finite: it could neither win nor lose.
+/// [`ParetoError`] for the first point with a figure that is not finite, which cannot be compared.
 pub fn pareto_front(points: &[(f64, f64)]) -> Result<Vec<usize>, ParetoError> {
     if let Some((index, &(x, y))) = points.iter().enumerate().find(|(_, p)| !(p.0.is_finite() && p.1.is_finite())) {
         return Err(ParetoError { index, x, y });
@@ -25,7 +26,8 @@ pub fn pareto_front(points: &[(f64, f64)]) -> Result<Vec<usize>, ParetoError> {
     order.sort_by(|&a, &b| points[a].0.total_cmp(&points[b].0).then(points[a].1.total_cmp(&points[b].1)));
     let mut front: Vec<usize> = Vec::new();
     for index in order {
-        // Sorted by time: everything on the front so far is not slower, so a point must have less error than the last.
+        // The points are sorted by time, so the front so far is not slower: a point must have a smaller error than the
+        // last one.
         let stays = front.last().is_none_or(|&last| points[index].1 < points[last].1 || points[index] == points[last]);
         if stays {
             front.push(index);
@@ -38,18 +40,18 @@ pub fn pareto_front(points: &[(f64, f64)]) -> Result<Vec<usize>, ParetoError> {
 mod tests {
     use super::*;
 
-    /// The definition, word by word.
+    /// The definition of the front, evaluated directly.
     fn by_definition(points: &[(f64, f64)]) -> Vec<usize> {
         let dominates = |a: (f64, f64), b: (f64, f64)| a.0 <= b.0 && a.1 <= b.1 && (a.0 < b.0 || a.1 < b.1);
         (0..points.len()).filter(|&i| !points.iter().any(|&other| dominates(other, points[i]))).collect()
     }
 
     #[test]
-    fn the_front_is_that_of_the_definition() {
+    fn front_matches_the_definition() {
         let mut state = 1_u64;
         let mut random = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            // Few values, so that ties and equal points come up.
+            // Few distinct values, so that ties and equal points occur.
             ((state >> 60) as f64) / 4.0
         };
         for count in 0..200 {
@@ -62,13 +64,13 @@ mod tests {
     }
 
     #[test]
-    fn a_beaten_point_is_not_on_the_front() {
+    fn dominated_point_is_not_on_the_front() {
         assert_eq!(pareto_front(&[(1.0, 1.0), (2.0, 0.5), (2.0, 0.6), (3.0, 0.5), (0.5, 9.0)]), Ok(vec![4, 0, 1]));
         assert_eq!(pareto_front(&[(1.0, 0.0), (1.0, 0.0)]), Ok(vec![0, 1]));
     }
 
     #[test]
-    fn what_is_no_number_is_refused() {
+    fn non_finite_points_are_refused() {
         for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             assert_eq!(pareto_front(&[(1.0, 1.0), (2.0, wrong)]).unwrap_err().index, 1);
             assert_eq!(pareto_front(&[(wrong, 1.0)]).unwrap_err().index, 0);

@@ -1,15 +1,15 @@
-//! The axis `projectors`: everything drawn straight into a projector's pixels, beside the usual way, a flat picture that is bent as a texture, of half, the same and twice
-//! the pixels along each side.
+//! The axis `projectors`: compares drawing directly into a projector's pixels with the usual method, which warps a flat
+//! picture as a texture. The flat picture has half, the same and twice the number of pixels along each side.
 //!
-//! The projector throws across a dome; light is weighed with solid angles of the closed form. Time is that of a whole frame with its display image read back, since the picture
-//! is bent on the CPU.
+//! The projector throws across a dome. Light is weighted with closed-form solid angles. The time is that of a whole
+//! frame with its display image read back, because the picture is warped on the CPU.
 
 use std::{f64::consts::PI, sync::Arc, time::Instant};
 
 use glam::{DMat3, DVec2, DVec3};
 
 use super::{
-    Axis, Budget, ChartError, Extent, Row, Score, Sky, Step, Tell,
+    Axis, Budget, ChartError, Extent, ReportStep, Row, Score, Sky, Step,
     scores::settings_of,
     timing::{self, Case, TIMING_EV100, message_of},
     workloads::{Skies, rig_of, snapshot},
@@ -28,21 +28,21 @@ use crate::{
     },
 };
 
-/// Stars along the sides of a lattice over the raster.
+/// Stars along both sides of a lattice over the raster.
 const LATTICE: [u32; 2] = [20, 10];
-/// Around a star, pixels: beyond is no light of it.
+/// Half side of the window around a star, pixels; it contains all of the star's light.
 const PATCH_PX: i64 = 8;
 
-/// What is measured of stars on a projector.
+/// Error metric of stars on a projector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProjectorMetric {
     /// Root mean square relative error of their light.
     LightRms,
-    /// The largest one.
+    /// Largest relative error of their light.
     LightLargest,
-    /// Root mean square of the distance of the middle of their light from where they are, pixels.
+    /// Root mean square distance of the centroid of their light from their position, pixels.
     CentroidPx,
-    /// Root of the mean square distance of their light from its middle, mean over the stars, pixels.
+    /// Root mean square distance of their light from its centroid, mean over the stars, pixels.
     WidthPx,
     /// Standard deviation over mean of that width.
     WidthVariation,
@@ -64,19 +64,19 @@ impl ProjectorMetric {
         }
     }
 
-    /// What it tells, in a line.
+    /// Describes the metric in one line.
     pub fn meaning(self) -> &'static str {
         match self {
             Self::LightRms => "rms relative error of the light of 200 stars on a projector, with exact solid angles",
             Self::LightLargest => "the largest of these errors",
-            Self::CentroidPx => "rms distance of a star's light from where it is, pixels",
-            Self::WidthPx => "rms distance of a star's light from its middle, pixels, mean: less is sharper",
+            Self::CentroidPx => "rms distance of a star's centroid from its position, pixels",
+            Self::WidthPx => "rms distance of a star's light from its centroid, pixels, mean: less is sharper",
             Self::WidthVariation => "std/mean of that width over the stars",
         }
     }
 }
 
-/// A pinhole projector at the rim of a dome of radius 1 that lights its other side, seen from the middle.
+/// A pinhole projector at the rim of a dome of radius 1 that lights the opposite side, seen from the centre.
 struct Throw {
     size: [u32; 2],
     place: DVec3,
@@ -140,7 +140,7 @@ impl PlaneMapping for Throw {
     }
 }
 
-/// A way to the projector's pixels.
+/// A method of filling the projector's pixels.
 struct Method {
     name: &'static str,
     rig: Rig,
@@ -160,20 +160,20 @@ fn methods(size: [u32; 2]) -> Result<Vec<Method>, String> {
     methods.collect()
 }
 
-/// What was measured of one star.
+/// Measurements of one star.
 struct Measured {
     light: f64,
     off_px: f64,
     width_px: f64,
 }
 
-/// The stars that are measured, well within the raster and at places of all kinds within a pixel.
+/// Returns the measured stars, well within the raster and at varied positions within a pixel.
 fn stars(size: [u32; 2]) -> Vec<(DVec2, StarRecord)> {
     let throw = Throw::new(size);
     let [columns, rows] = LATTICE;
     let places = (0..columns * rows).map(|index| {
-        let along = |at: u32, count: u32, side: u32, step: f64| {
-            (f64::from(at) + 0.5) / f64::from(count) * f64::from(side) + (f64::from(index) * step).fract() - 0.5
+        let along = |cell: u32, count: u32, side: u32, step: f64| {
+            (f64::from(cell) + 0.5) / f64::from(count) * f64::from(side) + (f64::from(index) * step).fract() - 0.5
         };
         DVec2::new(
             along(index % columns, columns, size[0], 0.618_034),
@@ -217,7 +217,7 @@ fn measured(image: &FrameImage, place: DVec2) -> Option<Measured> {
 
 fn scores(stars: &[Measured]) -> [f64; ProjectorMetric::ALL.len()] {
     let count = stars.len() as f64;
-    let rms = |of: fn(&Measured) -> f64| (stars.iter().map(|star| of(star).powi(2)).sum::<f64>() / count).sqrt();
+    let rms = |error: fn(&Measured) -> f64| (stars.iter().map(|star| error(star).powi(2)).sum::<f64>() / count).sqrt();
     let width = stars.iter().map(|star| star.width_px).sum::<f64>() / count;
     let variance = stars.iter().map(|star| (star.width_px - width).powi(2)).sum::<f64>() / count;
     ProjectorMetric::ALL.map(|metric| match metric {
@@ -246,7 +246,7 @@ fn scored(
     Ok(scores(&found).map(|value| Score { value: Some(value), note: String::new() }).to_vec())
 }
 
-/// Stars around a camera whose axes are those of the world.
+/// A scene with a camera whose axes are the world axes.
 fn snapshot_at_rest(records: Vec<StarRecord>) -> SceneSnapshot {
     SceneSnapshot { camera: crate::scene::Camera::default(), ..snapshot(records) }
 }
@@ -256,10 +256,11 @@ pub(super) fn run(
     extent: &Extent,
     skies: &mut Skies,
     budget: Budget,
-    tell: Tell<'_>,
+    report_step: ReportStep<'_>,
 ) -> Result<Vec<Row>, ChartError> {
     let size = extent.projector;
-    let mut step = |done: usize, what: &str| tell(&Step { axis: Axis::Projectors, done, of: 3, what: what.to_owned() });
+    let mut step =
+        |done: usize, task: &str| report_step(&Step { axis: Axis::Projectors, done, total: 3, task: task.to_owned() });
     step(0, "baking");
     let methods = methods(size).map_err(ChartError::Projector)?;
     let sky = Sky::Galaxy(extent.many_views_stars);

@@ -1,8 +1,8 @@
-//! The axis `scale`: time against the number of stars, in the usual flat view. The figure beside the time is the time per
-//! star of the catalogue.
+//! The axis `scale`: time against the number of stars in the usual flat view. The figure is the time per star of the
+//! catalogue.
 
 use super::{
-    Axis, Budget, ChartError, Extent, Row, Score, Sky, Step, Tell, ViewShape,
+    Axis, Budget, ChartError, Extent, ReportStep, Row, Score, Sky, Step, ViewShape,
     scores::settings_of,
     timing::{self, Case, TIMING_EV100},
     workloads::{Skies, rig_of, snapshot},
@@ -16,13 +16,18 @@ pub(super) fn run(
     extent: &Extent,
     skies: &mut Skies,
     budget: Budget,
-    tell: Tell<'_>,
+    report_step: ReportStep<'_>,
 ) -> Result<Vec<Row>, ChartError> {
     let rig = rig_of(vec![("chart", VIEW.kind())])?;
     let mut rows = Vec::new();
     for (done, &stars) in extent.scale.iter().enumerate() {
         let sky = Sky::Galaxy(stars);
-        tell(&Step { axis: Axis::Scale, done, of: extent.scale.len(), what: format!("{} stars", sky.name()) });
+        report_step(&Step {
+            axis: Axis::Scale,
+            done,
+            total: extent.scale.len(),
+            task: format!("{} stars", sky.name()),
+        });
         let records = skies.records(sky)?;
         let faintest = records.iter().map(|record| record.apparent_magnitude()).fold(f64::NEG_INFINITY, f64::max);
         let scene = snapshot(records.to_vec());

@@ -1,8 +1,9 @@
-//! Scoring scenes: small made-up skies of which the right picture is known, each with the rig that looks at it.
+//! Scoring scenes: small artificial skies whose correct picture is known, each with its rig.
 //!
-//! Camera axes are world axes, stars stand at infinity. Many stars share one image, each in a cell of its own and at its own
-//! place within a pixel, so that a thousand positions cost one frame. The pixels in the middle of the picture are as large
-//! as those of a view of 1080 pixels and 60 degrees, so that what is drawn at a fixed angle has its usual size in pixels.
+//! Camera axes are world axes; stars are at infinity. Many stars share one image, each in its own cell and at its own
+//! position within a pixel, so that a thousand positions cost one frame. The pixels at the centre of the picture are as
+//! large as those of a view of 1080 pixels and 60 degrees, so that anything drawn at a fixed angle has its usual size
+//! in pixels.
 
 use std::f64::consts::TAU;
 
@@ -22,9 +23,9 @@ use crate::{
     view::{Rig, ViewKind, projection::PlaneMapping},
 };
 
-/// Height of the view whose pixels the scenes have.
+/// Height of the view that defines the pixel size of the scenes.
 const PIXELS_OF_HEIGHT: f64 = 1080.0;
-/// Apparent magnitude of a star of the sweep in the middle of the picture.
+/// Apparent magnitude of a star of the sweep at the centre of the picture.
 const SWEEP_MAGNITUDE: f64 = 4.0;
 
 /// Field of view of the narrow sweep: 4 degrees.
@@ -35,7 +36,7 @@ const SWEEP_FOV_RAD: f64 = 0.07;
 pub(super) struct Placed {
     /// Unit vector.
     pub direction: DVec3,
-    /// Place in the picture, continuous pixel coordinates.
+    /// Position in the picture, continuous pixel coordinates.
     pub pixel: DVec2,
     /// Illuminance at the eye, lx.
     pub illuminance_lx: f64,
@@ -46,7 +47,7 @@ pub(super) struct Scene {
     pub rig: Rig,
     pub snapshot: SceneSnapshot,
     pub stars: Vec<Placed>,
-    /// Seed of the order in which the stars reach the GPU; `None`: the usual one.
+    /// Seed of the order in which the stars reach the GPU; `None`: the default order.
     pub order: Option<u64>,
 }
 
@@ -55,13 +56,13 @@ impl Scene {
         Self { rig, snapshot: still(records), stars, order: None }
     }
 
-    /// The mapping of the only image.
+    /// Returns the mapping of the only image.
     pub fn mapping(&self) -> &dyn PlaneMapping {
         projection_of(&self.rig).mapping()
     }
 }
 
-/// These stars seen from the barycentre along the world's axes.
+/// A scene of these stars, seen from the barycentre along the world axes.
 fn still(records: Vec<StarRecord>) -> SceneSnapshot {
     SceneSnapshot {
         revision: 1,
@@ -75,14 +76,14 @@ fn record(direction: DVec3, magnitude: f32, temperature_k: f32) -> StarRecord {
     StarRecord { position: direction, magnitude, temperature_k, distance_known: false }
 }
 
-/// A flat view of `size` pixels as large as those of the usual view.
+/// Returns a flat view of `size` pixels whose pixels are as large as those of the usual view.
 pub(super) fn usual_view(size: [u32; 2]) -> Result<Rig, ChartError> {
     let pixel = 2.0 * (FLAT_FOV_Y_RAD / 2.0).tan() / PIXELS_OF_HEIGHT;
     let fov_y_rad = 2.0 * (f64::from(size[1]) / 2.0 * pixel).atan();
     Ok(rig_of(vec![("score", ViewKind::Perspective { size, fov_y_rad })])?)
 }
 
-/// Middles of the cells that an image is divided into.
+/// Returns the centres of the cells that divide an image.
 fn cell_middles([width, height]: [u32; 2], cell_px: u32) -> Vec<DVec2> {
     let middle = |index: u32| (f64::from(index) + 0.5) * f64::from(cell_px);
     (0..height / cell_px)
@@ -90,7 +91,7 @@ fn cell_middles([width, height]: [u32; 2], cell_px: u32) -> Vec<DVec2> {
         .collect()
 }
 
-/// Puts a star at every pixel position; `magnitude` by index and place.
+/// Places a star at every pixel position; `magnitude` gets the index and the position.
 fn placed(
     rig: Rig,
     pixels: impl Iterator<Item = DVec2>,
@@ -108,11 +109,11 @@ fn placed(
     Scene::new(rig, records, stars)
 }
 
-/// Stars at sub-pixel positions of a pan, all with the same light over the solid angle of their own pixel, which comes
-/// second, cd/m^2. Every page has other positions.
+/// Stars at the sub-pixel positions of a pan, all with the same light over the solid angle of their own pixel. The
+/// second value is that luminance in cd/m^2. Every page has different positions.
 ///
-/// A `narrow` view is such that kernels which go by pixels have the same shape all over it: what differs from star to star is the
-/// sub-pixel position alone. Stars of constant angle are scored in the usual view, where they are as small as in use.
+/// In a `narrow` view, kernels defined in pixels have the same shape everywhere, so stars differ only by their
+/// sub-pixel position. Stars of constant angle are scored in the usual view, where they have their usual small size.
 pub(super) fn sweep(image_px: u32, cell_px: u32, page: usize, narrow: bool) -> Result<(Scene, f64), ChartError> {
     let rig = if narrow {
         rig_of(vec![("score", ViewKind::Perspective { size: [image_px; 2], fov_y_rad: SWEEP_FOV_RAD })])?
@@ -133,7 +134,7 @@ pub(super) fn sweep(image_px: u32, cell_px: u32, page: usize, narrow: bool) -> R
     Ok((scene, luminance))
 }
 
-/// Stars of magnitudes 2 to 5 from the middle of a flat view to its corners.
+/// Stars of magnitudes 2 to 5 from the centre of a flat view to its corners.
 pub(super) fn grid(size: [u32; 2], fov_y_rad: f64, cell_px: u32) -> Result<Scene, ChartError> {
     let rig = rig_of(vec![("score", ViewKind::Perspective { size, fov_y_rad })])?;
     let cells = cell_middles(size, cell_px);
@@ -147,20 +148,20 @@ pub(super) fn ring(image_px: u32, cell_px: u32) -> Result<Scene, ChartError> {
     let fov_y_rad = 110f64.to_radians();
     let rig = rig_of(vec![("score", ViewKind::Perspective { size: [image_px; 2], fov_y_rad })])?;
     let middle = f64::from(image_px) / 2.0;
-    // The tangent of 45 degrees is 1: as many pixels from the middle as the image plane is away.
+    // The tangent of 45 degrees is 1, so the radius in pixels is the distance of the image plane.
     let radius = middle / (fov_y_rad / 2.0).tan();
     let count = (TAU * radius / f64::from(cell_px)).floor().max(4.0) as u32;
-    let at = |index: u32| {
+    let position = |index: u32| {
         let angle = (f64::from(index) + 0.37) * TAU / f64::from(count);
         DVec2::splat(middle) + radius * DVec2::from_angle(angle)
     };
-    Ok(placed(rig, (0..count).map(at), |_, _, _| SWEEP_MAGNITUDE))
+    Ok(placed(rig, (0..count).map(position), |_, _, _| SWEEP_MAGNITUDE))
 }
 
 /// Temperatures of the two stars that share a pixel, K.
 pub(super) const PAIR_K: [f32; 2] = [3000.0, 20_000.0];
 
-/// Two equally bright stars of [`PAIR_K`] at each of 16 places.
+/// Two equally bright stars with the temperatures [`PAIR_K`] at each of 16 positions.
 pub(super) fn pairs(cell_px: u32) -> Result<Scene, ChartError> {
     let size = [4 * cell_px; 2];
     let rig = usual_view(size)?;
@@ -177,8 +178,8 @@ pub(super) fn pairs(cell_px: u32) -> Result<Scene, ChartError> {
     Ok(scene)
 }
 
-/// Sirius, then a star of magnitude 21 two cells away.
-pub(super) fn faint_beside_bright(cell_px: u32) -> Result<Scene, ChartError> {
+/// Sirius, and a star of magnitude 21 two cells away.
+pub(super) fn faint_near_bright(cell_px: u32) -> Result<Scene, ChartError> {
     let rig = usual_view([4 * cell_px, 2 * cell_px])?;
     let cell = f64::from(cell_px);
     let pixels = [DVec2::new(cell + 0.3, cell + 0.4), DVec2::new(3.0 * cell + 0.6, cell + 0.2)];
@@ -188,7 +189,7 @@ pub(super) fn faint_beside_bright(cell_px: u32) -> Result<Scene, ChartError> {
 /// Side of the picture of [`crowd`], pixels.
 pub(super) const CROWD_PX: u32 = 48;
 
-/// Many stars of all brightnesses and colours in a small picture.
+/// Many stars with a range of brightnesses and colours in a small picture.
 pub(super) fn crowd(stars: usize) -> Result<Scene, ChartError> {
     let rig = usual_view([CROWD_PX; 2])?;
     let mapping = projection_of(&rig).mapping();
@@ -205,20 +206,20 @@ pub(super) fn crowd(stars: usize) -> Result<Scene, ChartError> {
     Ok(Scene::new(rig, records, Vec::new()))
 }
 
-/// Side of the picture of [`heap`], pixels: room for the widest profile.
+/// Side of the picture of [`heap`], pixels; it holds the widest profile.
 const HEAP_PX: u32 = 96;
 
-/// `stars` equal stars in the middle of one pixel.
+/// `stars` equal stars at the centre of one pixel.
 pub(super) fn heap(stars: usize) -> Result<Scene, ChartError> {
     let rig = usual_view([HEAP_PX; 2])?;
     let middle = DVec2::splat(f64::from(HEAP_PX / 2) + 0.5);
     Ok(placed(rig, std::iter::repeat_n(middle, stars), |_, _, _| 5.0))
 }
 
-/// How far around a star of [`cube_edges`] nothing else shines, rad.
+/// Radius around a star of [`cube_edges`] without other stars, rad.
 pub(super) const EDGE_WINDOW_RAD: f64 = 0.15;
 
-/// Stars on and beside the twelve edges and the eight corners of a cubemap.
+/// Stars on and next to the twelve edges and eight corners of a cubemap.
 pub(super) fn cube_edges(face_size: u32) -> Result<Scene, ChartError> {
     let rig = rig_of(vec![("score", cubemap(face_size))])?;
     let mut directions = Vec::new();
@@ -235,7 +236,7 @@ pub(super) fn cube_edges(face_size: u32) -> Result<Scene, ChartError> {
             }
         }
     }
-    // Up to a pixel to either side of the edge.
+    // Offsets of up to one pixel to either side of the edge.
     let pixel = 2.0 / f64::from(face_size);
     let magnitude = SWEEP_MAGNITUDE as f32;
     let illuminance_lx = illuminance_lx_from_magnitude(f64::from(magnitude));
@@ -255,7 +256,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_star_of_a_sweep_has_the_same_light_over_its_pixel() {
+    fn sweep_stars_have_equal_luminance_over_their_pixel() {
         let (scene, luminance) = sweep(256, 32, 3, true).unwrap();
         assert_eq!(scene.stars.len(), 64);
         let (mut left, mut right) = (0, 0);
@@ -264,8 +265,8 @@ mod tests {
             assert!((star.illuminance_lx / omega / luminance - 1.0).abs() < 1e-6);
             let cell = (star.pixel / 32.0).floor() * 32.0 + 16.0;
             assert!((star.pixel - cell).abs().max_element() <= 1.0);
-            let shown = scene.mapping().pixel_from_direction(star.direction).unwrap();
-            assert!((shown - star.pixel).length() < 1e-9);
+            let position = scene.mapping().pixel_from_direction(star.direction).unwrap();
+            assert!((position - star.pixel).length() < 1e-9);
             if star.pixel.x.fract() < 0.5 { left += 1 } else { right += 1 }
         }
         assert!(left > 25 && right > 25);
@@ -274,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ring_is_45_degrees_from_the_axis() {
+    fn ring_is_45_degrees_off_axis() {
         let scene = ring(256, 32).unwrap();
         assert!(scene.stars.len() > 10);
         for star in &scene.stars {
@@ -283,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn stars_at_the_edges_of_a_cube_stand_apart() {
+    fn cube_edge_stars_are_separated() {
         let scene = cube_edges(128).unwrap();
         assert_eq!(scene.stars.len(), 32);
         for (index, star) in scene.stars.iter().enumerate() {

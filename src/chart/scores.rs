@@ -1,6 +1,6 @@
-//! Scores: the figures of one method over the scoring scenes. Truth is f64, from the stars' magnitudes and the projection's
-//! own solid angles; the metrics are those that tests and `verify` use. Methods of relative brightness are scored after one
-//! fitted scale per figure; they cannot be right in any other way.
+//! Scores: the figures of one method over the scoring scenes. The true values are computed in f64 from the stars'
+//! magnitudes and the projection's exact solid angles; the metrics are the same as in tests and `verify`. Methods with
+//! relative brightness are scored after fitting one scale per figure, because they have no absolute scale.
 
 mod asteroids;
 mod cell_sky;
@@ -24,10 +24,11 @@ use crate::{
     units::magnitude_from_illuminance_lx,
 };
 
-/// An error metric of the axis `stars`. Of a perfect method each is 0, apart from [`Metric::Keeps20000Stars`], which is 1.
+/// Error metric of the axis `stars`. A perfect method has 0 for each, except for [`Metric::Keeps20000Stars`], which is
+/// 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Metric {
-    /// Relative error of the light of the workload's whole frame, stars at the border left out.
+    /// Relative error of the light of the workload's whole frame, without stars at the border.
     FluxTotal,
     /// Root mean square relative error of single stars' light, from centre to corner of views of 60 and 110 degrees.
     FluxStarRms,
@@ -35,9 +36,9 @@ pub enum Metric {
     CentroidPx,
     /// Flicker after tone mapping of a star whose peak is display white.
     FlickerK1,
-    /// The same at ten times display white.
+    /// Flicker at ten times display white.
     FlickerK10,
-    /// The same at a hundred times display white.
+    /// Flicker at a hundred times display white.
     FlickerK100,
     /// Flicker before tone mapping.
     FlickerLinear,
@@ -45,15 +46,15 @@ pub enum Metric {
     EllipticityView45Deg,
     /// Standard deviation over mean of a star's width over sub-pixel positions.
     WidthVariation,
-    /// Distance in u'v' of a star of 3000 K and one of 20,000 K in one pixel from the sum of their light.
+    /// Chromaticity error in u'v' of a star of 3000 K and one of 20,000 K that share a pixel.
     ColourUv,
-    /// The larger relative error of the light of Sirius and of a star of magnitude 21 beside it.
+    /// Larger of the relative errors of the light of Sirius and of a star of magnitude 21 near it.
     DynamicRange,
-    /// Share of the pixels of a crowded picture whose bits differ between shuffles of the stars, or from run to run.
+    /// Share of the pixels of a crowded picture whose bits differ between shuffles of the stars, or between runs.
     OrderBitsDiffer,
     /// Share of their light that 20,000 equal stars in one pixel keep.
     Keeps20000Stars,
-    /// Largest over smallest light of a star at the edges and corners of a cubemap, less 1.
+    /// Largest over smallest light of a star at the edges and corners of a cubemap, minus 1.
     Seam,
 }
 
@@ -96,51 +97,49 @@ impl Metric {
         }
     }
 
-    /// What it tells, in a line.
+    /// Describes the metric in one line.
     pub fn meaning(self) -> &'static str {
         match self {
             Self::FluxTotal => {
-                "relative error of the light of the workload's whole frame (stars at its border left out)"
+                "relative error of the light of the workload's whole frame (without stars at its border)"
             }
             Self::FluxStarRms => {
                 "rms relative error of single stars' light, magnitudes 2 to 5, centre to corner at 60 and 110 degrees"
             }
             Self::CentroidPx => "rms error of a star's centroid over sub-pixel positions, pixels",
-            Self::FlickerK1 => "std/mean over sub-pixel positions of what is displayed of a star as bright as white",
-            Self::FlickerK10 => "std/mean over sub-pixel positions of what is displayed of a star at 10 x white",
-            Self::FlickerK100 => "std/mean over sub-pixel positions of what is displayed of a star at 100 x white",
+            Self::FlickerK1 => "std/mean over sub-pixel positions of the displayed light of a star as bright as white",
+            Self::FlickerK10 => "std/mean over sub-pixel positions of the displayed light of a star at 10 x white",
+            Self::FlickerK100 => "std/mean over sub-pixel positions of the displayed light of a star at 100 x white",
             Self::FlickerLinear => "std/mean over sub-pixel positions of a star's light before tone mapping",
             Self::EllipticityView45Deg => {
                 "1 - minor/major axis of a star in view space, 45 degrees off the axis of a 110-degree view, mean"
             }
             Self::WidthVariation => "std/mean of a star's width over sub-pixel positions",
             Self::ColourUv => "error in u'v' of two stars of 3000 and 20,000 K in one pixel",
-            Self::DynamicRange => "larger relative error of Sirius and of a star of magnitude 21 beside it",
-            Self::OrderBitsDiffer => {
-                "share of pixels whose bits differ when the stars are shuffled, or from run to run"
-            }
+            Self::DynamicRange => "larger of the relative errors of Sirius and of a star of magnitude 21 near it",
+            Self::OrderBitsDiffer => "share of pixels whose bits differ when the stars are shuffled, or between runs",
             Self::Keeps20000Stars => "share of their light that 20,000 equal stars in a pixel keep: 1 is right",
-            Self::Seam => "largest over smallest light of a star at a cubemap's edges and corners, less 1",
+            Self::Seam => "largest over smallest light of a star at a cubemap's edges and corners, minus 1",
         }
     }
 
-    /// The value of a perfect method.
+    /// Returns the value of a perfect method.
     pub fn best(self) -> f64 {
         if self == Self::Keeps20000Stars { 1.0 } else { 0.0 }
     }
 }
 
-/// A figure of a method, or why there is none.
+/// A figure of a method, or the reason why it is missing.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Score {
     /// The figure; `None`: it does not apply or could not be measured.
     pub value: Option<f64>,
-    /// What a reader must know about it.
+    /// Remark on the figure.
     pub note: String,
 }
 
 impl Score {
-    fn of(value: f64) -> Self {
+    fn from_value(value: f64) -> Self {
         Self { value: Some(value), note: String::new() }
     }
 
@@ -149,30 +148,30 @@ impl Score {
     }
 }
 
-/// All figures of a method that do not depend on the workload: of a star method those of [`Metric::ALL`] without
+/// All figures of a method that do not depend on the workload; for a star method all of [`Metric::ALL`] except
 /// [`Metric::FluxTotal`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scores<M = Metric>(Vec<(M, Score)>);
 
 impl<M: PartialEq> Scores<M> {
-    /// The figure of a metric.
+    /// Returns the score of a metric.
     pub fn get(&self, metric: M) -> Option<&Score> {
-        self.0.iter().find(|(of, _)| *of == metric).map(|(_, score)| score)
+        self.0.iter().find(|(name, _)| *name == metric).map(|(_, score)| score)
     }
 }
 
-/// How large the scoring scenes are.
+/// Size of the scoring scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ScoringSize {
     /// Side of the images, pixels.
     pub image_px: u32,
-    /// Sub-pixel positions of a sweep, at least.
+    /// Minimum number of sub-pixel positions of a sweep.
     pub positions: usize,
-    /// Stars of the crowded picture whose order is shuffled; an eighth of them where a star covers thousands of pixels.
+    /// Stars of the crowded picture whose order is shuffled; an eighth of them if a star covers thousands of pixels.
     pub crowd: usize,
-    /// Stars in one pixel.
+    /// Stars in the same pixel.
     pub heap: usize,
-    /// Shuffles, beside two runs of the usual order.
+    /// Number of shuffles, in addition to two runs in the default order.
     pub shuffles: u64,
 }
 
@@ -182,7 +181,7 @@ impl Default for ScoringSize {
     }
 }
 
-/// Why one figure of a method could not be measured, or none of anything any more.
+/// Reason why one figure of a method, or all further figures, could not be measured.
 #[derive(Debug)]
 enum Failure {
     Chart(ChartError),
@@ -207,9 +206,9 @@ impl From<MetricError> for Failure {
     }
 }
 
-/// Settings of a method at an exposure. The published Gaussians, whose exponent (lim - sat) (sat - m) ends 6.8 / (lim - sat)
-/// magnitudes below saturation, are given limits 2.6 magnitudes apart around the faintest of the stars, so that all methods draw
-/// all of them. Glare, which takes light from stars and has an axis of its own, is off.
+/// Returns the settings of a method at an exposure. The published Gaussians, whose exponent (lim - sat) (sat - m) ends
+/// 6.8 / (lim - sat) magnitudes below saturation, get limits 2.6 magnitudes apart around the faintest star, so that all
+/// methods draw all stars. Glare is off, because it takes light from stars; it has a separate axis.
 pub(super) fn settings_of(method: StarMethod, ev100: f64, faintest_lx: f64) -> RenderSettings {
     let mut settings = RenderSettings::default();
     settings.stars.method = method;
@@ -224,7 +223,7 @@ pub(super) fn settings_of(method: StarMethod, ev100: f64, faintest_lx: f64) -> R
     settings
 }
 
-/// Illuminance of the faintest star, lx; infinite without any.
+/// Returns the illuminance of the faintest star, lx; infinite if there are no stars.
 pub(super) fn faintest_lx(stars: &[Placed]) -> f64 {
     stars.iter().map(|star| star.illuminance_lx).fold(f64::INFINITY, f64::min)
 }
@@ -232,23 +231,23 @@ pub(super) fn faintest_lx(stars: &[Placed]) -> f64 {
 /// Pixels of an HDR image, as a frame holds them.
 type Pixels = Vec<[f32; 4]>;
 
-/// Draws a scene at an exposure: the HDR images of its view.
+/// Draws a scene at an exposure and returns the HDR images of its view.
 type Draw<'a> = Box<dyn FnMut(&Scene, f64) -> Result<Vec<Pixels>, Failure> + 'a>;
 
-/// One method over the scoring scenes.
+/// Measures one method over the scoring scenes.
 struct Scorer<'a> {
     draw: Draw<'a>,
     method: StarMethod,
     size: ScoringSize,
     budget: Budget,
-    /// Side of the cell of a star in the scenes, pixels: room for all of its light.
+    /// Side of a star's cell in the scenes, pixels; it contains all of the star's light.
     cell_px: u32,
 }
 
 /// Measures all figures of a method that do not depend on a workload.
 ///
 /// # Errors
-/// [`ChartError`] where the device fails. A figure that cannot be measured has a note instead of a value.
+/// [`ChartError`] if the device fails. A figure that cannot be measured has a note instead of a value.
 pub fn score_method(
     renderer: &mut Renderer,
     method: StarMethod,
@@ -262,6 +261,7 @@ pub fn score_method(
         StarMethod::GlareDisc | StarMethod::PsfTexture => 128,
         _ => 32,
     };
+    // Draws a scene with the method at an exposure.
     let draw = |scene: &Scene, ev100: f64| {
         let settings = settings_of(method, ev100, faintest_lx(&scene.stars));
         renderer.catalogue_order = scene.order;
@@ -272,6 +272,7 @@ pub fn score_method(
         Ok(frame.images.into_iter().filter_map(|image| image.hdr).collect())
     };
     let mut scorer = Scorer { draw: Box::new(draw), method, size, budget: Budget::new(time), cell_px };
+    // The metrics and the function that measures them together.
     type Measure<'a> = fn(&mut Scorer<'a>) -> Result<Vec<Score>, Failure>;
     let groups: [(&[Metric], Measure<'_>); 7] = [
         (
@@ -292,6 +293,7 @@ pub fn score_method(
         (&[Metric::OrderBitsDiffer], Scorer::order),
         (&[Metric::Keeps20000Stars], Scorer::heap),
     ];
+    // Measure all groups; a failure of the method becomes a note.
     let mut scores = Vec::new();
     let mut add = |metrics: &[Metric], found: Result<Vec<Score>, Failure>| -> Result<(), ChartError> {
         match found {

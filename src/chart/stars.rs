@@ -1,15 +1,17 @@
-//! The axis `stars`: every way of drawing stars over every workload, timed in turn, with all its errors.
+//! The axis `stars`: times every method of drawing stars in every workload, and measures all of its errors.
 //!
-//! Exposure is manual and the same in every workload ([`TIMING_EV100`]), so that all methods show the same. A million stars are timed at the
-//! exposures of users too, beside the time of whole frames with readback: display images within their budget, and HDR images. The errors of
-//! single stars do not depend on the workload and are measured once, over the scoring scenes; they stand beside the time of each workload. The error of the whole frame's light is the workload's own: stars near the border of the
-//! picture are left out of that frame, because how much of them is inside depends on the profile.
+//! Exposure is manual and the same in every workload ([`TIMING_EV100`]), so that all methods show the same. The sky of
+//! a million stars is also timed at typical exposures of users, together with whole frames with readback: display
+//! images within their budget, and HDR images. The errors of single stars do not depend on the workload; they are
+//! measured once over the scoring scenes and repeated in each workload. The error of the whole frame's light is
+//! measured per workload: that frame omits stars near the border of the picture, because the part of their light that
+//! falls inside depends on the profile.
 
 use glam::{DQuat, DVec2};
 use rayon::prelude::*;
 
 use super::{
-    Axis, Budget, ChartError, Extent, Metric, Row, Score, Scores, Sky, Step, Tell, ViewShape, score_method,
+    Axis, Budget, ChartError, Extent, Metric, ReportStep, Row, Score, Scores, Sky, Step, ViewShape, score_method,
     scores::settings_of,
     timing::{self, Case, FAST, Spread, TIMING_EV100, Timed, message_of},
     workloads::{Skies, projection_of, rig_of, snapshot},
@@ -28,10 +30,11 @@ use crate::{
 const SCORES_SHARE: f64 = 0.35;
 /// Share of a workload's time for the interleaved frames; the rest is for the light of whole frames.
 const TIMING_SHARE: f64 = 0.7;
-/// Stars nearer to the border than this share of the picture's height are left out where the light of a frame is measured.
+/// Stars nearer to the border than this share of the picture's height are left out when the light of a frame is
+/// measured.
 const BORDER: f64 = 0.1;
 
-/// A workload with everything that its rows say.
+/// A workload with the common contents of its rows.
 struct Workload<'a> {
     name: String,
     sky: &'a [StarRecord],
@@ -46,13 +49,13 @@ pub(super) fn run(
     extent: &Extent,
     skies: &mut Skies,
     budget: Budget,
-    tell: Tell<'_>,
+    report_step: ReportStep<'_>,
 ) -> Result<Vec<Row>, ChartError> {
     let workloads = extent.workloads();
-    let of = StarMethod::ALL.len() + extent.skies.len() + workloads;
+    let total = StarMethod::ALL.len() + extent.skies.len() + workloads;
     let mut done = 0;
-    let mut step = |what: String| {
-        tell(&Step { axis: Axis::Stars, done, of, what });
+    let mut step = |task: String| {
+        report_step(&Step { axis: Axis::Stars, done, total, task });
         done += 1;
     };
     let mut scores = Vec::new();
@@ -89,7 +92,7 @@ pub(super) fn run(
     Ok(rows)
 }
 
-/// What the exposures of users weigh, which come with a sky that is still to be drawn.
+/// Weight of the timings at the exposures of users, if their sky is still to be drawn.
 fn sky_weight_ahead(extent: &Extent, exposed: Option<usize>) -> f64 {
     exposed.map_or(0.0, |index| {
         let (sky, views) = &extent.skies[index];
@@ -141,7 +144,7 @@ impl Workload<'_> {
         Ok(rows)
     }
 
-    /// What whole frames take, with all passes and readback: display images within their budget, and HDR images.
+    /// Measures whole frames with all passes and readback: display images within their budget, and HDR images.
     fn whole_frames(
         &self,
         renderer: &mut Renderer,
@@ -149,9 +152,9 @@ impl Workload<'_> {
         settings: &RenderSettings,
     ) -> Result<String, ChartError> {
         let mut medians = Vec::new();
-        for (what, wanted) in [("display", Wanted::display()), ("HDR", Wanted::hdr())] {
+        for (kind, wanted) in [("display", Wanted::display()), ("HDR", Wanted::hdr())] {
             let mut times = Vec::new();
-            // The first one makes buffers, and the map of faint stars.
+            // The first turn builds buffers and the map of faint stars.
             for turn in 0..=self.rounds {
                 match renderer.render(FrameRequest::new(self.scene, rig).settings(settings).wanted(wanted)) {
                     Ok(frame) if turn > 0 => times.push(frame.times.total_ms),
@@ -159,12 +162,12 @@ impl Workload<'_> {
                     Err(error) => return message_of(error),
                 }
             }
-            medians.extend(Spread::of(&times).map(|spread| format!("{what} {:.1} ms", spread.median_ms)));
+            medians.extend(Spread::from_values(&times).map(|spread| format!("{kind} {:.1} ms", spread.median_ms)));
         }
         Ok(format!("whole frames with readback: {}", medians.join(", ")))
     }
 
-    /// The error of the light of the whole frame, per method.
+    /// Measures the error of the light of the whole frame for each method.
     fn totals(
         &self,
         renderer: &mut Renderer,
@@ -188,13 +191,13 @@ impl Workload<'_> {
             totals.push(if self.ev100 != TIMING_EV100 {
                 Score::none(format!("measured at ev100 {TIMING_EV100}"))
             } else if !method.draws_catalogue() {
-                Score::none("does not apply: the sky is procedural, its stars are its own")
+                Score::none("does not apply: the sky is procedural, its stars cannot be placed")
             } else if method.is_relative() {
                 Score::none("does not apply: brightness is relative, so the frame's light has no scale")
             } else if timed.failed {
                 Score::none(timed.note.clone())
             } else if budget.is_over() && timed.took > FAST {
-                Score::none("not measured: the budget had no more")
+                Score::none("not measured: the budget was used up")
             } else {
                 match renderer.render(FrameRequest::new(scene, rig).settings(settings).wanted(Wanted::hdr())) {
                     Ok(frame) => score_of_light(&frame, mapping, expected_lx),
@@ -210,7 +213,7 @@ fn illuminance_lx(record: &StarRecord) -> f64 {
     illuminance_lx_from_magnitude(record.apparent_magnitude())
 }
 
-/// Size of the relative error of the light of a frame.
+/// Returns the magnitude of the relative error of the light of a frame.
 fn score_of_light(frame: &crate::render::Frame, mapping: &dyn PlaneMapping, expected_lx: f64) -> Score {
     let Some(pixels) = frame.images.first().and_then(|image| image.hdr.as_ref()) else {
         return Score::none("the frame has no HDR image");
@@ -222,7 +225,7 @@ fn score_of_light(frame: &crate::render::Frame, mapping: &dyn PlaneMapping, expe
     }
 }
 
-/// The stars that a picture shows farther than `margin_px` from its border.
+/// Returns the stars that a picture shows farther than `margin_px` from its border.
 fn inside(
     records: &[StarRecord],
     mapping: &dyn PlaneMapping,
@@ -231,14 +234,19 @@ fn inside(
 ) -> Vec<StarRecord> {
     let view_from_world = world_from_view.conjugate();
     let [width, height] = mapping.size().map(f64::from);
-    let shown = |at: DVec2| {
-        at.x >= 0.0 && at.y >= 0.0 && at.x < width && at.y < height && mapping.direction_from_pixel(at).is_some()
+    let is_displayed = |position: DVec2| {
+        position.x >= 0.0
+            && position.y >= 0.0
+            && position.x < width
+            && position.y < height
+            && mapping.direction_from_pixel(position).is_some()
     };
     let keeps = |record: &&StarRecord| {
-        let Some(at) = mapping.pixel_from_direction(view_from_world * record.position) else { return false };
-        shown(at)
-            && (0..8)
-                .all(|step| shown(at + margin_px * DVec2::from_angle(f64::from(step) * std::f64::consts::FRAC_PI_4)))
+        let Some(position) = mapping.pixel_from_direction(view_from_world * record.position) else { return false };
+        is_displayed(position)
+            && (0..8).all(|step| {
+                is_displayed(position + margin_px * DVec2::from_angle(f64::from(step) * std::f64::consts::FRAC_PI_4))
+            })
     };
     records.par_iter().filter(keeps).copied().collect()
 }
@@ -251,18 +259,31 @@ mod tests {
     use crate::view::projection::{Fisheye, FisheyeMapping, Perspective};
 
     #[test]
-    fn stars_near_the_border_are_left_out() {
+    fn stars_near_the_border_are_omitted() {
         let star = |position| StarRecord { position, magnitude: 1.0, temperature_k: 5000.0, distance_known: true };
         let flat = Perspective::symmetric([100, 50], 1.0).unwrap();
-        let at = |x: f64, y: f64| star(7.0 * flat.direction_from_pixel(DVec2::new(x, y)).unwrap());
-        let stars = [at(50.0, 25.0), at(6.0, 25.0), at(4.0, 25.0), at(50.0, 44.0), at(50.0, 46.0), star(DVec3::Z)];
+        let star_at_pixel = |x: f64, y: f64| star(7.0 * flat.direction_from_pixel(DVec2::new(x, y)).unwrap());
+        let stars = [
+            star_at_pixel(50.0, 25.0),
+            star_at_pixel(6.0, 25.0),
+            star_at_pixel(4.0, 25.0),
+            star_at_pixel(50.0, 44.0),
+            star_at_pixel(50.0, 46.0),
+            star(DVec3::Z),
+        ];
         assert_eq!(inside(&stars, &flat, DQuat::IDENTITY, 5.0), [stars[0], stars[1], stars[3]]);
-        // Turned away, the picture shows none of them.
+        // A camera that is turned away shows none of them.
         assert_eq!(inside(&stars[..5], &flat, DQuat::from_rotation_y(3.0), 5.0), []);
 
         let dome = Fisheye::new([100, 100], FisheyeMapping::Equidistant, std::f64::consts::PI).unwrap();
-        let at = |x: f64, y: f64| star(dome.direction_from_pixel(DVec2::new(x, y)).unwrap());
-        let stars = [at(50.0, 50.0), at(90.0, 50.0), at(97.0, 50.0), at(81.0, 81.0), at(84.0, 84.0)];
+        let star_at_pixel = |x: f64, y: f64| star(dome.direction_from_pixel(DVec2::new(x, y)).unwrap());
+        let stars = [
+            star_at_pixel(50.0, 50.0),
+            star_at_pixel(90.0, 50.0),
+            star_at_pixel(97.0, 50.0),
+            star_at_pixel(81.0, 81.0),
+            star_at_pixel(84.0, 84.0),
+        ];
         assert_eq!(inside(&stars, &dome, DQuat::IDENTITY, 5.0), [stars[0], stars[1], stars[3]]);
     }
 }

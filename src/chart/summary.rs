@@ -1,4 +1,4 @@
-//! The summary: a line per method with its times and the errors that tell most, as text and for the page.
+//! The summary: one line per method with its times and its most telling errors, as text and for the page.
 
 use super::{
     AsteroidMetric, Axis, GlareMetric, Row,
@@ -23,20 +23,20 @@ const ASTEROID_ERRORS: [(AsteroidMetric, &str); 5] = [
     (AsteroidMetric::DisparityPx, "disparity px"),
     (AsteroidMetric::Light, "light"),
 ];
-/// With more workloads than this those of the larger skies alone have a column.
+/// With more workloads than this, only those of the larger skies have a column.
 const MANY_WORKLOADS: usize = 6;
-/// Stars of a larger sky.
+/// Minimum number of stars of a larger sky.
 const MANY_STARS: u64 = 1_000_000;
-/// What stands where there is no figure.
+/// Text of a missing figure.
 const NONE: &str = "\u{2013}";
 
-/// A line per method of the axis `stars`, `glare` or `asteroids`; nothing without one.
+/// One line per method of the axis `stars`, `glare` or `asteroids`; empty if the axis has no rows.
 pub(super) struct Summary {
     /// Workloads with a column.
     pub workloads: Vec<String>,
     /// Headings of the columns after those of the times.
     pub headings: Vec<String>,
-    /// Method, source, times, errors; of stars whether shuffles are identical.
+    /// Method, source, times, errors; for stars also whether shuffles are identical.
     pub lines: Vec<Vec<String>>,
 }
 
@@ -70,21 +70,21 @@ impl Summary {
         Self { workloads: workloads.into_iter().map(str::to_owned).collect(), headings, lines }
     }
 
-    /// Summarises the axis `glare` of all rows of a chart: of every workload the time and the rms error of the veil.
+    /// Summarises the axis `glare` of all rows of a chart: time and rms error of the veil in every workload.
     pub(super) fn glare(rows: &[Row]) -> Self {
         let metric = GlareMetric::VeilRms.name();
         let glare: Vec<&Row> =
             rows.iter().filter(|row| row.axis == Axis::Glare.name() && row.error_metric == metric).collect();
         let workloads = distinct(&glare, |row| &row.workload);
         let line = |method: &str| {
-            let of = |workload: &str| glare.iter().find(|row| row.method == method && row.workload == workload);
+            let row = |workload: &str| glare.iter().find(|row| row.method == method && row.workload == workload);
             let source = glare.iter().find(|row| row.method == method).map_or(String::new(), |row| row.source.clone());
             let times = workloads.iter().map(|workload| {
-                of(workload).and_then(|row| row.gpu_ms_median).map_or(NONE.to_owned(), |ms| format!("{ms:.2}"))
+                row(workload).and_then(|row| row.gpu_ms_median).map_or(NONE.to_owned(), |ms| format!("{ms:.2}"))
             });
             let errors = workloads
                 .iter()
-                .map(|workload| of(workload).and_then(|row| row.error_value).map_or(NONE.to_owned(), figure));
+                .map(|workload| row(workload).and_then(|row| row.error_value).map_or(NONE.to_owned(), figure));
             [method.to_owned(), source].into_iter().chain(times).chain(errors).collect()
         };
         let lines = distinct(&glare, |row| &row.method).into_iter().map(line).collect();
@@ -92,8 +92,8 @@ impl Summary {
         Self { workloads: workloads.into_iter().map(str::to_owned).collect(), headings, lines }
     }
 
-    /// Summarises the axis `asteroids`: of every workload the time, and each error where it was measured first. A workload of a ratio has
-    /// the ratio.
+    /// Summarises the axis `asteroids`: the time of every workload, and each error from the first workload that
+    /// measured it. Workloads of ratios show the ratio.
     pub(super) fn asteroids(rows: &[Row]) -> Self {
         let asteroids: Vec<&Row> = rows.iter().filter(|row| row.axis == Axis::Asteroids.name()).collect();
         let first_metric = AsteroidMetric::SilhouetteIou.name();
@@ -102,7 +102,7 @@ impl Summary {
         let ratios: Vec<&Row> = asteroids.iter().filter(|row| !is_error(row)).copied().collect();
         let mut workloads = distinct(&timed, |row| &row.workload);
         let items = |workload: &str| timed.iter().find(|row| row.workload == workload).map_or(0, |row| row.items);
-        // What was published comes first in the rows.
+        // The rows start with published figures, so sort the workloads.
         workloads.sort_by_key(|workload| items(workload));
         let metrics = distinct(&ratios, |row| &row.error_metric);
         let line = |method: &str| {
@@ -126,7 +126,7 @@ impl Summary {
         Self { workloads: workloads.into_iter().map(str::to_owned).collect(), headings, lines }
     }
 
-    /// As lines of text, in columns; workloads are numbered.
+    /// Returns lines of text in columns; workloads are numbered.
     pub(super) fn text(&self) -> Vec<String> {
         if self.lines.is_empty() {
             return Vec::new();
@@ -136,7 +136,7 @@ impl Summary {
         let numbered = (1..=self.workloads.len()).map(|number| format!("ms {number}"));
         let mut cells = vec![vec!["method".to_owned()]];
         cells[0].extend(numbered.chain(self.headings.iter().cloned()));
-        // The source is in the page.
+        // The text omits the source, which is in the page.
         cells.extend(self.lines.iter().map(|line| [&line[..1], &line[2..]].concat()));
         let width = |column: usize| cells.iter().map(|line| line[column].chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..cells[0].len()).map(width).collect();
@@ -151,7 +151,8 @@ impl Summary {
     }
 }
 
-/// The summary of a chart as lines of text: time per workload and errors of every method, of stars, of glare, then of asteroids.
+/// Returns the summary of a chart as lines of text: time per workload and errors of every method of stars, glare, then
+/// asteroids.
 pub fn summary(rows: &[Row]) -> Vec<String> {
     [Summary::stars(rows), Summary::glare(rows), Summary::asteroids(rows)].iter().flat_map(Summary::text).collect()
 }
@@ -174,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn every_method_has_its_line_and_what_is_missing_a_dash() {
+    fn methods_have_a_line_and_missing_figures_a_dash() {
         let mut rows = vec![
             row("a", "10 w", Metric::CentroidPx, Some(2.0), Some(0.25)),
             row("a", "1M w", Metric::CentroidPx, Some(20.0), Some(0.25)),
@@ -190,13 +191,13 @@ mod tests {
         );
         assert!(words(&text[4])[..3] == ["long", "\u{2013}", "\u{2013}"] && text[4].ends_with("no"));
         assert!(text[2..].iter().all(|line| line.chars().count() == text[2].chars().count()), "{text:#?}");
-        // Of many workloads those with many stars are left.
+        // With many workloads, those with many stars remain.
         rows.extend((0..9).map(|i| row("a", &format!("{i}k"), Metric::CentroidPx, Some(2.0), None)));
         assert_eq!(Summary::stars(&rows).workloads, ["1M w"]);
         assert!(summary(&[]).is_empty());
     }
     #[test]
-    fn glare_has_a_time_and_an_error_per_workload() {
+    fn glare_has_time_and_error_per_workload() {
         let row = |method: &str, workload: &str, ms, value| Row {
             axis: "glare".to_owned(),
             error_metric: GlareMetric::VeilRms.name().to_owned(),

@@ -1,8 +1,10 @@
-//! The picture of an axis: time against error in double logarithmic panels, a point per method, the Pareto front as a line.
+//! The picture of an axis: time against error in double-logarithmic panels, one point per method, the Pareto front as a
+//! line.
 //!
-//! Of the axis `stars` one workload is shown, [`HEADLINE`] if it was run, with a panel per error metric; the table has them all. Of
-//! the axis `glare` every projection has its panel. What has no figure is named below it. Errors smaller than [`LEAST_ERROR`] are drawn on the lowest line: nothing shows them. Sources
-//! differ by colour and by shape of their marks.
+//! The axis `stars` shows one workload, [`HEADLINE`] if it was run, with one panel per error metric; the table lists
+//! all workloads. The axis `glare` has one panel per projection. Methods without a figure are listed below their panel.
+//! Errors below [`LEAST_ERROR`], which are invisible, are drawn on the lowest line. Sources differ by colour and by the
+//! shape of their marks.
 
 mod axes;
 mod labels;
@@ -20,7 +22,7 @@ use super::{
     timing::TIMING_EV100,
 };
 
-/// Workload of the picture, where it was run.
+/// Workload of the picture, if it was run.
 const HEADLINE: &str = "1M anticentre-1080p";
 /// Metrics of the panels.
 const PANELS: [Metric; 6] = [
@@ -31,7 +33,7 @@ const PANELS: [Metric; 6] = [
     Metric::DynamicRange,
     Metric::Keeps20000Stars,
 ];
-/// Smaller errors count as this one.
+/// Smaller errors are drawn as this one.
 pub(super) const LEAST_ERROR: f64 = 1e-7;
 
 const STYLE: &str = "text{font-family:'DejaVu Sans',Verdana,Helvetica,sans-serif;font-size:11px;fill:#222;paint-order:stroke;stroke:#fff;stroke-width:2px} \
@@ -57,7 +59,7 @@ pub(super) fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
     }
 }
 
-/// An empty picture with its head: title, what is shown, and where it is from.
+/// Returns an empty picture with its head: title, subtitle and provenance.
 fn with_head(axis: Axis, [width, height]: [f64; 2], subtitle: &str, about: &About) -> Document {
     let mut document = Document::new()
         .set("viewBox", (0, 0, width, height))
@@ -82,7 +84,7 @@ fn with_head(axis: Axis, [width, height]: [f64; 2], subtitle: &str, about: &Abou
     document
 }
 
-/// A picture of panels.
+/// Returns a picture of panels.
 fn with_panels(axis: Axis, subtitle: &str, panels: &[Panel], about: &About) -> String {
     let lines = panels.len().div_ceil(COLUMNS);
     let width = COLUMNS as f64 * PANEL_WIDTH + 2.0 * MARGIN;
@@ -90,17 +92,17 @@ fn with_panels(axis: Axis, subtitle: &str, panels: &[Panel], about: &About) -> S
     let mut document = with_head(axis, [width, height], subtitle, about);
     for (index, panel) in panels.iter().enumerate() {
         let (column, line) = (index % COLUMNS, index / COLUMNS);
-        let at = [MARGIN + column as f64 * PANEL_WIDTH, HEAD_HEIGHT + line as f64 * PANEL_HEIGHT];
-        document = panel.draw(document, at, [PANEL_WIDTH, PANEL_HEIGHT]);
+        let corner = [MARGIN + column as f64 * PANEL_WIDTH, HEAD_HEIGHT + line as f64 * PANEL_HEIGHT];
+        document = panel.draw(document, corner, [PANEL_WIDTH, PANEL_HEIGHT]);
     }
     document.to_string() + "\n"
 }
 
-/// The axis `stars`: a panel per metric, for one workload.
+/// Draws the axis `stars`: one panel per metric, for one workload.
 fn stars(axis: Axis, rows: &[&Row], about: &About) -> String {
     let workload = headline(rows);
-    let shown: Vec<&Row> = rows.iter().filter(|row| Some(row.workload.as_str()) == workload).copied().collect();
-    let subtitle = match shown.first() {
+    let rows_shown: Vec<&Row> = rows.iter().filter(|row| Some(row.workload.as_str()) == workload).copied().collect();
+    let subtitle = match rows_shown.first() {
         Some(row) => format!(
             "workload {}: {} stars in the catalogue, {} x {} pixels. ev100 = {TIMING_EV100}. Lower left is better; the dashed line is the Pareto front.",
             row.workload,
@@ -110,15 +112,16 @@ fn stars(axis: Axis, rows: &[&Row], about: &About) -> String {
         ),
         None => "nothing was measured".to_owned(),
     };
-    with_panels(axis, &subtitle, &PANELS.map(|metric| panel_of(metric, &shown)), about)
+    with_panels(axis, &subtitle, &PANELS.map(|metric| panel_of(metric, &rows_shown)), about)
 }
 
-/// The axis `glare`: a panel per projection with the error of the veil, and one for each of the other errors of its place.
+/// Draws the axis `glare`: one panel per projection with the error of the veil, and one panel for each other error,
+/// from the workload that measured it.
 fn glare(axis: Axis, rows: &[&Row], about: &About) -> String {
     let workloads = distinct(rows, |row| &row.workload);
     let panel = |metric: GlareMetric, workload: &str| {
-        let shown: Vec<&Row> = rows.iter().filter(|row| row.workload == workload).copied().collect();
-        glare_panel(metric, workload, &shown)
+        let rows_shown: Vec<&Row> = rows.iter().filter(|row| row.workload == workload).copied().collect();
+        glare_panel(metric, workload, &rows_shown)
     };
     let mut panels: Vec<Panel> = workloads.iter().map(|workload| panel(GlareMetric::VeilRms, workload)).collect();
     let with_dome = workloads.iter().find(|workload| workload.contains("dome")).or(workloads.first());
@@ -127,7 +130,7 @@ fn glare(axis: Axis, rows: &[&Row], about: &About) -> String {
     panels.extend(with_edges.map(|workload| panel(GlareMetric::Seam, workload)));
     let subtitle = match rows.first() {
         Some(row) => format!(
-            "{} stars in the catalogue; the passes of glare alone. Errors against the convolution on the sphere in f64. Lower left is better; the dashed line is the Pareto front.",
+            "{} stars in the catalogue; time of the glare passes only. Errors against the convolution on the sphere in f64. Lower left is better; the dashed line is the Pareto front.",
             grouped(row.items)
         ),
         None => "nothing was measured".to_owned(),
@@ -135,7 +138,7 @@ fn glare(axis: Axis, rows: &[&Row], about: &About) -> String {
     with_panels(axis, &subtitle, &panels, about)
 }
 
-/// The axis `projectors`: a panel per metric.
+/// Draws the axis `projectors`: one panel per metric.
 fn projectors(axis: Axis, rows: &[&Row], about: &About) -> String {
     let panels = ProjectorMetric::ALL.map(|metric| {
         let (points, without) = points(metric.name(), 0.0, rows);
@@ -154,17 +157,17 @@ fn projectors(axis: Axis, rows: &[&Row], about: &About) -> String {
     with_panels(axis, &subtitle, &panels, about)
 }
 
-/// Of the axis `asteroids` what shows how time grows with their number: one row per method and workload of the largest picture that is
-/// flat, by growing numbers.
+/// Returns the rows of the axis `asteroids` that show how time grows with their number: one row per method and workload
+/// of the largest flat picture, by increasing number.
 fn as_they_grow<'a>(rows: &[&'a Row]) -> Vec<&'a Row> {
     let metric = AsteroidMetric::SilhouetteIou.name();
     let flat = |row: &&&Row| row.error_metric == metric && row.workload.ends_with('p');
-    let mut shown: Vec<&Row> = rows.iter().filter(flat).copied().collect();
-    shown.sort_by_key(|row| row.items);
-    shown
+    let mut rows_shown: Vec<&Row> = rows.iter().filter(flat).copied().collect();
+    rows_shown.sort_by_key(|row| row.items);
+    rows_shown
 }
 
-/// A whole number in groups of three digits.
+/// Formats a whole number in groups of three digits.
 pub(super) fn grouped(number: u64) -> String {
     let digits = number.to_string();
     let groups: Vec<&str> =
@@ -172,13 +175,13 @@ pub(super) fn grouped(number: u64) -> String {
     groups.join(",")
 }
 
-/// The workload to show: the usual one, else the first one.
+/// Returns the workload to show: the usual one, otherwise the first one.
 fn headline<'a>(rows: &[&'a Row]) -> Option<&'a str> {
     let usual = rows.iter().find(|row| row.workload == HEADLINE);
     usual.or(rows.first()).map(|row| row.workload.as_str())
 }
 
-/// The panel of a metric of the axis `stars`.
+/// Returns the panel of a metric of the axis `stars`.
 fn panel_of(metric: Metric, rows: &[&Row]) -> Panel {
     let (points, without) = points(metric.name(), metric.best(), rows);
     let name = if metric.best() == 0.0 { metric.name().to_owned() } else { format!("1 - {}", metric.name()) };
@@ -186,14 +189,14 @@ fn panel_of(metric: Metric, rows: &[&Row]) -> Panel {
     Panel { name, meaning, timed: "clear, cull, splat and resolve", points, without }
 }
 
-/// The panel of a metric of the axis `glare` in a workload.
+/// Returns the panel of a metric of the axis `glare` in a workload.
 fn glare_panel(metric: GlareMetric, workload: &str, rows: &[&Row]) -> Panel {
     let (points, without) = points(metric.name(), metric.best(), rows);
     let (name, meaning) = (format!("{workload}: {}", metric.name()), metric.meaning().to_owned());
-    Panel { name, meaning, timed: "the passes of glare", points, without }
+    Panel { name, meaning, timed: "the glare passes", points, without }
 }
 
-/// The points of a metric, and who has none.
+/// Returns the points of a metric, and the methods without one.
 fn points(metric: &str, best: f64, rows: &[&Row]) -> (Vec<Point>, Vec<String>) {
     let (mut points, mut without) = (Vec::new(), Vec::new());
     for row in rows.iter().filter(|row| row.error_metric == metric) {
@@ -229,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_figure_is_named_and_never_drawn_as_nought() {
+    fn methods_without_figures_are_listed_and_not_drawn_as_zero() {
         let rows = [
             row("a", Metric::CentroidPx, Some(2.0), Some(0.0)),
             row("b", Metric::CentroidPx, Some(3.0), None),
@@ -243,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_of_glare_are_distances_from_the_best() {
+    fn glare_errors_are_distances_from_the_best_value() {
         let row = |metric: GlareMetric, value| Row {
             axis: "glare".to_owned(),
             workload: "1k dome-8".to_owned(),
@@ -264,14 +267,14 @@ mod tests {
     }
 
     #[test]
-    fn a_share_that_is_kept_is_drawn_as_what_is_lost() {
+    fn kept_share_is_drawn_as_lost_share() {
         let rows = [row("a", Metric::Keeps20000Stars, Some(2.0), Some(0.16))];
         let panel = panel_of(Metric::Keeps20000Stars, &rows.iter().collect::<Vec<_>>());
         assert!((panel.points[0].error - 0.84).abs() < 1e-12 && panel.name.starts_with("1 - "));
     }
 
     #[test]
-    fn names_cannot_break_the_picture() {
+    fn names_are_escaped() {
         let about = About {
             adapter: "<script>&\"".to_owned(),
             driver: "d".to_owned(),
@@ -281,7 +284,7 @@ mod tests {
         let rows = [row("a<b", Metric::CentroidPx, Some(2.0), Some(0.1))];
         let text = draw(Axis::Stars, &rows.iter().collect::<Vec<_>>(), &about);
         assert!(!text.contains("<script>") && !text.contains("a<b") && text.contains("a&lt;b"), "{text}");
-        // Without any row there is still a picture.
+        // A picture is drawn even without rows.
         assert!(Axis::ALL.iter().all(|axis| draw(*axis, &[], &about).contains("</svg>")));
     }
 }

@@ -1,9 +1,10 @@
-//! Timing: frames of all methods in turn, so that whatever else the machine does falls on all of them alike.
+//! Timing: frames of all methods in turn, so that other activity of the machine affects all of them alike.
 //!
-//! Every method draws one frame that is not counted (pipelines and buffers are made, stars uploaded, caches filled), then one
-//! frame per round; each round begins with another method. What fast methods leave of the budget goes to the slower ones; a
-//! method whose frames have used its share sits out the rounds that are left, and says so, but fast ones draw [`LEAST_ROUNDS`]
-//! whatever the budget. Where the first frame alone takes more than the share, it is the figure.
+//! Every method draws one frame that is not counted (it builds pipelines and buffers, uploads stars, fills caches),
+//! then one frame per round; each round begins with another method. The time that fast methods leave of the budget goes
+//! to the slower ones. A method whose frames have used its share skips the remaining rounds and gets a note, but fast
+//! methods draw [`LEAST_ROUNDS`] regardless of the budget. If the first frame already exceeds the share, it is the
+//! figure.
 
 use std::time::{Duration, Instant};
 
@@ -16,15 +17,15 @@ use crate::{
     view::Rig,
 };
 
-/// A frame that takes no longer, all in all, is drawn whatever the budget says.
+/// A frame whose total time is no longer than this is drawn regardless of the budget.
 pub(super) const FAST: Duration = Duration::from_millis(150);
-/// Rounds of a method whose frames are [`FAST`], at least.
+/// Minimum number of rounds of a method whose frames are [`FAST`].
 const LEAST_ROUNDS: usize = 3;
 
 /// Times of several frames, ms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
-    /// Median; of an even number of frames the mean of the two in the middle.
+    /// Median; for an even number of frames the mean of the middle two.
     pub median_ms: f64,
     /// Shortest.
     pub min_ms: f64,
@@ -33,8 +34,8 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Of no values there is none.
-    pub fn of(values: &[f64]) -> Option<Self> {
+    /// Returns the spread of values; `None` if there are none.
+    pub fn from_values(values: &[f64]) -> Option<Self> {
         let mut sorted = values.to_vec();
         sorted.sort_by(f64::total_cmp);
         let (min_ms, max_ms) = (*sorted.first()?, *sorted.last()?);
@@ -44,23 +45,23 @@ impl Spread {
     }
 }
 
-/// What timing found out about one method.
+/// Timing result of one method.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub(super) struct Timed {
     /// Times; `None` if the method was not drawn or the adapter has no timestamps.
     pub spread: Option<Spread>,
-    /// Why there is no time, or what it does not hold.
+    /// Reason why there is no time, or a limitation of it.
     pub note: String,
     /// Whether the method could not be drawn.
     pub failed: bool,
-    /// How long its last frame took, all in all.
+    /// Total duration of the last frame.
     pub took: Duration,
 }
 
-/// The message of an error that concerns one method alone.
+/// Returns the message of an error that affects one method only.
 ///
 /// # Errors
-/// Where the device is gone, for then no method can be drawn.
+/// [`ChartError::Gpu`] if the device is lost, because then no method can be drawn.
 pub(super) fn message_of(error: RenderError) -> Result<String, ChartError> {
     match error {
         RenderError::Gpu(GpuError::Refused(_)) => Ok(error.to_string()),
@@ -69,11 +70,11 @@ pub(super) fn message_of(error: RenderError) -> Result<String, ChartError> {
     }
 }
 
-/// The exposure of every method in every workload: the one that a manual exposure has by default. A star of magnitude 3 or so
-/// reaches display white there if all of its light falls into one pixel of a view of 1080 pixels and 60 degrees.
+/// Exposure of every method in every workload: the default of a manual exposure. There a star of about magnitude 3
+/// reaches display white if all of its light falls into one pixel of a view of 1080 pixels and 60 degrees.
 pub(super) const TIMING_EV100: f64 = -3.0;
 
-/// What all rows of a workload say alike.
+/// Common contents of all rows of a workload.
 pub(super) struct Case {
     pub axis: Axis,
     pub workload: String,
@@ -86,14 +87,15 @@ pub(super) struct Case {
 }
 
 impl Case {
-    /// The row of a star method and a metric.
+    /// Returns the row of a star method and a metric.
     pub fn row(&self, method: StarMethod, timed: &Timed, metric: &str, score: &Score) -> Row {
         let through_faces = method.needs_planes() && !self.planes;
         let note = if through_faces { "published for a plane: drawn through cube faces" } else { "" };
         self.named_row([method.name(), method.source().name()], timed, metric, score, note)
     }
 
-    /// The row of a method, by its name and source, and a metric; `note` comes before what time and score have to say.
+    /// Returns the row of a method, given by name and source, and a metric; `note` precedes the notes of time and
+    /// score.
     pub fn named_row(
         &self,
         [method, source]: [&str; 2],
@@ -130,17 +132,18 @@ impl Case {
 struct Run {
     times_ms: Vec<f64>,
     spent: Duration,
-    /// How long the last frame took, all in all.
+    /// Total duration of the last frame.
     last: Duration,
     warm_up_ms: Option<f64>,
     failure: Option<String>,
     sat_out: bool,
 }
 
-/// Time of a frame on the GPU, ms, and of all of it with planning and waiting; or why the method cannot draw it.
+/// GPU time of a frame, ms, and its total duration with planning and waiting; or the reason why the method cannot draw
+/// it.
 pub(super) type Taken = Result<(Option<f64>, Duration), String>;
 
-/// Draws the scene with each of `settings` for up to `rounds` rounds, HDR images made and left on the GPU.
+/// Draws the scene with each of `settings` for up to `rounds` rounds; HDR images are made and stay on the GPU.
 pub(super) fn frames(
     renderer: &mut Renderer,
     scene: &SceneSnapshot,
@@ -149,7 +152,7 @@ pub(super) fn frames(
     count: usize,
     budget: Budget,
 ) -> Result<Vec<Timed>, ChartError> {
-    // Clear, cull, splat and resolve; and all of it with planning and waiting.
+    // GPU time of clear, cull, splat and resolve, and total duration with planning and waiting.
     rounds(settings.len(), count, budget, |index| {
         let start = Instant::now();
         match renderer.render(
@@ -163,13 +166,14 @@ pub(super) fn frames(
     })
 }
 
-/// Lets each of `methods` draw, in turn, for up to `rounds` rounds; `frame` draws with the method of an index.
+/// Lets each of `methods` draw in turn for up to `rounds` rounds; `frame` draws with the method of an index.
 pub(super) fn rounds(
     methods: usize,
     rounds: usize,
     budget: Budget,
     mut frame: impl FnMut(usize) -> Result<Taken, ChartError>,
 ) -> Result<Vec<Timed>, ChartError> {
+    // Draw one frame per method that is not counted.
     let mut runs = Vec::new();
     for index in 0..methods {
         let mut run = Run {
@@ -186,9 +190,11 @@ pub(super) fn rounds(
         }
         runs.push(run);
     }
+    // Divide the budget.
     let needs: Vec<Duration> =
         runs.iter().filter(|run| run.failure.is_none()).map(|run| run.last * rounds as u32).collect();
     let share = fair_share(needs, budget.left());
+    // Draw in turn until the rounds or the share of a method are used up.
     for round in 0..rounds {
         for turn in 0..runs.len() {
             let index = (round + turn) % runs.len();
@@ -214,8 +220,8 @@ pub(super) fn rounds(
     Ok(runs.into_iter().map(|run| run.result(rounds)).collect())
 }
 
-/// The most that one of several may have of a budget, so that those who need less have all that they need and the others
-/// share the rest evenly.
+/// Returns the largest share of a budget per method, such that methods that need less get all that they need and the
+/// others share the rest evenly.
 fn fair_share(mut needs: Vec<Duration>, budget: Duration) -> Duration {
     needs.sort_unstable();
     let mut left = budget;
@@ -239,11 +245,11 @@ impl Run {
         };
         let measured = self.times_ms.len();
         let note = match measured {
-            0 => "time of the first frame alone: the budget had no more".to_owned(),
-            _ if measured < rounds => format!("{measured} of {rounds} rounds: the budget had no more"),
+            0 => "time of the first frame only: the budget was used up".to_owned(),
+            _ if measured < rounds => format!("{measured} of {rounds} rounds: the budget was used up"),
             _ => String::new(),
         };
-        let spread = Spread::of(&self.times_ms).or_else(|| Spread::of(&[warm_up_ms]));
+        let spread = Spread::from_values(&self.times_ms).or_else(|| Spread::from_values(&[warm_up_ms]));
         Timed { spread, note, failed: false, took: self.last }
     }
 }
@@ -254,8 +260,8 @@ mod tests {
     use crate::plan::PlanError;
 
     #[test]
-    fn the_median_is_in_the_middle() {
-        let spread = |values: &[f64]| Spread::of(values).map(|s| [s.median_ms, s.min_ms, s.max_ms]);
+    fn spread_has_median_and_extremes() {
+        let spread = |values: &[f64]| Spread::from_values(values).map(|s| [s.median_ms, s.min_ms, s.max_ms]);
         assert_eq!(spread(&[]), None);
         assert_eq!(spread(&[3.0]), Some([3.0; 3]));
         assert_eq!(spread(&[9.0, 1.0]), Some([5.0, 1.0, 9.0]));
@@ -270,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_told_and_never_a_time_of_nought() {
+    fn missing_times_have_a_note_and_are_never_zero() {
         let whole = run(vec![1.0, 2.0, 3.0], Some(9.0), None);
         assert_eq!((whole.spread.unwrap().max_ms, whole.note.as_str()), (3.0, ""));
         let short = run(vec![1.0], Some(9.0), None);
@@ -284,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn what_some_do_not_need_goes_to_the_others() {
+    fn unused_shares_go_to_other_methods() {
         let share = |needs: &[u64], budget: u64| {
             fair_share(needs.iter().map(|need| Duration::from_secs(*need)).collect(), Duration::from_secs(budget))
         };
@@ -295,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn only_a_lost_device_ends_the_run() {
+    fn only_a_lost_device_stops_the_run() {
         assert!(message_of(PlanError::AtRestOnly("sprite").into()).unwrap().contains("sprite"));
         assert!(message_of(RenderError::Gpu(GpuError::Refused("no memory".to_owned()))).unwrap().contains("no memory"));
         assert!(message_of(RenderError::Gpu(GpuError::NoAdapter("none".to_owned()))).is_err());

@@ -1,6 +1,7 @@
-//! Workloads: skies and the views that they are drawn in, for a quick run and for a full one.
+//! Workloads: skies and their views, for a quick and for a full run.
 //!
-//! All views look at the galactic anticentre, where stars are neither as dense as in the bulge nor as sparse as at the poles.
+//! All views look at the galactic anticentre, where stars are less dense than in the bulge and denser than at the
+//! poles.
 
 use std::{f64::consts::PI, sync::Arc, time::Duration};
 
@@ -30,7 +31,7 @@ const ANTICENTRE_DEC_DEG: f64 = 28.9;
 pub const FLAT_FOV_Y_RAD: f64 = PI / 3.0;
 /// Half of the field of view of an eye, rad.
 pub(super) const EYE_HALF_FOV_RAD: f64 = std::f64::consts::FRAC_PI_4;
-/// Distance of the eyes, m.
+/// Distance between the eyes, m.
 const IPD_M: f64 = 0.063;
 /// Seed of the synthetic galaxies.
 const SEED: u64 = 1;
@@ -40,12 +41,13 @@ const SEED: u64 = 1;
 pub enum Sky {
     /// `builtin:bright`, real stars.
     Bright,
-    /// The synthetic galaxy with that many stars, the brightest.
+    /// The synthetic galaxy with its given number of brightest stars.
     Galaxy(usize),
 }
 
 impl Sky {
-    /// Share of the time that its workloads have beside those of other skies: frames take longer, but less than in proportion.
+    /// Weight of the sky's workloads when time is divided among skies: more stars take longer, but less than in
+    /// proportion.
     pub(super) fn weight(self) -> f64 {
         match self {
             Self::Bright => 1.0,
@@ -66,17 +68,17 @@ impl Sky {
     }
 }
 
-/// The skies of a run: those that further axes need again are kept.
+/// The skies of a run; skies that later axes need are cached.
 #[derive(Default)]
 pub(super) struct Skies {
     kept: Vec<(Sky, Arc<Vec<StarRecord>>)>,
 }
 
-/// Larger skies are made anew rather than kept.
+/// Larger skies are recomputed instead of cached, number of stars.
 const MOST_KEPT: usize = 1_000_000;
 
 impl Skies {
-    /// The stars of a sky.
+    /// Returns the stars of a sky.
     pub fn records(&mut self, sky: Sky) -> Result<Arc<Vec<StarRecord>>, ChartError> {
         if let Some((_, records)) = self.kept.iter().find(|(kept, _)| *kept == sky) {
             return Ok(records.clone());
@@ -103,7 +105,7 @@ pub enum ViewShape {
     Dome(u32),
     /// The whole sky, equirectangular.
     FullSky([u32; 2]),
-    /// Two eyes of that many pixels each, 90 degrees both ways.
+    /// Two eyes with this many pixels each, 90 degrees horizontally and vertically.
     Stereo([u32; 2]),
     /// The six faces of a cube.
     Cubemap(u32),
@@ -129,8 +131,8 @@ impl ViewShape {
         }
     }
 
-    /// The same projection, its longer side of that many pixels.
-    pub(super) fn like(self, px: u32) -> Self {
+    /// Returns the same projection with a longer side of `px` pixels.
+    pub(super) fn with_longer_side(self, px: u32) -> Self {
         match self {
             Self::Flat(_) => Self::Flat([px; 2]),
             Self::Dome(_) => Self::Dome(px),
@@ -162,46 +164,47 @@ impl ViewShape {
     }
 }
 
-/// How much a run does.
+/// Size of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Extent {
-    /// Skies, each with the views that it is drawn in.
+    /// Skies, each with its views.
     pub skies: Vec<(Sky, Vec<ViewShape>)>,
-    /// Exposures of users, EV at ISO 100, in which the views of the largest sky of at most a million stars are timed too.
+    /// Typical exposures of users, EV at ISO 100, at which the views of the largest sky with at most a million stars
+    /// are timed too.
     pub exposures: Vec<f64>,
-    /// Measured frames of every method and workload, at most.
+    /// Maximum number of measured frames per method and workload.
     pub rounds: usize,
-    /// Time of the whole run, all axes and the making of skies included. Work that is under way when it ends is finished,
-    /// and every method has one frame in every workload; a fast one has three.
+    /// Time of the whole run, including all axes and the generation of skies. Work in progress at its end is finished,
+    /// and every method has one frame in every workload; a fast method has three.
     pub budget: Duration,
     /// Size of the scoring scenes.
     pub scoring: ScoringSize,
-    /// Numbers of stars of the axis `scale`.
+    /// Numbers of stars on the axis `scale`.
     pub scale: Vec<usize>,
-    /// Stars of the axis `views`.
+    /// Number of stars on the axis `views`.
     pub many_views_stars: usize,
     /// Raster of the axis `projectors`.
     pub projector: [u32; 2],
-    /// The axis `glare`.
+    /// Size of the axis `glare`.
     pub glare: GlareExtent,
-    /// The axis `asteroids`.
+    /// Size of the axis `asteroids`.
     pub asteroids: AsteroidExtent,
 }
 
-/// How much the axis `glare` does.
+/// Size of the axis `glare`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GlareExtent {
-    /// Stars of the galaxy that is drawn to be timed.
+    /// Number of stars of the timed galaxy.
     pub stars: usize,
-    /// The views, each with the smaller one of the same projection in which glare is compared with the reference.
+    /// The timed views, each with a smaller view of the same projection in which glare is compared with the reference.
     pub views: Vec<(ViewShape, ViewShape)>,
-    /// Stars of the galaxy in which glare is compared.
+    /// Number of stars of the galaxy in which glare is compared.
     pub scored_stars: usize,
-    /// Pixels that are compared, per view.
+    /// Number of compared pixels per view.
     pub pixels: usize,
-    /// Measured frames of every method and view, at most.
+    /// Maximum number of measured frames per method and view.
     pub rounds: usize,
-    /// Time that it has at most, if it does not have less as a part of the whole run.
+    /// Maximum time; the share of the whole run may be less.
     pub budget: Duration,
 }
 
@@ -227,8 +230,8 @@ impl GlareExtent {
 }
 
 impl Extent {
-    /// Ends within four minutes on two cores without a GPU, all axes together. Of a million stars, the methods that blend need
-    /// seconds for one frame of the whole sky there: the full run has it.
+    /// Size of a run that ends within four minutes on two cores without a GPU, all axes included. There, blending
+    /// methods need seconds for one frame of the whole sky with a million stars, which only the full run draws.
     pub fn quick() -> Self {
         let (flat, dome) = (ViewShape::Flat([1920, 1080]), ViewShape::Dome(1024));
         Self {
@@ -248,7 +251,7 @@ impl Extent {
         }
     }
 
-    /// Everything, in some 40 minutes on two cores without a GPU; more stars where there is a GPU with memory of its own.
+    /// Size of a full run, some 40 minutes on two cores without a GPU; more stars on a GPU with dedicated memory.
     pub fn full(discrete_gpu: bool) -> Self {
         let all = vec![
             ViewShape::Flat([1280, 720]),
@@ -257,7 +260,7 @@ impl Extent {
             ViewShape::Dome(2048),
             ViewShape::FullSky([2048, 1024]),
         ];
-        // What needs half a minute of every method that blends, there.
+        // Views that take half a minute with every blending method on such a machine.
         let some = vec![all[1], all[2], all[4]];
         let mut skies = vec![
             (Sky::Bright, vec![all[1], all[3]]),
@@ -285,13 +288,13 @@ impl Extent {
         }
     }
 
-    /// How many workloads the axis `stars` has.
+    /// Number of workloads of the axis `stars`.
     pub fn workloads(&self) -> usize {
         let exposed = self.exposed_sky().map_or(0, |index| self.skies[index].1.len() * self.exposures.len());
         self.skies.iter().map(|(_, views)| views.len()).sum::<usize>() + exposed
     }
 
-    /// Index of the sky that is drawn in the exposures of users.
+    /// Index of the sky that is drawn at the exposures of users.
     pub(super) fn exposed_sky(&self) -> Option<usize> {
         let stars = |sky: Sky| if let Sky::Galaxy(stars) = sky { stars } else { 0 };
         let few = self.skies.iter().enumerate().filter(|(_, (sky, _))| stars(*sky) <= MOST_KEPT);
@@ -299,7 +302,7 @@ impl Extent {
     }
 }
 
-/// Camera at the Sun that looks at the galactic anticentre.
+/// Camera at the Sun, looking at the galactic anticentre.
 pub fn camera() -> Camera {
     let back = -direction_from_lon_lat(ANTICENTRE_RA_DEG.to_radians(), ANTICENTRE_DEC_DEG.to_radians());
     let right = DVec3::Z.cross(back).normalize();
@@ -307,7 +310,7 @@ pub fn camera() -> Camera {
     Camera { world_from_camera, ..Camera::default() }
 }
 
-/// A scene of these stars, seen by [`camera`].
+/// Returns a scene of these stars, seen by [`camera`].
 pub fn snapshot(records: Vec<StarRecord>) -> SceneSnapshot {
     SceneSnapshot {
         revision: 1,
@@ -317,7 +320,7 @@ pub fn snapshot(records: Vec<StarRecord>) -> SceneSnapshot {
     }
 }
 
-/// A rig of views by name, all at the camera's place and along its axes.
+/// Returns a rig of named views, all at the camera's position and along its axes.
 pub fn rig_of(views: Vec<(&str, ViewKind)>) -> Result<Rig, RigError> {
     Rig::new(
         views
@@ -332,7 +335,7 @@ pub fn cubemap(face_size: u32) -> ViewKind {
     ViewKind::Cubemap { face_size, faces: Face::ALL.to_vec() }
 }
 
-/// The projection of the only image of a rig's only view.
+/// Returns the projection of the only image of a rig's only view.
 pub fn projection_of(rig: &Rig) -> &Projection {
     &rig.views()[0].images[0].projection
 }
@@ -352,15 +355,15 @@ mod tests {
     }
 
     #[test]
-    fn a_small_sky_is_made_once() {
+    fn small_skies_are_cached() {
         let mut skies = Skies::default();
         let [first, again] = [(), ()].map(|()| skies.records(Sky::Bright).unwrap());
         assert!(Arc::ptr_eq(&first, &again) && first.len() > 200);
     }
 
     #[test]
-    fn names_tell_stars_and_views_apart() {
-        let of = |extent: &Extent| {
+    fn workload_names_are_distinct() {
+        let names = |extent: &Extent| {
             let mut names: Vec<String> = extent
                 .skies
                 .iter()
@@ -374,12 +377,12 @@ mod tests {
             assert_eq!(extent.skies[exposed].0, Sky::Galaxy(1_000_000));
             names
         };
-        assert!(of(&Extent::quick()).contains(&"1M anticentre-1080p".to_owned()));
-        let full = of(&Extent::full(false));
+        assert!(names(&Extent::quick()).contains(&"1M anticentre-1080p".to_owned()));
+        let full = names(&Extent::full(false));
         for name in ["bright dome-2048", "10M anticentre-2160p", "100k full-sky-2048", "10k anticentre-720p"] {
             assert!(full.contains(&name.to_owned()), "{name}: {full:?}");
         }
-        assert!(of(&Extent::full(true)).contains(&"50M dome-2048".to_owned()));
+        assert!(names(&Extent::full(true)).contains(&"50M dome-2048".to_owned()));
         assert_eq!(Sky::Galaxy(1234).name(), "1234");
     }
 }

@@ -1,4 +1,4 @@
-//! What a command makes of the audits of its frames.
+//! Turns the audits of a command's frames into warnings and a failure.
 
 use super::CliError;
 use crate::{
@@ -9,23 +9,24 @@ use crate::{
     render::Frame,
 };
 
-/// An error where an audit has found a budget broken; what was not audited is warned about.
+/// Returns an error if an audit found an image beyond its error budget; logs a warning for everything that was not
+/// audited.
 pub(super) fn check(frames: &[Frame]) -> Result<(), CliError> {
     let plans = frames.iter().flat_map(|frame| [Some(&frame.plan), frame.hdr_plan.as_ref()]).flatten();
-    of_plans(plans)
+    check_plans(plans)
 }
 
-fn of_plans<'a>(plans: impl Iterator<Item = &'a FramePlan>) -> Result<(), CliError> {
+fn check_plans<'a>(plans: impl Iterator<Item = &'a FramePlan>) -> Result<(), CliError> {
     let audits: Vec<&Audit> = plans.filter_map(|plan| plan.audit.as_ref()).collect();
-    for what in audits.iter().flat_map(|audit| &audit.not_audited) {
-        tracing::warn!("not audited: {what}");
+    for unaudited in audits.iter().flat_map(|audit| &audit.not_audited) {
+        tracing::warn!("not audited: {unaudited}");
     }
     let broken: Vec<String> = audits.iter().flat_map(|audit| audit.broken()).map(ImageAudit::in_words).collect();
     if broken.is_empty() { Ok(()) } else { Err(CliError::Audit(broken)) }
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed precondition of a test may panic")]
 mod tests {
     use super::*;
     use crate::plan::audit::{AuditedOutput, WorstPixel};
@@ -58,9 +59,9 @@ mod tests {
     }
 
     #[test]
-    fn a_broken_budget_is_a_failed_job_that_names_image_and_pixel() {
-        of_plans([FramePlan::default(), plan(true)].iter()).unwrap();
-        let error = of_plans([plan(true), plan(false)].iter()).unwrap_err();
+    fn broken_budget_fails_the_job_and_names_image_and_pixel() {
+        check_plans([FramePlan::default(), plan(true)].iter()).unwrap();
+        let error = check_plans([plan(true), plan(false)].iter()).unwrap_err();
         assert_eq!(error.exit_code(), super::super::error::FAILED);
         let text = error.to_string();
         for part in

@@ -63,10 +63,10 @@ enum CatalogueCommand {
 }
 
 fn star_count(text: &str) -> Result<usize, String> {
-    let allowed = format!("allowed are whole numbers from 1 to {MOST_STARS}");
+    let valid = format!("must be a whole number between 1 and {MOST_STARS}");
     match text.parse() {
         Ok(stars) if (1..=MOST_STARS).contains(&stars) => Ok(stars),
-        _ => Err(allowed),
+        _ => Err(valid),
     }
 }
 
@@ -90,7 +90,7 @@ fn source_of(file: PathBuf) -> StarSource {
 
 fn write(sources: &[StarSource], out: &Path) -> Result<(), CliError> {
     let (stars, report) = load::stars(sources, &Epoch::default(), "").map_err(|error| match error {
-        // Here the numbers come from the command line, not from a configuration with its keys.
+        // Here the numbers come from the command line and not from configuration keys.
         CliError::Load { source: LoadError::Galaxy { source, .. }, .. } => CliError::Galaxy(source),
         other => other,
     })?;

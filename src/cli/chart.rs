@@ -1,4 +1,4 @@
-//! `chart`: speed against accuracy of every method.
+//! `chart`: compares speed and accuracy of every method.
 
 use std::{
     io::{self, IsTerminal},
@@ -20,24 +20,24 @@ use crate::render::Renderer;
     steradian chart --out chart --quick\n  \
     steradian chart --out chart --axis stars --adapter llvmpipe\n  \
     steradian chart --out chart --quick --axis glare\n\n\
-    Writes chart.csv, an SVG per axis and index.html that shows them, and prints a line per method. A quick run ends within four minutes on two cores\n\
-    without a GPU; a full one has all workloads, from 10 thousand to 10 million stars and from 720p to 4K, and takes longer.\n\
-    A method that cannot be drawn has rows with empty figures and the reason in its notes.")]
+    Writes chart.csv, one SVG per axis and index.html that shows them, and prints one line per method. A quick run ends within four minutes on two cores\n\
+    without a GPU; a full run covers all workloads, from 10 thousand to 10 million stars and from 720p to 4K, and takes longer.\n\
+    The rows of a method that cannot be drawn have empty figures and the reason in the notes column.")]
 pub struct ChartArguments {
     /// Output folder; created if it does not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Fewer workloads and rounds.
+    /// Run fewer workloads and rounds.
     #[arg(long)]
     quick: bool,
-    /// Only this axis: stars, glare, asteroids, views or scale; all axes without it.
+    /// Chart only this axis: stars, glare, asteroids, views or scale. Default: all axes.
     #[arg(long, value_name = "AXIS", value_parser = Axis::from_name)]
     axis: Option<Axis>,
 }
 
 /// Runs the command.
 pub fn run(arguments: &ChartArguments, adapter: Option<String>) -> Result<(), CliError> {
-    // A folder that cannot be made is found out before the work.
+    // Create the folder first: a folder that cannot be created is an error before the long work.
     std::fs::create_dir_all(&arguments.out)
         .map_err(|source| chart::ChartError::Write { path: arguments.out.clone(), source })?;
     let gpu = Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?;
@@ -58,7 +58,7 @@ pub fn run(arguments: &ChartArguments, adapter: Option<String>) -> Result<(), Cl
     Ok(())
 }
 
-/// The command line, ready to be repeated.
+/// Returns the command line of this process, quoted so that it can be repeated.
 fn command() -> String {
     let words = std::env::args_os().skip(1).map(|word| {
         let word = word.to_string_lossy().into_owned();
@@ -67,7 +67,7 @@ fn command() -> String {
     std::iter::once("steradian".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
-/// A bar on a terminal, plain lines elsewhere.
+/// Progress bar on a terminal, plain log lines elsewhere.
 struct Progress {
     bar: Option<ProgressBar>,
     started: Instant,
@@ -77,7 +77,7 @@ impl Progress {
     fn new() -> Self {
         let bar = io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::no_length();
-            // A template without any unknown key parses; the plain style is what is left otherwise.
+            // The template has no unknown key and therefore parses; otherwise the plain style is used.
             let style = ProgressStyle::with_template("{spinner} {wide_bar} {pos}/{len} {msg} [{elapsed}]");
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar
@@ -88,11 +88,11 @@ impl Progress {
     fn step(&mut self, step: &Step) {
         match &self.bar {
             Some(bar) => {
-                bar.set_length(step.of as u64);
+                bar.set_length(step.total as u64);
                 bar.set_position(step.done as u64);
-                bar.set_message(step.what.clone());
+                bar.set_message(step.task.clone());
             }
-            None => tracing::info!("{}: {} ({} of {})", step.axis.name(), step.what, step.done + 1, step.of),
+            None => tracing::info!("{}: {} ({} of {})", step.axis.name(), step.task, step.done + 1, step.total),
         }
     }
 

@@ -1,4 +1,4 @@
-//! `dome`: judges the projectors of a dome.
+//! `dome`: checks the projectors of a dome.
 
 use std::{
     fs,
@@ -32,7 +32,7 @@ pub struct DomeArguments {
 
 #[derive(Debug, Subcommand)]
 enum DomeCommand {
-    /// Judge the warps and blends of all projectors of a configuration.
+    /// Check the warps and blends of all projectors of a configuration.
     Check(CheckArguments),
 }
 
@@ -42,10 +42,10 @@ enum DomeCommand {
     steradian dome check --config dome.toml\n  \
     steradian dome check --config dome.toml --dome-tilt-deg 20 --html dome.html --json dome.json\n  \
     steradian dome check --config dome.toml --reflectivity 0.45 --picture tonight.png\n\n\
-    A line per rule: its name, pass or FAIL, the projector, what was found and what is allowed. Exit code 1 if a rule fails.\n\
-    The dome is that of the first view of the type dome_master, unless it is given.")]
+    Prints one line per rule: its name, pass or FAIL, the projector, the measured value and the limit. Exit code 1 if a rule fails.\n\
+    Unless options give the dome, it is taken from the first view of the type dome_master.")]
 struct CheckArguments {
-    /// The configuration: TOML.
+    /// Configuration file, TOML.
     #[arg(long, value_name = "FILE")]
     config: PathBuf,
     /// Angle across the dome, degrees.
@@ -54,16 +54,16 @@ struct CheckArguments {
     /// Tilt of the dome towards the front, degrees.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     dome_tilt_deg: Option<f64>,
-    /// Share of the light that the dome's screen reflects: how grey it makes the sky is told.
+    /// Share of the light that the dome's screen reflects; adds how much cross-reflection brightens the sky.
     #[arg(long, value_name = "SHARE")]
     reflectivity: Option<f64>,
-    /// A domemaster (PNG) of the dome to look at with that reflectivity.
+    /// Domemaster (PNG) for which cross-reflection is evaluated with that reflectivity.
     #[arg(long, value_name = "FILE", requires = "reflectivity")]
     picture: Option<PathBuf>,
     /// Write the results to a file as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write a page with pictures.
+    /// Write an HTML page with maps of the dome.
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
     /// Override a key of the configuration; can be repeated.
@@ -101,7 +101,7 @@ pub fn run(arguments: &DomeArguments) -> Result<(), CliError> {
         write(path, page(&report)?)?;
     }
     let failed = report.findings.iter().filter(|finding| !finding.passed).count();
-    if failed == 0 { Ok(()) } else { Err(CliError::Checks { failed, of: report.findings.len() }) }
+    if failed == 0 { Ok(()) } else { Err(CliError::Checks { failed, total: report.findings.len() }) }
 }
 
 fn dome_of(config: &Config, arguments: &CheckArguments) -> Result<Dome, CliError> {
@@ -112,23 +112,25 @@ fn dome_of(config: &Config, arguments: &CheckArguments) -> Result<Dome, CliError
     let fov_deg = arguments.dome_fov_deg.or(master.map(|master| master.fov_deg)).unwrap_or(180.0);
     let tilt_deg = arguments.dome_tilt_deg.or(master.map(|master| master.tilt_deg)).unwrap_or(0.0);
     if !(fov_deg > 0.0 && fov_deg <= 360.0) {
-        return Err(CliError::Usage(format!("--dome-fov-deg {fov_deg}: allowed are angles above 0 up to 360")));
+        return Err(CliError::Usage(format!("--dome-fov-deg {fov_deg}: must be an angle above 0 and at most 360")));
     }
     if !(-180.0..=180.0).contains(&tilt_deg) {
-        return Err(CliError::Usage(format!("--dome-tilt-deg {tilt_deg}: allowed are -180 to 180")));
+        return Err(CliError::Usage(format!("--dome-tilt-deg {tilt_deg}: must be between -180 and 180")));
     }
     Ok(Dome { fov_deg, tilt_deg })
 }
 
-/// The cross-reflection that is asked for.
+/// Computes cross-reflection if `--reflectivity` is given.
 fn cross_reflection(dome: Dome, arguments: &CheckArguments) -> Result<Option<CrossReflection>, CliError> {
     let Some(reflectivity) = arguments.reflectivity else { return Ok(None) };
     if !(0.0..1.0).contains(&reflectivity) {
-        return Err(CliError::Usage(format!("--reflectivity {reflectivity}: allowed are shares from 0 to below 1")));
+        return Err(CliError::Usage(format!(
+            "--reflectivity {reflectivity}: must be a share of at least 0 and below 1"
+        )));
     }
     let found = CrossReflection::new(dome, reflectivity);
     let Some(path) = &arguments.picture else { return Ok(Some(found)) };
-    let wanted = "a domemaster is a square PNG of 8 bits per channel";
+    let wanted = "a domemaster must be a square PNG with 8 bits per channel";
     let picture = PictureFile::read(path, wanted).map_err(|error| CliError::Usage(format!("--picture {error}")))?;
     let [width, height] = picture.size;
     if width != height {
@@ -143,21 +145,21 @@ fn cross_reflection(dome: Dome, arguments: &CheckArguments) -> Result<Option<Cro
     Ok(Some(found.with_picture(dome, width, &light)))
 }
 
-/// What cross-reflection does, in words: one line, and one for the picture.
+/// Describes the effect of cross-reflection: one line for the dome, and one for the picture if there is one.
 fn reflection_lines(found: &CrossReflection) -> Vec<String> {
     let CrossReflection { reflectivity, screen_share, gain, half_white_contrast, mean_ev, picture } = found;
     let mut lines = vec![format!(
-        "cross-reflection: a screen of reflectivity {reflectivity} that is {screen_share:.3} of the sphere throws {gain:.3} of the mean light back to every place; \
+        "cross-reflection: a screen of reflectivity {reflectivity} that covers {screen_share:.3} of the sphere adds {gain:.3} of the mean light everywhere; \
          a picture half white and half black has a contrast of {half_white_contrast:.1}; EV +{mean_ev:.2} keeps the mean light"
     )];
     if let Some(GreyedPicture { mean, median, grey, median_ev }) = picture {
         let code = |light: f64| 255.0 * srgb_from_linear(light);
         let compensated = match median_ev {
-            Some(ev) => format!("EV +{ev:.2} brings it back"),
-            None => "no exposure brings it back".to_owned(),
+            Some(ev) => format!("EV +{ev:.2} restores the median"),
+            None => "no exposure restores the median".to_owned(),
         };
         lines.push(format!(
-            "the picture has a mean of {mean:.5} of white and a median of {median:.5} (code {:.0}); what comes back lifts black to {grey:.5} (code {:.0}) and the median to {:.5}: {compensated}",
+            "the picture has a mean of {mean:.5} of white and a median of {median:.5} (code {:.0}); the reflected light lifts black to {grey:.5} (code {:.0}) and the median to {:.5}: {compensated}",
             code(*median),
             code(*grey),
             median + grey
@@ -166,8 +168,8 @@ fn reflection_lines(found: &CrossReflection) -> Vec<String> {
     lines
 }
 
-fn projector(of: &DomeProjector) -> Option<Projector<'_>> {
-    let DomeProjector { view, screen, dimmed_to } = of;
+fn projector(configured: &DomeProjector) -> Option<Projector<'_>> {
+    let DomeProjector { view, screen, dimmed_to } = configured;
     let (mapping, dome_from_view) = view.raster()?;
     Some(Projector {
         name: &view.name,
@@ -182,14 +184,14 @@ fn projector(of: &DomeProjector) -> Option<Projector<'_>> {
 fn print(report: &DomeReport) -> Result<(), CliError> {
     let DomeReport { dome, coverage, blend_sum, projectors, findings, .. } = report;
     results::line(format!(
-        "dome of {} degrees, tilted by {}: {:.2} % has light, {:.2} % of two projectors or more",
+        "dome of {} degrees, tilted by {}: {:.2} % is lit, {:.2} % by two or more projectors",
         dome.fov_deg,
         dome.tilt_deg,
         100.0 * coverage[0],
         100.0 * coverage[1]
     ))?;
     results::line(format!(
-        "shares of light add up to {:.3} (1 %), {:.3} (median), {:.3} (99 %)",
+        "sum of the shares of light: {:.3} (1 %), {:.3} (median), {:.3} (99 %)",
         blend_sum[0], blend_sum[1], blend_sum[2]
     ))?;
     for projector in projectors {
@@ -204,18 +206,18 @@ fn print(report: &DomeReport) -> Result<(), CliError> {
         results::line(line)?;
     }
     for finding in findings {
-        let (of, outcome) = (finding.of(), finding.outcome());
-        results::line(format!("{:10} {outcome} {of}: {}", finding.rule, finding.what))?;
+        let (subject, outcome) = (finding.of(), finding.outcome());
+        results::line(format!("{:10} {outcome} {subject}: {}", finding.rule, finding.what))?;
     }
     Ok(())
 }
 
-/// A page: what fails first, figures of the projectors, three maps of the dome.
+/// Returns the HTML page: failed rules first, figures of the projectors, three maps of the dome.
 fn page(report: &DomeReport) -> Result<String, CliError> {
     let (kept, broken): (Vec<&Finding>, Vec<&Finding>) = report.findings.iter().partition(|finding| finding.passed);
     let outcome = match broken.len() {
-        0 => "All rules are kept.".to_owned(),
-        failed => format!("{failed} rules are broken: they come first."),
+        0 => "All rules pass.".to_owned(),
+        failed => format!("{failed} rules fail; they are listed first."),
     };
     let rows: String = broken.into_iter().chain(kept).map(finding_row).collect();
     let figures: String = report.projectors.iter().map(figures_row).collect();
@@ -225,7 +227,7 @@ fn page(report: &DomeReport) -> Result<String, CliError> {
     let share_of_range = |arcmin: f64| (arcmin - finest) / (coarsest - finest).max(1e-9);
     let maps = [
         (
-            "How many projectors: dark none, blue one, green two, yellow three, orange more".to_owned(),
+            "Number of projectors: dark none, blue one, green two, yellow three, orange more".to_owned(),
             map(report, |point| {
                 [[34; 3], [51, 102, 204], [51, 170, 102], [221, 204, 51], [230, 130, 40]][point.projectors.min(4)]
             })?,
@@ -244,7 +246,7 @@ fn page(report: &DomeReport) -> Result<String, CliError> {
             })?,
         ),
         (
-            format!("Size of the finest pixel: dark {finest:.1}, light {coarsest:.1} arcminutes, black none"),
+            format!("Finest pixel size: dark {finest:.1}, light {coarsest:.1} arcminutes, black none"),
             map(report, |point| match point.projectors {
                 0 => [0; 3],
                 _ => [(60.0 + 180.0 * share_of_range(point.arcmin)) as u8; 3],
@@ -259,9 +261,9 @@ fn page(report: &DomeReport) -> Result<String, CliError> {
         "<!doctype html><meta charset=utf-8><title>Dome check</title>\n<style>body{{font:15px sans-serif;background:#111;color:#ddd;margin:2em}}\
          td,th{{padding:.2em .8em;border-top:1px solid #444;text-align:left}}.FAIL td{{color:#f86}}figure{{display:inline-block;vertical-align:top;width:24em;margin:1em}}\
          img{{width:100%}}</style>\n\
-         <h1>Dome check</h1>\n<p>{outcome} The dome has {} degrees and is tilted by {}. {:.2} % of it has light, {:.2} % of two projectors or more. In the maps the front is at the bottom, as in a domemaster.</p>\n\
-         {reflection}{maps}\n<table>\n<tr><th>rule<th>projector<th>outcome<th>what was found\n{rows}</table>\n\
-         <h2>Projectors</h2>\n<table>\n<tr><th>projector<th>of the dome<th>arcminutes per pixel, 5 %<th>median<th>95 %\n{figures}</table>\n",
+         <h1>Dome check</h1>\n<p>{outcome} The dome spans {} degrees and is tilted by {}. {:.2} % of it is lit, {:.2} % by two or more projectors. In the maps the front is at the bottom, as in a domemaster.</p>\n\
+         {reflection}{maps}\n<table>\n<tr><th>rule<th>projector<th>outcome<th>finding\n{rows}</table>\n\
+         <h2>Projectors</h2>\n<table>\n<tr><th>projector<th>share of the dome<th>arcminutes per pixel, 5 %<th>median<th>95 %\n{figures}</table>\n",
         report.dome.fov_deg,
         report.dome.tilt_deg,
         100.0 * report.coverage[0],
@@ -270,8 +272,8 @@ fn page(report: &DomeReport) -> Result<String, CliError> {
 }
 
 fn finding_row(finding: &Finding) -> String {
-    let (of, outcome) = (finding.of(), finding.outcome());
-    format!("<tr class={outcome}><td>{}<td>{of}<td>{outcome}<td>{}\n", finding.rule, escaped(&finding.what))
+    let (subject, outcome) = (finding.of(), finding.outcome());
+    format!("<tr class={outcome}><td>{}<td>{subject}<td>{outcome}<td>{}\n", finding.rule, escaped(&finding.what))
 }
 
 fn figures_row(projector: &ProjectorFigures) -> String {
@@ -280,7 +282,7 @@ fn figures_row(projector: &ProjectorFigures) -> String {
     format!("<tr><td>{}<td>{coverage:.2} %<td>{fine:.2}<td>{median:.2}<td>{coarse:.2}\n", projector.name)
 }
 
-/// A map as a picture within the page.
+/// Encodes a map as an image embedded in the page.
 fn map(report: &DomeReport, colour: impl Fn(&MapPoint) -> [u8; 3]) -> Result<String, CliError> {
     let side = report.map.side as u32;
     let pixels: Vec<u8> = report.map.points.iter().flat_map(|point| point.as_ref().map_or([17; 3], &colour)).collect();

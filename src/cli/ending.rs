@@ -1,4 +1,4 @@
-//! Signals that end a command which would go on by itself.
+//! Signals that end a command which otherwise runs on.
 
 use std::{
     io,
@@ -11,7 +11,8 @@ use std::{
 
 use crate::service;
 
-/// Becomes true with SIGINT or SIGTERM, which from now on end nothing by themselves.
+/// Returns a flag that becomes true on SIGINT or SIGTERM. From then on these signals no longer end the process by
+/// themselves.
 pub fn ended_by_signal() -> io::Result<Arc<AtomicBool>> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let signals = {
@@ -22,7 +23,7 @@ pub fn ended_by_signal() -> io::Result<Arc<AtomicBool>> {
     let tell = Arc::clone(&ended);
     thread::Builder::new().name("signals".to_owned()).spawn(move || {
         runtime.block_on(signals);
-        tracing::info!("ending after the frame in hand");
+        tracing::info!("ending after the current frame");
         tell.store(true, Ordering::Relaxed);
     })?;
     Ok(ended)

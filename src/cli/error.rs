@@ -1,4 +1,4 @@
-//! What a command can fail with, and the exit code of each failure.
+//! Errors of the commands, and the exit code of each.
 
 use std::io;
 use std::path::PathBuf;
@@ -24,25 +24,25 @@ pub const FAILED: u8 = 1;
 pub const BAD_USAGE: u8 = 64;
 /// Exit code: bad input data.
 pub const BAD_DATA: u8 = 65;
-/// Exit code: no usable adapter, or another thing of the system that is missing.
+/// Exit code: no usable adapter, or another resource of the system is missing.
 pub const NO_ADAPTER: u8 = 69;
 
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CliError {
-    /// An argument is not what it must be.
+    /// An argument is invalid.
     #[error("{0}")]
     Usage(String),
-    /// The configuration is refused.
+    /// The configuration is invalid.
     #[error(transparent)]
     Config(#[from] ConfigError),
     /// The stars of a scene cannot be loaded.
     #[error("{origin}{source}")]
     Load {
-        /// The configuration with a colon and a space, or nothing.
+        /// Name of the configuration followed by a colon and a space, or empty.
         origin: String,
-        /// Why.
+        /// Reason.
         source: LoadError,
     },
     /// A store cannot be read.
@@ -51,7 +51,7 @@ pub enum CliError {
     /// A store cannot be written.
     #[error("cannot write the store: {0}")]
     WriteStore(StoreError),
-    /// A synthetic galaxy cannot be made from these arguments.
+    /// These arguments do not describe a synthetic galaxy.
     #[error(transparent)]
     Galaxy(#[from] GalaxyError),
     /// A point-spread function cannot be made, read or written.
@@ -60,7 +60,7 @@ pub enum CliError {
     /// Files of a frame cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
-    /// An installer's files cannot be read.
+    /// The files of a projector installer cannot be read.
     #[error(transparent)]
     Theatre(#[from] TheatreError),
     /// A film cannot be made.
@@ -74,7 +74,7 @@ pub enum CliError {
     Render {
         /// The configuration.
         origin: String,
-        /// Why.
+        /// Reason.
         source: RenderError,
     },
     /// A headset cannot be driven.
@@ -83,7 +83,7 @@ pub enum CliError {
     /// Windows cannot be opened or shown.
     #[error(transparent)]
     Windows(#[from] WindowsError),
-    /// Threads or handlers of signals cannot be set up.
+    /// Threads or signal handlers cannot be set up.
     #[error("cannot start: {0}")]
     Runtime(io::Error),
     /// The daemon could not start, or failed.
@@ -92,7 +92,7 @@ pub enum CliError {
     /// A token cannot be made.
     #[error("cannot make a token: {0}")]
     Token(String),
-    /// A daemon cannot be reached, or refuses.
+    /// A daemon cannot be reached, or refuses the request.
     #[error(transparent)]
     Client(ClientError),
     /// A file that a configuration names cannot be read.
@@ -100,7 +100,7 @@ pub enum CliError {
     ReadInput {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// A manifest cannot be read.
@@ -111,25 +111,25 @@ pub enum CliError {
         /// What is wrong.
         problem: String,
     },
-    /// A file is not the one that a picture was made of.
-    #[error("{origin}: {} is not the file that was used: its SHA-256 is {found}, and was {expected}", path.display())]
+    /// A file differs from the one that a picture was made with.
+    #[error("{origin}: {} differs from the file that was used: its SHA-256 is {found}, expected {expected}", path.display())]
     OtherInput {
         /// The manifest.
         origin: String,
         /// The file.
         path: PathBuf,
-        /// What the manifest says.
+        /// SHA-256 in the manifest.
         expected: String,
-        /// What it is.
+        /// SHA-256 of the file.
         found: String,
     },
-    /// A path is not recorded, or not to its end.
+    /// A path could not be recorded, or not to its end.
     #[error("{0}")]
     Record(String),
     /// A chart cannot be made.
     #[error("chart: {0}")]
     Chart(#[from] ChartError),
-    /// A report cannot be put into JSON.
+    /// A report cannot be serialised as JSON.
     #[error("cannot write JSON: {0}")]
     Json(serde_json::Error),
     /// A file cannot be written.
@@ -137,32 +137,32 @@ pub enum CliError {
     WriteFile {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// Checks have failed, or none applies.
-    #[error("{failed} of {of} checks that apply have failed")]
+    /// Checks failed, or no check applies.
+    #[error("{failed} of {total} applicable checks failed")]
     Checks {
-        /// How many failed.
+        /// Number of failed checks.
         failed: usize,
-        /// How many were run.
-        of: usize,
+        /// Number of checks that ran.
+        total: usize,
     },
-    /// An audit has found images that break their budgets.
-    #[error("the audit has found the error budget broken; the files are written:\n  {}", .0.join("\n  "))]
+    /// An audit found images beyond their error budgets.
+    #[error("the audit found images beyond the error budget; the files are written:\n  {}", .0.join("\n  "))]
     Audit(Vec<String>),
-    /// Standard output does not take the result.
+    /// Standard output cannot be written.
     #[error("cannot write to standard output: {0}")]
     Stdout(#[from] io::Error),
 }
 
 impl CliError {
-    /// An error of the renderer with the configuration that it comes from.
+    /// Wraps an error of the renderer together with the name of its configuration.
     pub(super) fn render(source: RenderError, origin: &str) -> Self {
         CliError::Render { origin: origin.to_owned(), source }
     }
 
-    /// The exit code of the contract with scripts.
+    /// Returns the exit code, which scripts rely on.
     pub fn exit_code(&self) -> u8 {
         match self {
             CliError::Gpu(error) | CliError::Chart(ChartError::Gpu(error)) => gpu_exit_code(error),
@@ -205,7 +205,7 @@ impl CliError {
         }
     }
 
-    /// Whether the reader of standard output has gone, which is no failure: `steradian ... | head`.
+    /// Whether the reader of standard output closed it, which is not a failure: `steradian ... | head`.
     pub fn is_broken_pipe(&self) -> bool {
         matches!(self, CliError::Stdout(error) if error.kind() == io::ErrorKind::BrokenPipe)
     }
@@ -257,7 +257,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn glare_fails_as_a_configuration_or_as_data() {
+    fn glare_errors_map_to_usage_or_data_exit_codes() {
         let code = |error: PlanError| CliError::render(error.into(), "a.toml").exit_code();
         let path = || PathBuf::from("eye.csv");
         assert_eq!(code(GlareKernelError::NoFile.into()), BAD_USAGE);

@@ -1,4 +1,4 @@
-//! The plan of a frame in words: what was drawn how, and the bound of every approximation.
+//! Prints the plan of a frame in words: how each part was drawn, and the bound of every approximation.
 
 use std::fmt::Write;
 
@@ -7,28 +7,28 @@ use crate::{
     render::{AsteroidCounts, Frame, ViewStatistics},
 };
 
-/// What `render --explain` prints of frames that show views of one rig, each with settings of its own.
+/// Returns the text of `render --explain` for frames that show views of one rig, each with its own settings.
 pub(super) fn text(frames: &[Frame]) -> String {
     let mut text = String::new();
     for frame in frames {
         text += &format!("exposure    EV100 {:.2}\n", frame.exposure_ev100);
         for view in &frame.views {
-            text += &of_view(view);
+            text += &describe_view(view);
         }
         match &frame.hdr_plan {
             Some(hdr) => {
-                text += &of_plan("display images", &frame.plan);
-                text += &of_plan("HDR images", hdr);
+                text += &describe_plan("display images", &frame.plan);
+                text += &describe_plan("HDR images", hdr);
             }
-            None => text += &of_plan("all images", &frame.plan),
+            None => text += &describe_plan("all images", &frame.plan),
         }
     }
-    // Whoever prints it ends the last line.
+    // The caller ends the last line.
     text.truncate(text.trim_end().len());
     text
 }
 
-fn of_view(view: &ViewStatistics) -> String {
+fn describe_view(view: &ViewStatistics) -> String {
     let AsteroidCounts { meshes, impostors, hidden, points, unresolved, .. } = &view.asteroids;
     let asteroids = meshes.iter().sum::<u64>() + impostors + points + unresolved;
     let mut line = format!("view        {}: {} stars drawn", view.name, view.stars_drawn);
@@ -45,7 +45,7 @@ fn of_view(view: &ViewStatistics) -> String {
     line + "\n"
 }
 
-fn of_plan(images: &str, plan: &FramePlan) -> String {
+fn describe_plan(images: &str, plan: &FramePlan) -> String {
     let FramePlan { stars, accumulator, glare, certificate, audit } = plan;
     let mut text = format!("{images}\n  stars     {stars}\n  sums      {accumulator}\n  glare     {glare}\n");
     for Approximation { what, bound, unit, within_budget } in certificate {
@@ -59,7 +59,7 @@ fn of_plan(images: &str, plan: &FramePlan) -> String {
     }
     if let Some(Audit { images, not_audited }) = audit {
         let audited = images.iter().map(|image| format!("  audit     {}\n", image.in_words()));
-        let left_out = not_audited.iter().map(|what| format!("  audit     not audited: {what}\n"));
+        let left_out = not_audited.iter().map(|unaudited| format!("  audit     not audited: {unaudited}\n"));
         text.extend(audited.chain(left_out));
     }
     text
@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bounds_are_told_with_their_verdict() {
+    fn bounds_are_printed_with_their_verdict() {
         let approximation = |within_budget| Approximation {
             what: "a thing".to_owned(),
             bound: 0.012,
@@ -78,7 +78,7 @@ mod tests {
             within_budget,
         };
         let certificate = vec![approximation(Some(true)), approximation(Some(false)), approximation(None)];
-        let text = of_plan("all images", &FramePlan { certificate, ..FramePlan::default() });
+        let text = describe_plan("all images", &FramePlan { certificate, ..FramePlan::default() });
         let bounds: Vec<&str> = text.lines().filter(|line| line.contains("bound")).collect();
         assert_eq!(
             bounds,

@@ -1,4 +1,4 @@
-//! `info`: the adapter, its driver, what is used of it, and the fallbacks taken.
+//! `info`: prints the adapter, its driver, the features and limits used, and the fallbacks in use.
 
 use clap::Args;
 
@@ -9,7 +9,7 @@ use crate::gpu::{Gpu, GpuOptions};
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  steradian info\n  steradian info --json --adapter llvmpipe")]
 pub struct InfoArguments {
-    /// As JSON.
+    /// Print JSON.
     #[arg(long)]
     json: bool,
 }

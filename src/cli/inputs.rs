@@ -1,4 +1,4 @@
-//! What pictures are made of: the configuration as used, and every file that it names, with its SHA-256.
+//! Inputs of pictures: the effective configuration, and every file that it names with its SHA-256.
 
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use super::CliError;
 use crate::config::{CatalogueConfig, Config};
 use crate::files;
 use crate::gpu::AdapterReport;
-use crate::output::provenance::{InputFile, Provenance, UsedCatalogue, UsedConfiguration, UsedRow, told_path};
+use crate::output::provenance::{InputFile, Provenance, UsedCatalogue, UsedConfiguration, UsedRow, recorded_path};
 use crate::scene::Camera;
 use crate::scene::asteroids::ShapeSet;
 use crate::scene::loader::LoadReport;
@@ -18,9 +18,9 @@ use crate::scene::loader::LoadReport;
 pub struct Inputs {
     /// The configuration.
     pub config: Config,
-    /// The files, each once.
+    /// The files, each listed once.
     paths: Vec<PathBuf>,
-    /// The folder that is told as the one at which relative paths start.
+    /// Folder recorded as the start of relative paths.
     folder: PathBuf,
 }
 
@@ -28,7 +28,7 @@ pub struct Inputs {
 pub fn sha256(parts: &[&str]) -> String {
     let mut hash = Sha256::new();
     for part in parts {
-        // The length first: no two lists of parts are the same bytes.
+        // Hash the length of each part first, so that different lists of parts never give the same bytes.
         hash.update((part.len() as u64).to_le_bytes());
         hash.update(part.as_bytes());
     }
@@ -59,7 +59,7 @@ fn digest(path: &Path) -> io::Result<(u64, String)> {
 fn input(path: &Path, folder: &Path) -> Result<InputFile, CliError> {
     let read = |source| CliError::ReadInput { path: path.to_owned(), source };
     let (bytes, sha256) = digest(path).map_err(read)?;
-    Ok(InputFile { file: told_path(path, folder), bytes, sha256 })
+    Ok(InputFile { file: recorded_path(path, folder), bytes, sha256 })
 }
 
 impl Inputs {
@@ -68,20 +68,20 @@ impl Inputs {
         let (config, opened) = files::reading(|| Config::load(path, overrides));
         let opened: Vec<PathBuf> = opened.into_iter().filter(|file| file != path).collect();
         let config = config?;
-        // What the program is given is told from the root, so that it leads to the files from anywhere.
+        // Record an absolute folder, so that the paths lead to the files from anywhere.
         let folder = if config.folder.as_os_str().is_empty() { Path::new(".") } else { &config.folder };
         let folder = folder.canonicalize().map_err(|source| CliError::ReadInput { path: folder.to_owned(), source })?;
-        Ok(Self::of(config, opened, folder))
+        Ok(Self::new(config, opened, folder))
     }
 
-    /// What a picture was made of, again. `folder` is where relative paths start in place of the one that is told.
+    /// Loads the recorded inputs of a picture again. `folder`, if given, replaces the recorded start of relative paths.
     ///
     /// # Errors
     ///
-    /// A file is not what it was, which is found out before it is read; or the configuration is refused.
-    pub fn again(told: &Provenance, origin: &str, folder: Option<&Path>) -> Result<Self, CliError> {
-        let start = folder.unwrap_or(&told.configuration.folder);
-        for expected in &told.files {
+    /// A file differs from the recorded one, which is checked before it is read; or the configuration is invalid.
+    pub fn again(recorded: &Provenance, origin: &str, folder: Option<&Path>) -> Result<Self, CliError> {
+        let start = folder.unwrap_or(&recorded.configuration.folder);
+        for expected in &recorded.files {
             let path = start.join(&expected.file);
             let found = input(&path, start)?;
             if (found.bytes, &found.sha256) != (expected.bytes, &expected.sha256) {
@@ -93,17 +93,17 @@ impl Inputs {
                 });
             }
         }
-        let read = || Config::from_text(&told.configuration.toml, origin, start, &[]);
+        let read = || Config::from_text(&recorded.configuration.toml, origin, start, &[]);
         let (config, opened) = files::reading(read);
-        Ok(Self::of(config?, opened, told.configuration.folder.clone()))
+        Ok(Self::new(config?, opened, recorded.configuration.folder.clone()))
     }
 
-    fn of(config: Config, opened: Vec<PathBuf>, folder: PathBuf) -> Self {
+    fn new(config: Config, opened: Vec<PathBuf>, folder: PathBuf) -> Self {
         let mut paths = config.named_files();
         paths.extend(opened);
         let shapes = config.shape_files();
         if !shapes.is_empty() {
-            // What is wrong with one is told when it is loaded.
+            // Errors of a shape file are reported when it is loaded.
             let (_, opened) = files::reading(|| ShapeSet::from_gltf(&shapes).is_ok());
             paths.extend(opened);
         }
@@ -112,7 +112,7 @@ impl Inputs {
         Self { config, paths, folder }
     }
 
-    /// Every file that pictures depend on, by path: reads them all.
+    /// Reads every file that pictures depend on and returns length and hash of each, sorted by path.
     pub fn files(&self) -> Result<Vec<InputFile>, CliError> {
         let files: Result<Vec<InputFile>, CliError> =
             self.paths.iter().map(|path| input(path, &self.config.folder)).collect();
@@ -122,14 +122,14 @@ impl Inputs {
         Ok(files)
     }
 
-    /// The configuration as it is used.
+    /// Returns the configuration in effect.
     pub fn configuration(&self) -> UsedConfiguration {
         UsedConfiguration { folder: self.folder.clone(), toml: self.config.pictured.clone() }
     }
 
-    /// What became of the catalogues.
+    /// Returns the load results of the catalogues.
     pub fn catalogues(&self, report: &LoadReport) -> Vec<UsedCatalogue> {
-        let told = self.config.scene.catalogues.iter().zip(&report.catalogues).map(|(configured, loaded)| {
+        let catalogues = self.config.scene.catalogues.iter().zip(&report.catalogues).map(|(configured, loaded)| {
             let rows = loaded.rows.as_ref();
             let first = rows.map(|rows| rows.first_rejected.as_slice()).unwrap_or_default();
             let row =
@@ -145,10 +145,10 @@ impl Inputs {
                 first_rejected: first.iter().map(row).collect(),
             }
         });
-        told.collect()
+        catalogues.collect()
     }
 
-    /// All that a picture is made of.
+    /// Returns the complete provenance of a picture.
     pub fn provenance(
         &self,
         adapter: &AdapterReport,

@@ -1,4 +1,4 @@
-//! What there is before the first frame: stars and pipelines, with progress.
+//! Preparation of the first frame: loads stars and compiles pipelines, with progress.
 
 use std::sync::Arc;
 
@@ -16,24 +16,24 @@ use crate::scene::loader::{LoadReport, StarSource, load_stars};
 pub struct LoadedScene {
     /// The stars.
     pub stars: StarSet,
-    /// What was found while they were loaded.
+    /// Report of the loader.
     pub report: LoadReport,
-    /// All that is no star.
+    /// Everything except the stars.
     pub objects: Arc<SceneObjects>,
-    /// Whether the driver has taken all shaders.
+    /// Whether the driver accepted all shaders.
     pub prepared: Result<(), RenderError>,
 }
 
-/// Loads the scene of a configuration, and meanwhile makes the pipelines of its frames, which have both images of all views.
+/// Loads the scene of a configuration and meanwhile compiles the pipelines for display and HDR images of all views.
 pub fn scene(config: &Config, groups: &[FrameGroup], renderer: &mut Renderer) -> Result<LoadedScene, CliError> {
     let objects = Arc::new(config.objects()?);
-    tell_asteroids_between_eyes(config, groups);
+    warn_of_asteroids_between_eyes(config, groups);
     let (prepared, loaded) = std::thread::scope(|scope| {
         let preparing = scope.spawn(|| {
             let mut progress = PreparingProgress::new();
-            let mut tell = |step| progress.step(step);
+            let mut report_step = |step| progress.step(step);
             let prepared = groups.iter().try_for_each(|FrameGroup { rig, settings, .. }| {
-                renderer.prepare(&objects, rig, settings, Wanted::both(), &[], &mut tell)
+                renderer.prepare(&objects, rig, settings, Wanted::both(), &[], &mut report_step)
             });
             progress.finish();
             prepared
@@ -45,8 +45,9 @@ pub fn scene(config: &Config, groups: &[FrameGroup], renderer: &mut Renderer) ->
     Ok(LoadedScene { stars, report, objects, prepared })
 }
 
-/// Says from where on asteroids are right in omni-directional stereo, in which they are drawn from the middle between the eyes.
-fn tell_asteroids_between_eyes(config: &Config, groups: &[FrameGroup]) {
+/// Warns from which distance on asteroids are correct in omni-directional stereo, where they are drawn from the
+/// midpoint between the eyes.
+fn warn_of_asteroids_between_eyes(config: &Config, groups: &[FrameGroup]) {
     if config.asteroid_fields.is_empty() {
         return;
     }
@@ -54,7 +55,7 @@ fn tell_asteroids_between_eyes(config: &Config, groups: &[FrameGroup]) {
         if let Some(image) = view.images.first().filter(|image| image.viewing_circle_m != 0.0) {
             let from_m = image.viewing_circle_m.abs() / image.projection.middle_pixel_rad();
             tracing::warn!(
-                "{}: view {}: asteroids are drawn from the middle between its eyes, which is right to a pixel from {from_m:.3e} m on",
+                "{}: view {}: asteroids are drawn from the midpoint between its eyes; the error is below one pixel from {from_m:.3e} m on",
                 config.origin,
                 view.name
             );
@@ -62,8 +63,8 @@ fn tell_asteroids_between_eyes(config: &Config, groups: &[FrameGroup]) {
     }
 }
 
-/// Loads the catalogues, shows progress, and warns of rejected rows and of stars that stand in two catalogues. `origin`
-/// names the configuration in errors; empty for arguments.
+/// Loads the catalogues with progress, and warns of rejected rows and of stars listed in two catalogues. `origin` names
+/// the configuration in errors; it is empty for command-line arguments.
 pub fn stars(sources: &[StarSource], epoch: &Epoch, origin: &str) -> Result<(StarSet, LoadReport), CliError> {
     let mut progress = LoadingProgress::new();
     let loaded = load_stars(sources, epoch, &mut |step| progress.step(&step));
@@ -80,7 +81,7 @@ pub fn stars(sources: &[StarSource], epoch: &Epoch, origin: &str) -> Result<(Sta
         }
     }
     for overlap in &report.overlaps {
-        tracing::warn!("{overlap}: catalogues add up, so they shine twice");
+        tracing::warn!("{overlap}: both entries are added, so these stars are twice as bright");
     }
     Ok((set, report))
 }

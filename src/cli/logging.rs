@@ -1,4 +1,4 @@
-//! Logs: to standard error, filtered by `--log` or the environment variable `STERADIAN_LOG`.
+//! Logs to standard error, filtered by `--log` or the environment variable `STERADIAN_LOG`.
 
 use std::io::{self, IsTerminal};
 
@@ -9,10 +9,11 @@ use super::{
     telemetry::{self, Exporting},
 };
 
-/// What is logged unless something else is asked for; the libraries for graphics and windows only when it matters.
+/// Default filter. Graphics and window libraries log only warnings and errors.
 const DEFAULT: &str = "info,wgpu=warn,wgpu_core=warn,wgpu_hal=warn,naga=warn,winit=error";
 
-/// Starts logging, and traces where a collector is named; once per process. What is returned sends them until it is dropped.
+/// Starts logging, and tracing if a collector is configured; called once per process. The returned exporter sends
+/// traces until it is dropped.
 pub fn start(argument: Option<&str>) -> Result<Option<Exporting>, CliError> {
     let (name, filter) = match (argument, std::env::var("STERADIAN_LOG")) {
         (Some(filter), _) => ("--log", filter.to_owned()),
@@ -21,7 +22,7 @@ pub fn start(argument: Option<&str>) -> Result<Option<Exporting>, CliError> {
     };
     let wrong = |problem: String| {
         CliError::Usage(format!(
-            "{name} {filter}: {problem}; allowed are error, warn, info, debug, trace, and filters such as info,steradian::service=debug"
+            "{name} {filter}: {problem}; must be error, warn, info, debug, trace or a filter such as info,steradian::service=debug"
         ))
     };
     let filter = EnvFilter::try_new(&filter).map_err(|error| wrong(error.to_string()))?;

@@ -1,7 +1,7 @@
 //! The command line: one file per subcommand.
 //!
-//! Results go to standard output through `results`, logs and progress to standard error. Every error comes
-//! back to `main` as a [`CliError`], which knows its exit code.
+//! Results go to standard output through `results`; logs and progress go to standard error. Every error returns to
+//! `main` as a [`CliError`], which knows its exit code.
 
 mod audits;
 mod catalogue;
@@ -32,7 +32,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use clap::{Parser, Subcommand};
 pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
 
-/// A lock under which nothing can panic: what is poisoned is whole.
+/// Locks a mutex whose holders never panic, so that poisoned data is still consistent.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -68,7 +68,7 @@ pub struct Cli {
     /// Default: the environment variable STERADIAN_LOG, otherwise info.
     #[arg(long, global = true, value_name = "FILTER")]
     pub log: Option<String>,
-    /// What to do.
+    /// Command to run.
     #[command(subcommand)]
     pub command: Command,
 }
@@ -76,9 +76,9 @@ pub struct Cli {
 /// The subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Render every view of a configuration once and write the files.
+    /// Render every view of a configuration once into files.
     Render(render::RenderArguments),
-    /// Render numbered frames along a path, each a function of its number alone.
+    /// Render numbered frames along a path; a frame depends only on its number.
     Film(film::FilmArguments),
     /// Run the daemon: renders views for clients over gRPC until SIGINT or SIGTERM.
     Serve(serve::ServeArguments),
@@ -92,13 +92,13 @@ pub enum Command {
     Chart(chart::ChartArguments),
     /// Work with the projectors of a dome.
     Dome(dome::DomeArguments),
-    /// Write configurations from what installers of projectors deliver.
+    /// Convert the files of projector installers to configurations.
     Projectors(projectors::ProjectorsArguments),
     /// Work with star catalogues.
     Catalogue(catalogue::CatalogueArguments),
     /// Compute the point-spread function of an aperture, or convert one.
     Psf(psf::PsfArguments),
-    /// Make a token that lets a client in, and the lines of the configuration that do so.
+    /// Make an access token for a client, and the configuration lines that accept it.
     Token(token::TokenArguments),
     /// Show a scene in the headset of the system's OpenXR runtime.
     Xr(xr::XrArguments),

@@ -1,4 +1,4 @@
-//! Progress of long work on standard error: a bar on a terminal, plain lines elsewhere.
+//! Progress of long work on standard error: a bar on a terminal, plain log lines elsewhere.
 
 use std::io::{self, IsTerminal};
 use std::sync::LazyLock;
@@ -9,10 +9,10 @@ use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use crate::render::PrepareStep;
 use crate::scene::loader::LoadStep;
 
-/// All bars: several kinds of work go on at the same time.
+/// All bars, because several kinds of work run at the same time.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 
-/// A bar, where standard error is a terminal.
+/// Returns a bar if standard error is a terminal.
 fn bar() -> Option<ProgressBar> {
     bar_like("{spinner} {wide_bar} {pos}/{len} {msg} [{elapsed}]")
 }
@@ -20,7 +20,7 @@ fn bar() -> Option<ProgressBar> {
 fn bar_like(template: &str) -> Option<ProgressBar> {
     io::stderr().is_terminal().then(|| {
         let bar = BARS.add(ProgressBar::no_length());
-        // A template without any unknown key parses; the plain style is what is left otherwise.
+        // The template has no unknown key and therefore parses; otherwise the plain style is used.
         let style = ProgressStyle::with_template(template);
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         bar.enable_steady_tick(Duration::from_millis(120));
@@ -35,13 +35,13 @@ pub struct PreparingProgress {
 }
 
 impl PreparingProgress {
-    /// Begins.
+    /// Starts the progress.
     pub fn new() -> Self {
         tracing::info!("preparing shaders");
         Self { bar: bar(), started: Instant::now() }
     }
 
-    /// Tells of the next step.
+    /// Reports the next step.
     pub fn step(&mut self, PrepareStep { name, done, of }: PrepareStep) {
         match &self.bar {
             Some(bar) => {
@@ -53,7 +53,7 @@ impl PreparingProgress {
         }
     }
 
-    /// Ends.
+    /// Ends the progress and logs the duration.
     pub fn finish(self) {
         if let Some(bar) = self.bar {
             bar.finish_and_clear();
@@ -69,21 +69,21 @@ pub struct LoadingProgress {
 }
 
 impl LoadingProgress {
-    /// Begins.
+    /// Starts the progress.
     pub fn new() -> Self {
         Self { bar: bar(), started: Instant::now() }
     }
 
-    /// Tells of the next step.
+    /// Reports the next step.
     pub fn step(&mut self, step: &LoadStep) {
         let text = match step {
             LoadStep::Catalogue { name, .. } => format!("loading {name}"),
-            LoadStep::Overlaps => "looking for stars that stand in two catalogues".to_owned(),
+            LoadStep::Overlaps => "looking for stars listed in two catalogues".to_owned(),
             LoadStep::Chunks { stars } => format!("sorting {stars} stars"),
         };
         match (&self.bar, step) {
             (Some(bar), LoadStep::Catalogue { index, of, .. }) => {
-                // One step per catalogue, and one for the sorting.
+                // One step per catalogue, plus one for sorting.
                 bar.set_length(*of as u64 + 1);
                 bar.set_position(*index as u64);
                 bar.set_message(text);
@@ -98,7 +98,7 @@ impl LoadingProgress {
         }
     }
 
-    /// Ends, with the number of stars.
+    /// Ends the progress and logs the number of stars.
     pub fn finish(self, stars: usize) {
         if let Some(bar) = self.bar {
             bar.finish_and_clear();
@@ -107,41 +107,41 @@ impl LoadingProgress {
     }
 }
 
-/// How often plain lines tell of the frames of a film.
+/// Interval between plain log lines about a film.
 const FILM_LINES: Duration = Duration::from_secs(5);
 
 /// Progress of a film.
 pub struct FilmProgress {
     bar: Option<ProgressBar>,
     started: Instant,
-    told: Instant,
+    last_line: Instant,
     frames: usize,
 }
 
 impl FilmProgress {
-    /// Begins with the number of frames to draw.
+    /// Starts the progress with the number of frames to draw.
     pub fn new(frames: usize) -> Self {
         let bar = bar_like("{spinner} {wide_bar} {pos}/{len} {msg} [{elapsed}, {eta} left]");
         if let Some(bar) = &bar {
             bar.set_length(frames as u64);
         }
-        Self { bar, started: Instant::now(), told: Instant::now(), frames }
+        Self { bar, started: Instant::now(), last_line: Instant::now(), frames }
     }
 
-    /// So many frames are drawn, the last of them is that.
+    /// Reports that `done` frames are drawn and that `frame` is the last of them.
     pub fn drawn(&mut self, frame: u32, done: usize) {
         if let Some(bar) = &self.bar {
             bar.set_position(done as u64);
             bar.set_message(format!("frame {frame}"));
-        } else if self.told.elapsed() >= FILM_LINES || done == self.frames {
-            self.told = Instant::now();
+        } else if self.last_line.elapsed() >= FILM_LINES || done == self.frames {
+            self.last_line = Instant::now();
             let per_frame_s = self.started.elapsed().as_secs_f64() / done.max(1) as f64;
             let left_s = per_frame_s * (self.frames - done) as f64;
             tracing::info!("frame {frame}: {done} of {}, {per_frame_s:.3} s each, {left_s:.0} s left", self.frames);
         }
     }
 
-    /// Ends.
+    /// Ends the progress.
     pub fn finish(self) {
         if let Some(bar) = self.bar {
             bar.finish_and_clear();

@@ -1,4 +1,4 @@
-//! `projectors`: configurations from what installers deliver.
+//! `projectors`: converts the files of projector installers to configurations.
 
 use std::{
     collections::BTreeMap,
@@ -27,7 +27,7 @@ pub struct ProjectorsArguments {
 
 #[derive(Debug, Subcommand)]
 enum ProjectorsCommand {
-    /// Write a configuration with a view for each projector of an installer's files.
+    /// Write a configuration with one view for each projector in an installer's files.
     Import(ImportArguments),
 }
 
@@ -36,34 +36,34 @@ enum ProjectorsCommand {
 #[command(after_help = "Examples:\n  \
     steradian projectors import dome.mpcdi --out dome.toml\n  \
     steradian projectors import left.data right.data --size 1920x1200 --blend computed --out dome.toml\n\n\
-    The views refer to the files, which stay where they are, with every key written out. What the files leave open and what was taken\n\
-    stands in comments. Warps that fold are refused.")]
+    The views refer to the files in their present place, and every key is written out. Comments list which values the files leave open\n\
+    and which were assumed. Warps that fold are refused.")]
 struct ImportArguments {
-    /// MPCDI, SGCT's JSON, meshes, or directions as PFM or OpenEXR; told by their content.
+    /// MPCDI, SGCT JSON, meshes, or directions as PFM or OpenEXR; recognised by content.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// The configuration to write.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Width and height of the rasters, where the files have none.
+    /// Width and height of the rasters if the files have none.
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
-    /// Order of rows, where it differs from the format's: top_first or bottom_first.
+    /// Order of rows if it differs from the format's: top_first or bottom_first.
     #[arg(long, value_name = "ORDER", value_parser = ["as_format", "top_first", "bottom_first"], default_value = "as_format")]
     rows: String,
     /// Axes of the files, as x=x,y=z,z=-y.
     #[arg(long, value_name = "AXES")]
     axes: Option<String>,
-    /// Where the spectator is, m: right, up, backwards.
+    /// Position of the spectator, m: right, up, backwards.
     #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 3, allow_negative_numbers = true)]
     eye_m: Option<Vec<f64>>,
-    /// Field of view of the fisheye that meshes take their picture from, degrees.
+    /// Field of view of the fisheye picture that meshes sample, degrees.
     #[arg(long, value_name = "DEG", default_value_t = 180.0)]
     fov_deg: f64,
     /// Tilt of that fisheye, degrees.
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
     tilt_deg: f64,
-    /// Shares of light: file, computed or none.
+    /// Source of the blend: file, computed or none.
     #[arg(long, value_name = "WHICH", value_parser = ["file", "computed", "none"], default_value = "file")]
     blend: String,
 }
@@ -72,7 +72,7 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     let sides = text.split_once('x').map(|(width, height)| [width.parse(), height.parse()]);
     match sides {
         Some([Ok(width), Ok(height)]) => Ok([width, height]),
-        _ => Err("width and height in pixels are needed, as 1920x1080".to_owned()),
+        _ => Err("must be width x height in pixels, such as 1920x1080".to_owned()),
     }
 }
 
@@ -81,7 +81,7 @@ pub fn run(arguments: &ProjectorsArguments) -> Result<(), CliError> {
     let ProjectorsCommand::Import(arguments) = &arguments.command;
     let options = options(arguments)?;
     let folder = folder_of(&arguments.out);
-    let mut text = "# Projectors, as their installer's files have them.\n".to_owned();
+    let mut text = "# Projectors, imported from the installer's files.\n".to_owned();
     let mut names = BTreeMap::new();
     for file in &arguments.files {
         let calibration = read(file, &options)?;
@@ -89,7 +89,7 @@ pub fn run(arguments: &ProjectorsArguments) -> Result<(), CliError> {
             relative(file, folder).map_err(|source| CliError::WriteFile { path: arguments.out.clone(), source })?;
         add(&mut text, &calibration, &place, arguments, &mut names);
     }
-    // What is written can be drawn.
+    // Check that the written configuration can be drawn.
     let origin = arguments.out.display().to_string();
     let config = Config::from_text(&text, &origin, folder, &[])?;
     let rig = config.rig()?;
@@ -120,14 +120,14 @@ fn options(arguments: &ImportArguments) -> Result<ReadOptions, CliError> {
     })
 }
 
-/// The path from a folder to a file below it; of others the whole one.
+/// Returns the path relative to the folder if the file is below it, otherwise the absolute path.
 fn relative(file: &Path, folder: &Path) -> std::io::Result<PathBuf> {
     let file = fs::canonicalize(file)?;
     let folder = fs::canonicalize(folder)?;
     Ok(file.strip_prefix(&folder).map(Path::to_owned).unwrap_or(file))
 }
 
-/// A view for each region.
+/// Adds one view for each region.
 fn add(
     text: &mut String,
     calibration: &Calibration,
@@ -135,7 +135,7 @@ fn add(
     arguments: &ImportArguments,
     names: &mut BTreeMap<String, usize>,
 ) {
-    let _ = writeln!(text, "\n# {}: {}. What was taken:", file.display(), calibration.format);
+    let _ = writeln!(text, "\n# {}: {}. Assumed:", file.display(), calibration.format);
     for note in &calibration.notes {
         let _ = writeln!(text, "# - {note}");
     }
@@ -163,7 +163,7 @@ fn add(
     }
 }
 
-/// A view's name from that of a region: letters, digits, `_` and `-`, and no other's.
+/// Returns a unique view name for a region, with only letters, digits, `_` and `-`.
 fn unique(region: &str, names: &mut BTreeMap<String, usize>) -> String {
     let letter = |c: char| if c.is_ascii_alphanumeric() || c == '_' || c == '-' { c } else { '_' };
     let name: String = region.chars().map(letter).collect();

@@ -1,4 +1,4 @@
-//! `psf`: point-spread functions, computed from an aperture or converted from another program's file.
+//! `psf`: computes the point-spread function of an aperture, or converts the file of another program.
 
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use indicatif::ProgressBar;
 use super::{CliError, results};
 use crate::photometry::psf::{self, ARCSECOND_RAD, Aperture, BLADES, Loaded, Optics, Psf, WHITE_K};
 
-/// A peak further from the middle than this is told, pixels.
+/// A peak further from the centre than this causes a warning, pixels.
 const CENTRED_WITHIN_PX: f64 = 1.0;
 
 /// Arguments of `psf`.
@@ -56,7 +56,7 @@ pub struct PsfArguments {
 /// Runs the command.
 pub fn run(arguments: &PsfArguments) -> Result<(), CliError> {
     if let Some(pixel_arcsec) = arguments.pixel_arcsec.filter(|pixel| !(*pixel > 0.0 && pixel.is_finite())) {
-        return Err(CliError::Usage(format!("--pixel-arcsec {pixel_arcsec}: allowed are numbers above 0")));
+        return Err(CliError::Usage(format!("--pixel-arcsec {pixel_arcsec}: must be above 0")));
     }
     let psf = match (&arguments.from, &arguments.aperture) {
         (Some(file), _) => convert(file, arguments.pixel_arcsec)?,
@@ -77,12 +77,12 @@ pub fn run(arguments: &PsfArguments) -> Result<(), CliError> {
 fn convert(file: &Path, pixel_arcsec: Option<f64>) -> Result<Psf, CliError> {
     let Loaded { psf, negative_pixels, peak_offset_px } = psf::read(file, pixel_arcsec)?;
     if negative_pixels > 0 {
-        tracing::warn!("{}: {negative_pixels} negative pixels were made 0", file.display());
+        tracing::warn!("{}: {negative_pixels} negative pixels were set to 0", file.display());
     }
     if peak_offset_px.abs().max_element() > CENTRED_WITHIN_PX {
         tracing::warn!(
-            "{}: the brightest pixel lies {:.1} px to the right of the middle and {:.1} px above it; the star is taken to \
-             stand in the middle",
+            "{}: the brightest pixel is {:.1} px to the right of the centre and {:.1} px above it; the star is assumed to \
+             be at the centre",
             file.display(),
             peak_offset_px.x,
             peak_offset_px.y
@@ -94,9 +94,9 @@ fn convert(file: &Path, pixel_arcsec: Option<f64>) -> Result<Psf, CliError> {
 fn diffract(name: &str, arguments: &PsfArguments) -> Result<Psf, CliError> {
     let aperture = Aperture::from_name(name, arguments.blades).ok_or_else(|| {
         CliError::Usage(if Aperture::NAMES.contains(&name) {
-            format!("--blades {}: allowed are {} to {}", arguments.blades, BLADES.start(), BLADES.end())
+            format!("--blades {}: must be between {} and {}", arguments.blades, BLADES.start(), BLADES.end())
         } else {
-            format!("--aperture {name}: allowed are {}", Aperture::NAMES.join(", "))
+            format!("--aperture {name}: must be one of {}", Aperture::NAMES.join(", "))
         })
     })?;
     let diameter_mm = arguments
@@ -118,7 +118,7 @@ fn diffract(name: &str, arguments: &PsfArguments) -> Result<Psf, CliError> {
             bar.set_length(of as u64);
             bar.set_position(done as u64);
         }
-        // A plain line at every tenth of the way.
+        // Log a plain line at each tenth of the work.
         None if done == 0 || done * 10 / of != (done - 1) * 10 / of => tracing::info!("{done} of {of} wavelengths"),
         None => {}
     })?;

@@ -1,4 +1,4 @@
-//! `render`: every view once, into files.
+//! `render`: renders every view once into files.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,7 +18,7 @@ use crate::output::{pack, provenance::Provenance, write_frames};
 use crate::render::{Frame, FrameRequest, RenderError, Renderer, Wanted};
 use crate::scene::SceneSnapshot;
 
-/// Bytes of a manifest, at most.
+/// Maximum size of a manifest, bytes.
 const MOST_MANIFEST_BYTES: u64 = 256 << 20;
 
 /// A kind of image file.
@@ -38,17 +38,17 @@ enum FileKind {
     steradian render --config configs/dome.toml --out out --files png --explain\n  \
     steradian render --from out/manifest.json --out again\n\n\
     Writes <view>.exr and <view>.png (with several images <view>.<part>.exr and .png), timings.json and manifest.json. An\n\
-    image is the same whichever other files are written; one that is not written is not drawn.\n\
+    image does not depend on which other files are written; an image that is not written is not drawn.\n\
     The key of --set is a dotted path; a view is named by its name or its index from 0. Values are TOML; a bare word is a\n\
-    string. Relative paths of catalogues start at the folder of the configuration.")]
+    string. Relative paths of catalogues are relative to the folder of the configuration.")]
 pub struct RenderArguments {
     /// The configuration.
     #[arg(long, value_name = "FILE", required_unless_present = "from")]
     config: Option<PathBuf>,
-    /// In place of a configuration: the manifest of a frame, to make that again. Files that are not what they were are refused.
+    /// Render the frame of a manifest again, without --config. Files that differ from the recorded ones are refused.
     #[arg(long, value_name = "MANIFEST", conflicts_with_all = ["config", "set"])]
     from: Option<PathBuf>,
-    /// With --from: where relative paths start, in place of the folder that the manifest names.
+    /// With --from: folder for relative paths, instead of the folder that the manifest names.
     #[arg(long, value_name = "DIR", requires = "from")]
     folder: Option<PathBuf>,
     /// Output folder; created if it does not exist.
@@ -57,22 +57,24 @@ pub struct RenderArguments {
     /// Override a key of the configuration; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Which images are written, separated by commas.
+    /// Images to write, separated by commas.
     #[arg(long, value_name = "KINDS", value_enum, value_delimiter = ',', default_value = "png,exr")]
     files: Vec<FileKind>,
-    /// Print what was drawn how, with the bound of every approximation.
+    /// Print how each part was drawn, with the bound of every approximation.
     #[arg(long)]
     explain: bool,
 }
 
 /// Runs the command.
 pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), CliError> {
-    // Everything that can be refused is looked at before the stars, which take longest.
-    let told = arguments.from.as_deref().map(read_manifest).transpose()?;
-    let inputs = match (&told, &arguments.config, &arguments.from) {
-        (Some(told), _, Some(from)) => Inputs::again(told, &from.display().to_string(), arguments.folder.as_deref())?,
+    // Check everything that can be refused before loading the stars, which takes longest.
+    let recorded = arguments.from.as_deref().map(read_manifest).transpose()?;
+    let inputs = match (&recorded, &arguments.config, &arguments.from) {
+        (Some(recorded), _, Some(from)) => {
+            Inputs::again(recorded, &from.display().to_string(), arguments.folder.as_deref())?
+        }
         (_, Some(config), _) => Inputs::load(config, &arguments.set)?,
-        // One of them is required, so the parser tells it first.
+        // The parser requires one of them, so it reports their absence first.
         _ => return Err(CliError::Usage("render needs --config or --from".to_owned())),
     };
     let config = &inputs.config;
@@ -82,15 +84,20 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
         return Err(CliError::Usage(format!("{}: views: at least one [[views]] is needed to render", config.origin)));
     }
     if config.accuracy.frame_ms.is_some() {
-        tracing::info!("{}: accuracy.frame_ms acts in `serve` alone: files give up no quality", config.origin);
+        tracing::info!(
+            "{}: accuracy.frame_ms applies only to `serve`: files are always drawn at full quality",
+            config.origin
+        );
     }
+    // Open the adapter and check that it can draw the views.
     let gpu = Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?;
     let mut renderer = Renderer::new(gpu);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
 
-    if let Some(told) = &told {
-        tell_differences(told, renderer.adapter());
+    if let Some(recorded) = &recorded {
+        warn_of_differences(recorded, renderer.adapter());
     }
+    // Load the scene and draw one frame per group of views.
     let groups = config.frame_groups()?;
     let LoadedScene { stars, report, objects, prepared } = load::scene(config, &groups, &mut renderer)?;
     prepared.map_err(|error| CliError::render(error, &config.origin))?;
@@ -115,31 +122,32 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
     if arguments.explain {
         results::line(explain::text(&frames))?;
     }
-    let tell = |path: &Path| tracing::info!("wrote {}", path.display());
+    // Write the files and report failed audits.
+    let log_written = |path: &Path| tracing::info!("wrote {}", path.display());
     let SceneSnapshot { camera, objects, .. } = &snapshot;
     let provenance = inputs.provenance(renderer.adapter(), camera, objects.time_s, &report)?;
-    for path in write_frames(&arguments.out, &rig, &frames, &provenance, &tell)? {
+    for path in write_frames(&arguments.out, &rig, &frames, &provenance, &log_written)? {
         results::line(path.display())?;
     }
     audits::check(&frames)
 }
 
-/// What a frame was made of.
+/// Reads the provenance of a frame from its manifest.
 fn read_manifest(path: &Path) -> Result<Provenance, CliError> {
     let wrong = |problem: String| CliError::ReadManifest { path: path.to_owned(), problem };
     let bytes = files::read_bounded(path, MOST_MANIFEST_BYTES).map_err(|error| wrong(error.to_string()))?;
     serde_json::from_slice(&bytes).map_err(|error| wrong(error.to_string()))
 }
 
-/// Says why a frame may not have the same bytes.
-fn tell_differences(told: &Provenance, adapter: &AdapterReport) {
-    for (what, then, now) in [
-        ("version", &told.version[..], env!("CARGO_PKG_VERSION")),
-        ("adapter", &told.adapter, &adapter.adapter),
-        ("driver", &told.driver, &adapter.driver),
+/// Warns of differences that may change the bytes of a frame.
+fn warn_of_differences(recorded: &Provenance, adapter: &AdapterReport) {
+    for (property, then, now) in [
+        ("version", &recorded.version[..], env!("CARGO_PKG_VERSION")),
+        ("adapter", &recorded.adapter, &adapter.adapter),
+        ("driver", &recorded.driver, &adapter.driver),
     ] {
         if then != now {
-            tracing::warn!("the {what} was {then} and is {now}: pictures may differ");
+            tracing::warn!("the {property} was {then} and is {now}: pictures may differ");
         }
     }
 }

@@ -34,16 +34,16 @@ use crate::xr::{self, FirstFailure};
     steradian serve --config configs/mission-control.toml --listen unix:steradian.socket\n  \
     steradian serve --listen 127.0.0.1:0     # selects a free port and prints it\n\n\
     Prints `listening on ADDR` when clients can connect. SIGINT and SIGTERM drain calls and shut down.\n\
-    Anything but the loopback address and unix:PATH needs [server.tls], and [[server.tokens]] or\n\
+    Every address except loopback and unix:PATH needs [server.tls], and [[server.tokens]] or\n\
     [[server.certificates]] in the configuration. SIGHUP reads these again.")]
 pub struct ServeArguments {
-    /// The configuration; without it a dome and a flat view of bright and synthetic stars.
+    /// Configuration file. Default: a dome and a flat view of bright and synthetic stars.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Address to listen on, in place of that of the configuration.
+    /// Address to listen on; replaces the one in the configuration.
     #[arg(long, value_name = "ADDR", value_parser = parse_listen)]
     listen: Option<String>,
-    /// File in which changes by clients are kept, in place of that of the configuration.
+    /// File that keeps changes made by clients; replaces the one in the configuration.
     #[arg(long, value_name = "FILE")]
     state: Option<PathBuf>,
     /// Override a key of the configuration; can be repeated.
@@ -54,12 +54,12 @@ pub struct ServeArguments {
 /// Runs the command.
 pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), CliError> {
     let config = load_config(&arguments)?;
-    // Its moment is that at which it was read.
+    // The clock starts when the configuration is read.
     let clock = config.clock();
     let (rig, camera) = (config.rig()?, config.camera()?);
     let groups = config.frame_groups()?;
     for view in config.views.iter().filter(|view| view.packing != PackingConfig::None) {
-        tracing::info!("{}: views.{}.packing acts in `render` and `film` alone", config.origin, view.name);
+        tracing::info!("{}: views.{}.packing applies only to `render` and `film`", config.origin, view.name);
     }
     let access = access(&arguments);
     let listen = arguments.listen.clone().unwrap_or_else(|| config.server.listen.clone());
@@ -69,16 +69,16 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(CliError::Runtime)?;
     block_on_and_leave(runtime, async {
-        // From here on a signal is an orderly end, while stars are still loading as well.
+        // From here on a signal shuts down in order, also while stars are still loading.
         let mut signals = Box::pin(service::signals().map_err(CliError::Runtime)?);
         let of_scene = config.clone();
-        // Shaders are compiled before anybody can ask for a frame.
+        // Compile the shaders before a client can request a frame.
         let starting = task::spawn_blocking(move || start(&of_scene, &groups, camera, renderer));
         let (renderer, scene, report) = tokio::select! {
             () = &mut signals => return Ok(()),
             started = starting => match started {
                 Ok(started) => started?,
-                // Nobody cancels it, so it panicked; the panic goes on here.
+                // The task is never cancelled, so it panicked: propagate the panic.
                 Err(error) => std::panic::resume_unwind(error.into_panic()),
             },
         };
@@ -91,7 +91,7 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         options.observer.clone_from(&config.scene.observer);
         options.star_sources = config.star_sources();
         options.view_tables = config.views.iter().map(|view| view.tables.clone()).collect();
-        options.view_definitions = config.views.iter().map(told_definition).collect();
+        options.view_definitions = config.views.iter().map(reported_definition).collect();
         options.folder.clone_from(&config.folder);
         options.hosts.clone_from(&config.server.hosts);
         options.access = Some(access);
@@ -101,7 +101,7 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         options.windows = windows(&config, &options.rig, adapter_name);
         options.shutdown = Shutdown::When(Box::pin(async move {
             signals.await;
-            tell_supervisor(NotifyState::Stopping);
+            notify_supervisor(NotifyState::Stopping);
         }));
         service::run(options).await.map_err(CliError::Serve)
     })
@@ -111,7 +111,7 @@ fn load_config(ServeArguments { config, set, .. }: &ServeArguments) -> Result<Co
     Config::load_or_built_in(config.as_deref(), set)
 }
 
-/// Who may call, as the configuration says whenever it is read.
+/// Returns the source of access rules, which reads the configuration again on each reload.
 fn access(arguments: &ServeArguments) -> AccessSource {
     let arguments = arguments.clone();
     Arc::new(move || {
@@ -120,8 +120,8 @@ fn access(arguments: &ServeArguments) -> AccessSource {
     })
 }
 
-/// Loads the scene and makes what the first frame takes. What cannot be drawn is told here, and to every client that asks for it: the scene
-/// may be changed by then.
+/// Loads the scene and everything that the first frame needs. A frame that cannot be drawn is logged here and reported
+/// to every client that requests it: the scene may have changed by then.
 fn start(
     config: &Config,
     groups: &[FrameGroup],
@@ -140,17 +140,17 @@ fn start(
     Ok((renderer, scene, report))
 }
 
-/// The headset that a configuration asks for.
+/// Returns the headset options of a configuration.
 fn headset(config: &Config) -> Option<HeadsetOptions> {
     let settings = config.headset.clone();
     settings.enabled.then(|| HeadsetOptions {
         name: settings.name.clone(),
-        // Whoever starts a daemon may start the runtime later.
+        // The runtime may start later than the daemon, so a first failure is retried.
         drive: Box::new(move |host| Ok(xr::drive(host.as_ref(), &settings, FirstFailure::Retries)?)),
     })
 }
 
-/// The windows that a configuration asks for, on the adapter of that name where it presents.
+/// Returns the windows options of a configuration; windows use the named adapter if it can present.
 fn windows(config: &Config, rig: &Rig, adapter: String) -> Option<WindowsOptions> {
     let configs = config.windows.clone();
     let sizes: Vec<[u32; 2]> = configs.iter().filter_map(|window| show::size_of(window, rig)).collect();
@@ -158,39 +158,40 @@ fn windows(config: &Config, rig: &Rig, adapter: String) -> Option<WindowsOptions
         windows: configs.clone(),
         open: Box::new(move |host| match windows::open(&configs, &sizes, &adapter, host, WithoutDisplay::GoesOn) {
             Ok(()) => WindowsEnd::InOrder,
-            // Whoever starts a daemon may start the display later.
+            // The display may start later than the daemon.
             Err(WindowsError::NoDisplay(problem)) => WindowsEnd::NoDisplay(problem),
             Err(error) => WindowsEnd::Failed(error.to_string()),
         }),
     })
 }
 
-/// Runs a future to its end, and does not wait for what the runtime's blocking threads still do, such as loading stars or
-/// encoding frames for clients that are cut off already.
+/// Runs a future to completion. Does not wait for the blocking threads of the runtime, which may still load stars or
+/// encode frames for clients that are disconnected already.
 fn block_on_and_leave<T>(runtime: Runtime, future: impl Future<Output = T>) -> T {
     let value = runtime.block_on(future);
     runtime.shutdown_background();
     value
 }
 
-/// Tells systemd, where that has started the daemon and waits to be told.
-fn tell_supervisor(state: NotifyState<'_>) {
+/// Notifies systemd if it started the daemon and waits for notifications.
+fn notify_supervisor(state: NotifyState<'_>) {
     if let Err(error) = sd_notify::notify(&[state]) {
-        tracing::warn!("systemd is not told: {error}");
+        tracing::warn!("cannot notify systemd: {error}");
     }
 }
 
-/// The line that scripts wait for.
+/// Prints the line that scripts wait for.
 fn announce(address: Address) {
     if let Err(error) = results::line(format!("listening on {address}")) {
-        // The daemon is of use without a reader of its output.
+        // The daemon works without a reader of its output.
         tracing::warn!("{error}");
     }
-    tell_supervisor(NotifyState::Ready);
+    notify_supervisor(NotifyState::Ready);
 }
 
-/// What clients are told of a view's geometry: nothing of projectors, whose files they cannot name.
-fn told_definition(view: &ViewConfig) -> Option<toml::Table> {
+/// Returns the part of a view's geometry that clients may see. Projector files are left out, because clients cannot
+/// name files.
+fn reported_definition(view: &ViewConfig) -> Option<toml::Table> {
     (!matches!(view.kind, ViewKindConfig::Projector(_))).then(|| view.definition.clone())
 }
 
@@ -200,7 +201,7 @@ mod tests {
     use std::{sync::mpsc, thread, time::Duration};
 
     #[test]
-    fn busy_blocking_threads_do_not_hold_up_the_end() {
+    fn busy_blocking_threads_do_not_delay_shutdown() {
         let (release, released) = mpsc::channel::<()>();
         let (begun, has_begun) = mpsc::channel();
         let (end, ended) = mpsc::channel();
@@ -216,7 +217,11 @@ mod tests {
             });
             end.send(value)
         });
-        assert_eq!(ended.recv_timeout(Duration::from_secs(30)), Ok(7), "it returns while the work is held");
-        release.send(()).expect("the work was still there");
+        assert_eq!(
+            ended.recv_timeout(Duration::from_secs(30)),
+            Ok(7),
+            "the function returns while the work still blocks"
+        );
+        release.send(()).expect("the work still waits");
     }
 }

@@ -1,4 +1,4 @@
-//! `show`: the windows of a configuration, without a daemon.
+//! `show`: displays the windows of a configuration without a daemon.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -27,7 +27,7 @@ use crate::windows::{
     WithoutDisplay,
 };
 
-/// How long windows wait for a frame before they look whether something else has changed.
+/// Maximum time that windows wait for a frame before they check for other changes.
 const PATIENCE: Duration = Duration::from_millis(30);
 
 /// Arguments of `show`.
@@ -36,11 +36,11 @@ const PATIENCE: Duration = Duration::from_millis(30);
     steradian show --config configs/windows.toml\n  \
     steradian show --config configs/dome.toml --frames 300\n  \
     steradian show --monitors\n\n\
-    Opens the [[windows]] of a configuration; without any, a window in a frame for each image of each view. Draws until Escape, Q, a\n\
+    Opens the [[windows]] of a configuration; without any, one decorated window for each image of each view. Draws until Escape, Q, a\n\
     closed window, SIGINT or SIGTERM; then prints frames, intervals and missed refreshes of each window.\n\
     Keys: T test pattern, B blackout, I names of windows and monitors, F full screen. Needs X11 or Wayland: docs/windows.md.")]
 pub struct ShowArguments {
-    /// The configuration; without it a dome and a flat view of bright and synthetic stars.
+    /// Configuration file. Default: a dome and a flat view of bright and synthetic stars.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Override a key of the configuration; can be repeated.
@@ -49,7 +49,7 @@ pub struct ShowArguments {
     /// Exit after this many frames.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     frames: Option<u64>,
-    /// All windows in frames of their own sizes, wherever the desktop puts them.
+    /// Open all windows decorated and in their own sizes, placed by the desktop.
     #[arg(long)]
     windowed: bool,
     /// List the monitors of this machine and exit.
@@ -66,14 +66,17 @@ pub fn run(arguments: ShowArguments, adapter: Option<String>) -> Result<(), CliE
         return Ok(());
     }
     let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
-    // Its moment is that at which it was read.
+    // The clock starts when the configuration is read.
     let clock = config.clock();
     let (rig, camera, groups) = (config.rig()?, config.camera()?, config.frame_groups()?);
     let of_windows = windows_of(&config, &rig, arguments.windowed)?;
     if config.accuracy.frame_ms.is_some() {
-        tracing::info!("{}: accuracy.frame_ms acts in `serve` alone: no quality is given up", config.origin);
+        tracing::info!(
+            "{}: accuracy.frame_ms applies only to `serve`: windows are always drawn at full quality",
+            config.origin
+        );
     }
-    // What can be refused is, before the stars, which take longest.
+    // Check everything that can be refused before loading the stars, which takes longest.
     windows::check_display()?;
     let mut renderer = Renderer::new(Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
@@ -83,7 +86,7 @@ pub fn run(arguments: ShowArguments, adapter: Option<String>) -> Result<(), CliE
 
     let sizes: Vec<[u32; 2]> = of_windows.iter().filter_map(|window| size_of(window, &rig)).collect();
     let adapter = renderer.adapter().adapter.clone();
-    // One frame waits while another is presented and a third one is drawn.
+    // One frame waits while another is presented and a third is drawn.
     let (sender, frames) = sync_channel(1);
     let viewer = Arc::new(Viewer {
         frames: Mutex::new(frames),
@@ -106,7 +109,7 @@ pub fn run(arguments: ShowArguments, adapter: Option<String>) -> Result<(), CliE
     let host: Arc<dyn Host> = Arc::clone(&viewer) as Arc<dyn Host>;
     let opened = windows::open(&of_windows, &sizes, &adapter, host, WithoutDisplay::Ends);
     viewer.ended.store(true, Relaxed);
-    // The drawing thread may wait for somebody who takes a frame.
+    // Drain frames until the drawing thread ends, because it may be blocked on a full channel.
     while matches!(lock(&viewer.frames).recv_timeout(PATIENCE), Ok(_) | Err(RecvTimeoutError::Timeout)) {}
     let drawn = drawing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
     drawn.map_err(|error| CliError::render(error, &config.origin))?;
@@ -117,7 +120,7 @@ pub fn run(arguments: ShowArguments, adapter: Option<String>) -> Result<(), CliE
     Ok(())
 }
 
-/// The windows of a configuration, or those that it has without any.
+/// Returns the windows of a configuration, or the default windows if it has none.
 fn windows_of(config: &Config, rig: &Rig, windowed: bool) -> Result<Vec<WindowConfig>, CliError> {
     if rig.views().is_empty() {
         return Err(CliError::Usage(format!("{}: views: at least one [[views]] is needed to show", config.origin)));
@@ -136,7 +139,7 @@ fn windows_of(config: &Config, rig: &Rig, windowed: bool) -> Result<Vec<WindowCo
     Ok(config.windows.iter().map(in_frame).collect())
 }
 
-/// Width and height of the image of a window, pixels.
+/// Returns width and height of a window's image, pixels.
 pub(super) fn size_of(window: &WindowConfig, rig: &Rig) -> Option<[u32; 2]> {
     let (_, view, image) = window.image_of(rig)?;
     Some(view.output_size(&view.images[image]))
@@ -158,13 +161,13 @@ fn report(figures: &WindowFigures) -> String {
     format!("{name}{on}: {frames} frames, {refresh}, {times}, {missed}{state}")
 }
 
-/// Whom `show` opens windows for: a scene that nothing changes but the key for test patterns.
+/// Host of the windows of `show`. Nothing changes its scene except the key for test patterns.
 struct Viewer {
     frames: Mutex<Receiver<WindowFrame>>,
-    /// Which windows are seen.
+    /// Which windows are visible.
     shown: Mutex<Vec<bool>>,
     figures: Mutex<Vec<WindowFigures>>,
-    /// Frames to end after.
+    /// Number of frames after which to end.
     most_frames: Option<u64>,
     test_patterns: AtomicBool,
     ended: Arc<AtomicBool>,
@@ -179,7 +182,7 @@ impl Host for Viewer {
         match lock(&self.frames).recv_timeout(PATIENCE) {
             Ok(frame) => Next::Frame(frame),
             Err(RecvTimeoutError::Timeout) => Next::Drawing,
-            // Why is known when its thread is joined.
+            // The reason is known when the thread is joined.
             Err(RecvTimeoutError::Disconnected) => Next::End,
         }
     }
@@ -203,7 +206,7 @@ impl Host for Viewer {
     }
 }
 
-/// The thread that draws.
+/// State of the drawing thread.
 struct Drawing {
     viewer: Arc<Viewer>,
     renderer: Renderer,
@@ -211,7 +214,7 @@ struct Drawing {
     groups: Vec<FrameGroup>,
     windows: Vec<WindowConfig>,
     scene: SceneSnapshot,
-    /// Those of the configuration.
+    /// Objects of the configuration.
     objects: Arc<SceneObjects>,
     clock: SceneClock,
     stars: Arc<SeenStars>,
@@ -255,7 +258,7 @@ impl Drawing {
         Arc::new(SceneObjects { overlay, ..now.clone() })
     }
 
-    /// One frame of each group of views that a window shows, of the same scene.
+    /// Draws one frame of the same scene for each group of views that a window shows.
     fn draw(&mut self, shown: &[bool], patterned: bool) -> Result<WindowFrame, RenderError> {
         let mut wanted = vec![Wanted::default(); self.rig.views().len()];
         for (window, _) in self.windows.iter().zip(shown).filter(|(_, shown)| **shown) {

@@ -1,14 +1,15 @@
-//! Traces for a collector of OpenTelemetry (OTLP over gRPC), where the standard variable `OTEL_EXPORTER_OTLP_ENDPOINT` names one.
+//! Exports traces to an OpenTelemetry collector (OTLP over gRPC) if the standard variable `OTEL_EXPORTER_OTLP_ENDPOINT`
+//! names one.
 //!
-//! Spans have the target [`SPANS`](crate::service::SPANS): `frame` (from the begin of planning to the finished image), `encode` (the images of a view) and `call` (from a request to
-//! its answer, or the begin of a stream).
+//! Spans have the target [`SPANS`](crate::service::SPANS): `frame` (from the start of planning to the finished image),
+//! `encode` (the images of a view) and `call` (from a request to its answer, or to the start of a stream).
 
 use super::CliError;
 
-/// The variable that names the collector, as OpenTelemetry has it.
+/// Environment variable that names the collector, defined by OpenTelemetry.
 const ENDPOINT: &str = "OTEL_EXPORTER_OTLP_ENDPOINT";
 
-/// The collector; `None`: there are no traces.
+/// Returns the address of the collector; `None` disables traces.
 fn endpoint() -> Option<String> {
     std::env::var(ENDPOINT).ok().filter(|endpoint| !endpoint.is_empty())
 }
@@ -28,11 +29,11 @@ mod exporting {
     use super::{CliError, ENDPOINT, endpoint};
     use crate::service::SPANS;
 
-    /// Sends spans until it is dropped, the last ones then.
+    /// Sends spans until it is dropped, which sends the last ones.
     #[derive(Debug)]
     pub struct Exporting {
         provider: SdkTracerProvider,
-        // The exporter speaks on its threads.
+        // The threads of this runtime run the exporter.
         _runtime: Runtime,
     }
 
@@ -44,7 +45,7 @@ mod exporting {
         }
     }
 
-    /// What sends spans, and the layer that it has them from; `None`: no collector is named.
+    /// Returns the exporter and the layer that feeds it; `None` if no collector is named.
     pub fn start<S>() -> Result<Option<(Exporting, impl Layer<S>)>, CliError>
     where
         S: tracing::Subscriber + for<'span> LookupSpan<'span>,
@@ -52,7 +53,7 @@ mod exporting {
     {
         let Some(endpoint) = endpoint() else { return Ok(None) };
         let wrong = |problem: String| {
-            CliError::Usage(format!("{ENDPOINT} = {endpoint}: {problem}; an example: http://127.0.0.1:4317"))
+            CliError::Usage(format!("{ENDPOINT} = {endpoint}: {problem}; must be a URL such as http://127.0.0.1:4317"))
         };
         let runtime =
             tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().thread_name("traces").build();
@@ -77,16 +78,16 @@ mod exporting {
 
     use super::{CliError, ENDPOINT, endpoint};
 
-    /// Nothing is sent.
+    /// Exporter of a build without traces: sends nothing.
     #[derive(Debug)]
     pub struct Exporting;
 
-    /// That a collector is named is an error: nobody would find traces there.
+    /// Returns an error if a collector is named, because it would receive no traces.
     pub fn start() -> Result<Option<(Exporting, Identity)>, CliError> {
         match endpoint() {
             None => Ok(None),
             Some(endpoint) => Err(CliError::Usage(format!(
-                "{ENDPOINT} = {endpoint}: this program was built without traces; build it with --features opentelemetry, or unset the variable"
+                "{ENDPOINT} = {endpoint}: this program was built without traces; rebuild it with --features opentelemetry, or unset the variable"
             ))),
         }
     }

@@ -1,4 +1,4 @@
-//! `token`: lets a client in.
+//! `token`: makes an access token for a client.
 
 use clap::Args;
 
@@ -12,13 +12,13 @@ use crate::{
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
     steradian token --name desk-1 --role steer\n\n\
-    The first line is the token, which its holder keeps: it stands nowhere else. The lines after it go into the\n\
+    The first line is the token for the client; it is not stored anywhere. Add the other lines to the\n\
     configuration; a running daemon reads them on SIGHUP.")]
 pub struct TokenArguments {
-    /// Who gets it, for the log.
+    /// Name of the client, for the log.
     #[arg(long, value_name = "NAME")]
     name: String,
-    /// What they may do: view, steer or admin.
+    /// Role of the client: view, steer or admin.
     #[arg(long, value_name = "ROLE")]
     role: Role,
 }

@@ -1,4 +1,4 @@
-//! `verify`: the failure tests on this machine's adapter.
+//! `verify`: runs the failure tests on this machine's adapter.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,13 +18,13 @@ use crate::verify::{self, CheckResult, Outcome};
     steradian verify\n  \
     steradian verify --filter slow-pan-flicker --set stars.method=tent\n  \
     steradian verify --filter sums --json verify.json --set stars.method=packed_cas\n\n\
-    A line per check: its number in the list of failure cases, its name, pass, FAIL or n/a, and each figure with\n\
-    its limit. Exit code 0 only if every check that applies to the method passes, else with 1.")]
+    Prints one line per check: its number in the list of failure cases, its name, pass, FAIL or n/a, and each figure with\n\
+    its limit. Exit code 0 if every check that applies to the method passes, otherwise 1.")]
 pub struct VerifyArguments {
     /// Write the results to a file as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Run only these checks: a name, a part of names, a group, or a number.
+    /// Run only these checks: a name, part of a name, a group, or a number.
     #[arg(long, value_name = "NAME")]
     filter: Option<String>,
     /// Override a key of the configuration, such as stars.method; can be repeated.
@@ -32,7 +32,7 @@ pub struct VerifyArguments {
     set: Vec<String>,
 }
 
-/// What `--json` writes.
+/// Contents of the file of `--json`.
 #[derive(Serialize)]
 struct Report<'a> {
     adapter: &'a str,
@@ -66,5 +66,5 @@ pub fn run(arguments: VerifyArguments, adapter: Option<String>) -> Result<(), Cl
         settings.stars.method.name(),
         done.len() - passed - failed
     );
-    if failed > 0 || passed == 0 { Err(CliError::Checks { failed, of: passed + failed }) } else { Ok(()) }
+    if failed > 0 || passed == 0 { Err(CliError::Checks { failed, total: passed + failed }) } else { Ok(()) }
 }

@@ -1,4 +1,4 @@
-//! `xr`: a headset, without a daemon.
+//! `xr`: drives a headset without a daemon.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,10 +23,10 @@ use crate::xr::{self, Distribution, FirstFailure, Flight, HeadsetStatistics, Hos
     steradian xr --config configs/headset.toml --set headset.resolution_scale=0.7 --frames 900\n\n\
     Shows the scene of a configuration in the headset of the system's OpenXR runtime until the user ends the session, or\n\
     SIGINT or SIGTERM; then prints pose ages, missed frames and the time of each stage. The runtime chooses the\n\
-    adapter. The views of the configuration are not drawn: `serve` draws them beside a headset, with headset.enabled = true.\n\
-    Requirements and what to do when it fails: docs/headset.md.")]
+    adapter. The views of the configuration are not drawn: `serve` draws views and a headset together, with headset.enabled = true.\n\
+    Requirements and troubleshooting: docs/headset.md.")]
 pub struct XrArguments {
-    /// The configuration; without it bright and synthetic stars.
+    /// Configuration file. Default: bright and synthetic stars.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Override a key of the configuration; can be repeated.
@@ -40,13 +40,13 @@ pub struct XrArguments {
 /// Runs the command.
 pub fn run(arguments: XrArguments, adapter: Option<String>) -> Result<(), CliError> {
     if let Some(adapter) = adapter {
-        return Err(CliError::Usage(format!("--adapter {adapter}: the runtime of the headset chooses the adapter")));
+        return Err(CliError::Usage(format!("--adapter {adapter}: the headset's runtime chooses the adapter")));
     }
     let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
-    // Its moment is that at which it was read.
+    // The clock starts when the configuration is read.
     let clock = config.clock();
     let camera = config.camera()?;
-    // What can be refused is, before the stars, which take longest.
+    // Check everything that can be refused before loading the stars, which takes longest.
     xr::check_set_up()?;
     let objects = Arc::new(config.objects()?);
     let (stars, _) = load::stars(&config.star_sources(), &config.epoch(), &config.origin)?;
@@ -66,16 +66,16 @@ pub fn run(arguments: XrArguments, adapter: Option<String>) -> Result<(), CliErr
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build();
     let runtime = runtime.map_err(CliError::Runtime)?;
     let signals = {
-        // Signals are received by the runtime's own thread.
+        // The runtime's own thread receives signals.
         let _inside = runtime.enter();
         service::signals().map_err(CliError::Runtime)?
     };
-    let told = Arc::clone(&host);
+    let signalled = Arc::clone(&host);
     runtime.spawn(async move {
         signals.await;
-        told.ended.store(true, Ordering::Relaxed);
+        signalled.ended.store(true, Ordering::Relaxed);
     });
-    // The wearer's exit is the program's.
+    // The program ends when the wearer exits.
     let settings = HeadsetSettings { after_exit: AfterExit::Stop, ..config.headset.clone() };
     let driven = xr::drive(host.as_ref(), &settings, FirstFailure::Fails);
     runtime.shutdown_background();
@@ -83,16 +83,16 @@ pub fn run(arguments: XrArguments, adapter: Option<String>) -> Result<(), CliErr
     report(&lock(&host.statistics))
 }
 
-/// Whom `xr` drives the headset for: a scene that nothing changes but the wearer's flight.
+/// Host of the headset of `xr`. Nothing changes its scene except the wearer's flight.
 struct Wearer {
     shown: Mutex<Shown>,
     clock: SceneClock,
     stars: Arc<SeenStars>,
     statistics: Mutex<HeadsetStatistics>,
-    /// Frames to end after.
+    /// Number of frames after which to end.
     frames: Option<u64>,
     ended: AtomicBool,
-    /// The last flight was refused.
+    /// Whether the last flight was refused.
     refusing: AtomicBool,
 }
 
@@ -115,7 +115,7 @@ impl Host for Wearer {
                 shown.snapshot.camera = camera;
                 shown.camera_time = SystemTime::now();
             }
-            // A controller goes on from frame to frame: once is enough.
+            // A controller repeats its input every frame: one warning is enough.
             Err(error) if !self.refusing.swap(true, Ordering::Relaxed) => {
                 tracing::warn!("the flight ends here: {error}")
             }
@@ -154,17 +154,17 @@ fn report(statistics: &HeadsetStatistics) -> Result<(), CliError> {
     } = statistics;
     results::line(format!("sessions    {sessions}, {losses} lost, {recentred} recentred"))?;
     results::line(format!(
-        "frames      {frames}: {rendered} rendered, {not_wanted} not wanted, {left_out} left out; {missed} refreshes missed, of {period_ms:.2} ms each"
+        "frames      {frames}: {rendered} rendered, {not_wanted} not wanted, {left_out} skipped; {missed} refreshes missed, each of {period_ms:.2} ms"
     ))?;
-    let spread = |of: &Distribution| {
-        format!("median {:.2} ms, 95 % below {:.2}, at most {:.2}", of.median_ms, of.p95_ms, of.max_ms)
+    let spread = |times: &Distribution| {
+        format!("median {:.2} ms, 95 % below {:.2}, at most {:.2}", times.median_ms, times.p95_ms, times.max_ms)
     };
     results::line(format!("pose age    at submission {}", spread(&statistics.pose_age_at_submission)))?;
     if let Some(at_display) = &statistics.pose_age_at_display {
         results::line(format!("pose age    at display {}", spread(at_display)))?;
     }
-    for (name, of) in &statistics.stages {
-        results::line(format!("{name:<12}{}", spread(of)))?;
+    for (name, times) in &statistics.stages {
+        results::line(format!("{name:<12}{}", spread(times)))?;
     }
     Ok(())
 }

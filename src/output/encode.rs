@@ -1,4 +1,4 @@
-//! Encodings of an image: what leaves the process, in files and in streams.
+//! Encodings of images for files and streams.
 //!
 //! All of them are deterministic: the same image gives the same bytes.
 
@@ -8,7 +8,7 @@ use png::{BitDepth, ColorType};
 use super::{exr_file::exr_of, jpeg, video::VideoEncoder};
 use crate::render::{FrameImage, Wanted};
 
-/// How an image is written.
+/// Encoding of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Encoding {
     /// Display image: R, G, B, A bytes row by row from the top.
@@ -17,7 +17,7 @@ pub enum Encoding {
     Png,
     /// Display image as JPEG.
     Jpeg,
-    /// Display image as H.264; [`encode`] makes a key picture, [`VideoEncoder`] those that follow each other.
+    /// Display image as H.264; [`encode`] makes a key picture, [`VideoEncoder`] a sequence of pictures.
     H264,
     /// Luminance in cd/m^2: R, G, B as little-endian f32, row by row from the top.
     Rgb32f,
@@ -26,13 +26,13 @@ pub enum Encoding {
 }
 
 impl Encoding {
-    /// The buffers that the encoding needs.
+    /// Returns the buffers that the encoding needs.
     pub fn wanted(self) -> Wanted {
         let hdr = matches!(self, Encoding::Rgb32f | Encoding::Exr);
         Wanted { display: !hdr, hdr, ..Wanted::default() }
     }
 
-    /// Name in messages.
+    /// Name for messages.
     pub fn name(self) -> &'static str {
         match self {
             Encoding::Rgba8 => "RGBA8",
@@ -45,16 +45,16 @@ impl Encoding {
     }
 }
 
-/// Why an image cannot be encoded.
+/// Reason why an image cannot be encoded.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EncodeError {
     /// The frame was rendered without the buffer that the encoding needs.
     #[error("{encoding} needs the {buffer} image, which was not rendered")]
     Missing {
-        /// The encoding.
+        /// Name of the encoding.
         encoding: &'static str,
-        /// The buffer.
+        /// Name of the buffer.
         buffer: &'static str,
     },
     /// A buffer's length does not fit the image's size.
@@ -64,13 +64,13 @@ pub enum EncodeError {
         width: u32,
         /// Height, pixels.
         height: u32,
-        /// Values that the size asks for.
+        /// Number of values required by the size.
         expected: usize,
-        /// Values that there are.
+        /// Number of values in the buffer.
         found: usize,
     },
     /// JPEG cannot hold an image of this size.
-    #[error("{width} x {height} pixels are too many for JPEG: each side may have 65535")]
+    #[error("{width} x {height} pixels are too many for JPEG: each side must be at most 65535")]
     TooLargeForJpeg {
         /// Width, pixels.
         width: u32,
@@ -79,7 +79,7 @@ pub enum EncodeError {
     },
     /// H.264 cannot hold an image of this size.
     #[error(
-        "{width} x {height} pixels: H.264 takes 1 to 36864 squares of 16 x 16 pixels, at most 8688 pixels a side; max_size makes smaller copies"
+        "{width} x {height} pixels: H.264 supports 1 to 36864 squares of 16 x 16 pixels and at most 8688 pixels a side; max_size makes smaller copies"
     )]
     TooLargeForH264 {
         /// Width, pixels.
@@ -87,16 +87,16 @@ pub enum EncodeError {
         /// Height, pixels.
         height: u32,
     },
-    /// The encoder for H.264 refuses.
+    /// The H.264 encoder failed.
     #[error("H.264: {0}")]
     H264(String),
-    /// The encoder for PNG refuses.
+    /// The PNG encoder failed.
     #[error("PNG: {0}")]
     Png(#[from] png::EncodingError),
-    /// The encoder for JPEG refuses.
+    /// The JPEG encoder failed.
     #[error("JPEG: {0}")]
     Jpeg(#[from] jpeg_encoder::EncodingError),
-    /// The encoder for OpenEXR refuses.
+    /// The OpenEXR encoder failed.
     #[error("OpenEXR: {0}")]
     Exr(#[from] exr::error::Error),
 }
@@ -144,7 +144,7 @@ pub(super) fn hdr_of(image: &FrameImage, encoding: Encoding) -> Result<&[[f32; 4
     checked(image, image.hdr.as_deref().ok_or(missing)?, 1)
 }
 
-/// A PNG, marked sRGB, of samples row by row from the top, those of 16 bits with their high byte first.
+/// Encodes a PNG, marked sRGB, from samples row by row from the top; 16-bit samples have the high byte first.
 pub(crate) fn png_of(
     [width, height]: [u32; 2],
     (color, depth): (ColorType, BitDepth),
@@ -155,7 +155,7 @@ pub(crate) fn png_of(
     encoder.set_color(color);
     encoder.set_depth(depth);
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
-    // Dithered black does not shrink much more with more effort.
+    // Dithered black does not become much smaller with more effort.
     encoder.set_compression(png::Compression::Fast);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(samples)?;
@@ -182,7 +182,7 @@ pub(super) mod tests {
         projector::{Blend, ProjectorOutput, Response, Weights},
     };
 
-    /// An image whose every value differs from its neighbours, with extremes among them.
+    /// Returns an image whose values all differ from their neighbours and include extremes.
     pub fn sample(width: u32, height: u32) -> FrameImage {
         let count = (width * height) as usize;
         let mut hdr: Vec<[f32; 4]> = (0..count)
@@ -213,7 +213,7 @@ pub(super) mod tests {
             .unwrap();
         let channels = &image.layer_data[0].channel_data.list;
         assert_eq!(channels.len(), 4);
-        let channel = channels.iter().find(|channel| channel.name == *name).expect("the channel is there");
+        let channel = channels.iter().find(|channel| channel.name == *name).expect("the channel exists");
         match &channel.sample_data {
             exr::prelude::FlatSamples::F32(values) => values.clone(),
             other => panic!("{name} holds {other:?}"),
@@ -221,7 +221,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn exr_keeps_every_bit_and_repeats_itself() {
+    fn exr_is_lossless_and_deterministic() {
         let image = sample(37, 53);
         let bytes = encode(Encoding::Exr, &image).unwrap();
         for (index, name) in ["R", "G", "B", "omega"].into_iter().enumerate() {
@@ -236,8 +236,8 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn exr_of_a_projector_has_its_share_as_alpha() {
-        let values: Vec<f32> = (0..12).map(|at| at as f32 / 11.0).collect();
+    fn exr_of_a_projector_stores_its_share_as_alpha() {
+        let values: Vec<f32> = (0..12).map(|index| index as f32 / 11.0).collect();
         let blend = Blend::new([4, 3], Some(Weights { size: [4, 3], values: &values }), None).unwrap();
         let output = ProjectorOutput::new([4, 3], None, Some(blend), Response::default()).unwrap();
         let image = FrameImage { projector: Some(Arc::new(output)), ..sample(4, 3) };
@@ -250,11 +250,15 @@ pub(super) mod tests {
         let alpha: Vec<f32> = read.layer_data.channel_data.list[3].sample_data.values_as_f32().collect();
         assert_eq!(alpha, values);
         let red: Vec<f32> = read.layer_data.channel_data.list[2].sample_data.values_as_f32().collect();
-        assert_eq!(red, image.hdr.unwrap().iter().map(|pixel| pixel[0]).collect::<Vec<_>>(), "before blending");
+        assert_eq!(
+            red,
+            image.hdr.unwrap().iter().map(|pixel| pixel[0]).collect::<Vec<_>>(),
+            "red is stored before blending"
+        );
     }
 
     #[test]
-    fn png_keeps_every_byte_and_is_marked_srgb() {
+    fn png_is_lossless_and_marked_srgb() {
         let image = sample(31, 17);
         let bytes = encode(Encoding::Png, &image).unwrap();
         assert_eq!(encode(Encoding::Png, &image).unwrap(), bytes);
@@ -267,7 +271,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn raw_encodings_are_the_values_themselves() {
+    fn raw_encodings_contain_the_unchanged_values() {
         let image = sample(5, 3);
         assert_eq!(encode(Encoding::Rgba8, &image).unwrap(), *image.display.as_ref().unwrap());
         let bytes = encode(Encoding::Rgb32f, &image).unwrap();
@@ -277,17 +281,17 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn jpeg_has_the_size_and_refuses_what_it_cannot_hold() {
+    fn jpeg_has_the_image_size_and_refuses_larger_ones() {
         let bytes = encode(Encoding::Jpeg, &sample(40, 24)).unwrap();
         assert!(bytes.starts_with(&[0xff, 0xd8]) && bytes.ends_with(&[0xff, 0xd9]));
         let frame_header = bytes.windows(2).position(|pair| pair == [0xff, 0xc0]).unwrap();
-        let side = |at: usize| u16::from_be_bytes([bytes[frame_header + at], bytes[frame_header + at + 1]]);
+        let side = |index: usize| u16::from_be_bytes([bytes[frame_header + index], bytes[frame_header + index + 1]]);
         assert_eq!((side(7), side(5)), (40, 24));
         let wide = FrameImage { width: 65_536, height: 1, display: Some(vec![0; 65_536 * 4]), ..sample(1, 1) };
         assert!(matches!(encode(Encoding::Jpeg, &wide), Err(EncodeError::TooLargeForJpeg { .. })));
     }
 
-    /// Stars on black: a colour of its own each, spread like a star's over three pixels by three.
+    /// Returns stars on black, each with a different colour and spread over three by three pixels.
     pub(in crate::output) fn coloured_stars() -> FrameImage {
         let mut image = sample(256, 256);
         let pixels = image.display.as_mut().unwrap();
@@ -295,8 +299,10 @@ pub(super) mod tests {
         for star in 0..400_usize {
             let (x, y) = (2 + star % 20 * 12 + star * 7 % 9, 2 + star / 20 * 12 + star * 5 % 9);
             let warm = (star * 37 % 100) as f64 / 100.0;
-            for (at, share) in (0..9).map(|at| (at, [0.25, 0.5, 0.25][at % 3] * [0.25, 0.5, 0.25][at / 3])) {
-                let index = 4 * ((y + at / 3 - 1) * 256 + x + at % 3 - 1);
+            for (offset, share) in
+                (0..9).map(|offset| (offset, [0.25, 0.5, 0.25][offset % 3] * [0.25, 0.5, 0.25][offset / 3]))
+            {
+                let index = 4 * ((y + offset / 3 - 1) * 256 + x + offset % 3 - 1);
                 let rgb = [0.6 + 0.4 * warm, 0.75, 1.0 - 0.5 * warm].map(|c| (255.0 * c * 4.0 * share) as u8);
                 pixels[index..index + 3].copy_from_slice(&rgb);
             }
@@ -304,11 +310,11 @@ pub(super) mod tests {
         image
     }
 
-    fn of_jpeg(jpeg: &[u8]) -> Vec<u8> {
+    fn decoded_jpeg(jpeg: &[u8]) -> Vec<u8> {
         zune_jpeg::JpegDecoder::new(Cursor::new(jpeg)).decode().unwrap()
     }
 
-    /// Root mean square over the pixels of stars of R - B, and of its error in a decoded image (R, G, B).
+    /// Root mean square over the pixels of stars of R - B, and of the error of R - B in a decoded image (R, G, B).
     pub(in crate::output) fn colour_and_error(image: &FrameImage, decoded: &[u8]) -> [f64; 2] {
         let original = image.display.as_ref().unwrap().chunks_exact(4);
         let pairs = original.zip(decoded.chunks_exact(3)).filter(|(pixel, _)| pixel[..3].iter().any(|code| *code > 20));
@@ -323,23 +329,23 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn stars_keep_their_colours_in_jpeg_images() {
+    fn stars_keep_their_colours_in_jpeg() {
         let image = coloured_stars();
-        let [colour, error] = colour_and_error(&image, &of_jpeg(&encode(Encoding::Jpeg, &image).unwrap()));
+        let [colour, error] = colour_and_error(&image, &decoded_jpeg(&encode(Encoding::Jpeg, &image).unwrap()));
         println!("R - B {colour:.1}, its error {error:.2}");
         assert!(colour > 20.0 && error < 4.0, "{colour} {error}");
-        // The table of the quality for colour too.
+        // Use the quality's own table for colour too.
         let mut coarse = Vec::new();
         let mut encoder = jpeg_encoder::Encoder::new(&mut coarse, 92);
         encoder.set_sampling_factor(jpeg_encoder::SamplingFactor::F_1_1);
         let pixels = image.display.as_ref().unwrap();
         encoder.encode(pixels, 256, 256, jpeg_encoder::ColorType::Rgba).unwrap();
-        let [_, of_coarse] = colour_and_error(&image, &of_jpeg(&coarse));
+        let [_, of_coarse] = colour_and_error(&image, &decoded_jpeg(&coarse));
         assert!(of_coarse > 2.0 * error, "{of_coarse} {error}");
     }
 
     #[test]
-    fn a_missing_or_short_buffer_is_an_error() {
+    fn missing_or_short_buffer_is_an_error() {
         for encoding in
             [Encoding::Rgba8, Encoding::Png, Encoding::Jpeg, Encoding::H264, Encoding::Rgb32f, Encoding::Exr]
         {

@@ -1,4 +1,4 @@
-//! OpenEXR files of images: the same channels and attributes give the same bytes.
+//! Deterministic OpenEXR files of images: equal channels and attributes give equal bytes.
 
 use std::io::Cursor;
 
@@ -9,17 +9,18 @@ use exr::prelude::{
 use super::encode::EncodeError;
 use crate::render::FrameImage;
 
-/// Largest finite number of 16 bits.
+/// Largest finite 16-bit float.
 pub(super) const MOST_HALF: f32 = 65_504.0;
 
-/// Colours as 16-bit floats, in units of so many cd/m^2.
+/// Colours as 16-bit floats, in units of the given luminance in cd/m^2.
 #[derive(Clone, Copy)]
 pub(super) struct HalfOf {
     pub(super) unit_cd_m2: f32,
 }
 
-/// An image: channels `R`, `G`, `B` in cd/m^2 as 32-bit floats or in units of their own as 16-bit floats; `omega` in sr; of a projector that shares its light `alpha`, its
-/// share, which the colours do not have. `pixels` are as many as the image has.
+/// Encodes an image: channels `R`, `G`, `B` in cd/m^2 as 32-bit floats or in a custom unit as 16-bit floats; `omega` in
+/// sr; for a projector that shares its light `alpha`, its share, which is not applied to the colours. `pixels` must
+/// match the image's size.
 pub(super) fn exr_of(
     image: &FrameImage,
     pixels: &[[f32; 4]],
@@ -36,14 +37,14 @@ pub(super) fn exr_of(
             }
         }
     };
-    // A solid angle is below what 16 bits tell apart from 0.
+    // A solid angle is too small for 16-bit floats, which round it to 0.
     let omega_sr = FlatSamples::F32(pixels.iter().map(|pixel| pixel[3]).collect());
     let mut channels = vec![("R", colour(0)), ("G", colour(1)), ("B", colour(2)), ("omega", omega_sr)];
     if let Some(blend) = image.projector.as_ref().and_then(|projector| projector.blend()) {
         channels.push(("alpha", FlatSamples::F32(blend.weights().iter().map(|[alpha, _]| *alpha).collect())));
     }
     let channels = channels.into_iter().map(|(name, samples)| AnyChannel::new(Text::from(name), samples));
-    // Blocks in order of their rows, and no attribute that tells time or place.
+    // Write blocks in order of their rows, and no attribute with a time or a place.
     let encoding = Encoding {
         compression: exr::prelude::Compression::ZIP16,
         blocks: exr::prelude::Blocks::ScanLines,

@@ -1,5 +1,6 @@
-//! The files of a frame, or of the frames that the views of one rig make: `<view>.exr` and `<view>.png`, with `<view>.<part>.` for a view of several images, `timings.json`, and
-//! `manifest.json`, which comes last: where it is, the images are. All but the times are the same whenever the frame is.
+//! Files of one frame or of several frames that show the views of one rig: `<view>.exr` and `<view>.png`, for a view of
+//! several images `<view>.<part>.exr` and `.png`, `timings.json`, and `manifest.json`. The manifest is written last, so
+//! the images are complete if it exists. Except for the times, the files are deterministic.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -14,27 +15,27 @@ use crate::plan::FramePlan;
 use crate::render::{AsteroidCounts, Frame, FrameImage, FrameTimes, ViewStatistics};
 use crate::view::{Rig, View};
 
-/// Why the files of a frame cannot be written.
+/// Reason why the files of a frame cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OutputError {
-    /// The system refuses.
+    /// The operating system reported an error.
     #[error("cannot write {}: {source}", path.display())]
     Write {
         /// The file or folder.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// An image cannot be encoded.
     #[error("cannot encode {}: {source}", path.display())]
     Encode {
-        /// The file it was to become.
+        /// Target file.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         source: EncodeError,
     },
-    /// The frame is of another rig.
+    /// The frame belongs to another rig.
     #[error("the frame has an image of view {view}, the rig has {views} views")]
     OtherRig {
         /// Index of the view.
@@ -42,12 +43,12 @@ pub enum OutputError {
         /// Number of views.
         views: usize,
     },
-    /// The manifest or the times cannot be put into JSON: a number in it is not finite.
+    /// The manifest or the times cannot be serialised as JSON, because a number is not finite.
     #[error("cannot encode {}: {source}", path.display())]
     Manifest {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         source: serde_json::Error,
     },
 }
@@ -65,15 +66,15 @@ struct Manifest<'a> {
 struct ManifestView<'a> {
     name: &'a str,
     files: Vec<String>,
-    /// Exposure of its display images.
+    /// Exposure of the display images.
     exposure_ev100: f64,
     stars_drawn: u64,
     stars_in_map: u64,
-    /// Magnitude of the stars that the display image just shows.
+    /// Magnitude of the faintest stars visible in the display image.
     limiting_magnitude: Option<f64>,
-    /// Asteroids by what they are drawn as.
+    /// Numbers of asteroids by drawing method.
     asteroids: &'a AsteroidCounts,
-    /// How display images were drawn, and HDR images where these are frames of their own.
+    /// Plan of the display images; also of HDR images if they are separate frames.
     plan: &'a FramePlan,
     #[serde(skip_serializing_if = "Option::is_none")]
     hdr_plan: Option<&'a FramePlan>,
@@ -81,9 +82,10 @@ struct ManifestView<'a> {
 
 #[derive(Serialize)]
 struct Timings<'a> {
-    /// Of the frame; of display and HDR images together where they were drawn apart. The first frame where there are several.
+    /// Times of the frame; the sum of display and HDR images if they were drawn separately. With several frames, the
+    /// first one.
     frame: Option<&'a FrameTimes>,
-    /// Of all frames where there are several, in the order of their first views.
+    /// Times of all frames if there are several, in the order of their first views.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     frames: Vec<&'a FrameTimes>,
     views: Vec<ViewTimings<'a>>,
@@ -105,11 +107,11 @@ fn write_json(path: PathBuf, content: &impl Serialize) -> Result<PathBuf, Output
     }
 }
 
-/// [`write_frames`] of one frame.
+/// Writes one frame with [`write_frames`].
 ///
 /// # Errors
 ///
-/// See [`OutputError`].
+/// Same as [`write_frames`].
 pub fn write_frame(
     folder: &Path,
     rig: &Rig,
@@ -120,11 +122,12 @@ pub fn write_frame(
     write_frames(folder, rig, std::slice::from_ref(frame), provenance, written)
 }
 
-/// Writes every HDR image of the frames as EXR and every display image as PNG, the times and the manifest, into `folder`, which is made if it is not there. Each
-/// view of the rig belongs to one of the frames; the exposure of the first one is that of the manifest.
+/// Writes every HDR image of the frames as EXR and every display image as PNG, the times and the manifest into
+/// `folder`, which is created if necessary. Each view of the rig belongs to one of the frames; the manifest contains
+/// the exposure of the first frame.
 ///
-/// Files are encoded side by side; `written` is told each as soon as it is there. Returns the paths in the order of views
-/// and images, the manifest last. Each file appears whole or not at all.
+/// Files are encoded in parallel; `written` is called for each completed file. Returns the paths in the order of views
+/// and images, the manifest last. Each file is written atomically.
 ///
 /// # Errors
 ///
@@ -137,11 +140,12 @@ pub fn write_frames(
     written: &(dyn Fn(&Path) + Sync),
 ) -> Result<Vec<PathBuf>, OutputError> {
     std::fs::create_dir_all(folder).map_err(|source| OutputError::Write { path: folder.to_owned(), source })?;
+    // List the files: encoding, image and path.
     let views = rig.views();
     let mut files: Vec<Vec<String>> = vec![Vec::new(); views.len()];
     let mut jobs = Vec::new();
     let mut images: Vec<&FrameImage> = frames.iter().flat_map(|frame| &frame.images).collect();
-    // Views in the order of the rig; a view's parts keep theirs.
+    // Views in the order of the rig; the sort is stable, so a view's parts keep their order.
     images.sort_by_key(|image| image.view);
     for image in images {
         let other_rig = OutputError::OtherRig { view: image.view, views: views.len() };
@@ -154,15 +158,19 @@ pub fn write_frames(
             files[image.view].push(name);
         }
     }
+    // Encode and write them in parallel.
     jobs.par_iter().try_for_each(|(encoding, image, path)| {
         let bytes = encode(*encoding, image).map_err(|source| OutputError::Encode { path: path.clone(), source })?;
         write_whole(path, &bytes).map_err(|source| OutputError::Write { path: path.clone(), source })?;
         written(path);
         Ok(())
     })?;
+    // Manifest and times of the views that have statistics.
     let mut paths: Vec<PathBuf> = jobs.into_iter().map(|(_, _, path)| path).collect();
     let statistics = |view: &View| {
-        frames.iter().find_map(|frame| Some((frame, frame.views.iter().find(|of| of.name == view.name)?)))
+        frames
+            .iter()
+            .find_map(|frame| Some((frame, frame.views.iter().find(|statistics| statistics.name == view.name)?)))
     };
     let known: Vec<(&Frame, &ViewStatistics, Vec<String>)> = views
         .iter()
@@ -268,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn names_manifest_and_pixels_are_as_promised() {
+    fn file_names_manifest_and_pixels_match_the_frame() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("deep/out");
         let (rig, frame) = rig_and_frame();
@@ -277,14 +285,14 @@ mod tests {
         let expected =
             "sky.exr sky.png cube.front.exr cube.front.png cube.down.exr cube.down.png timings.json manifest.json";
         assert_eq!(names.join(" "), expected);
-        assert_eq!(std::fs::read_dir(&out).unwrap().count(), written.len(), "nothing else is left");
+        assert_eq!(std::fs::read_dir(&out).unwrap().count(), written.len(), "no other file is left");
 
         let manifest: serde_json::Value =
             serde_json::from_slice(&std::fs::read(out.join("manifest.json")).unwrap()).unwrap();
         assert_eq!(manifest["adapter"], "some adapter");
         assert_eq!(manifest["files"][0]["file"], "a.csv");
         let read: Provenance = serde_json::from_value(manifest.clone()).unwrap();
-        assert_eq!(read, provenance(), "what a frame can be made again from");
+        assert_eq!(read, provenance(), "the manifest contains the complete provenance");
         assert_eq!(manifest["scene_revision"], 7);
         assert_eq!(manifest["exposure_ev100"], -3.25);
         assert_eq!(manifest["views"][1]["name"], "cube");
@@ -306,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn images_that_were_not_drawn_have_no_files() {
+    fn undrawn_images_have_no_files() {
         let folder = tempfile::tempdir().unwrap();
         let (rig, mut frame) = rig_and_frame();
         frame.images[0].hdr = None;

@@ -1,22 +1,23 @@
-//! JPEG in bands: the rows of an image are coded on all cores, and put together as one file by restart markers (ITU-T T.81, annex E), at which the code
-//! begins anew.
+//! JPEG in bands: the rows of an image are encoded on all cores and joined into one file at restart markers (ITU-T
+//! T.81, annex E), where the code starts again.
 
 use jpeg_encoder::{ColorType, EncodingError, QuantizationTableType, SamplingFactor};
 use rayon::prelude::*;
 
-/// Quality, of 100.
+/// Quality, 0 to 100.
 const QUALITY: u8 = 92;
 
-/// Step by which every frequency of the two colour differences is rounded. The table that belongs to the quality rounds the high ones so coarsely
-/// that stars, a few pixels wide, lose their colour.
+/// Quantisation step of every frequency of the two colour differences. The standard table of this quality rounds high
+/// frequencies so coarsely that stars, a few pixels wide, lose their colour.
 const CHROMA_STEP: u16 = 3;
 
-/// Pixels along a side of a block.
+/// Side of a block, pixels.
 const BLOCK: usize = 8;
-/// Rows of blocks in a band; fewer where they would be more blocks than a restart interval can have.
+/// Rows of blocks in a band; fewer if the band would exceed the blocks of a restart interval.
 const ROWS: usize = 16;
 
-/// Codes an image (R, G, B, A row by row from the top; sides of 1 to 65535 pixels). The bytes do not depend on the number of cores.
+/// Encodes an image (R, G, B, A row by row from the top; sides of 1 to 65535 pixels). The bytes do not depend on the
+/// number of cores.
 pub(super) fn encode(pixels: &[u8], width: u16, height: u16) -> Result<Vec<u8>, EncodingError> {
     let across = usize::from(width).div_ceil(BLOCK).max(1);
     let rows = (usize::from(u16::MAX) / across).clamp(1, ROWS);
@@ -27,7 +28,7 @@ pub(super) fn encode(pixels: &[u8], width: u16, height: u16) -> Result<Vec<u8>, 
     let bands = pixels.par_chunks(band).map(|pixels| encode_band(pixels, width));
     let bands: Vec<Vec<u8>> = bands.collect::<Result<_, _>>()?;
     let interval = u16::try_from(rows * across).unwrap_or(u16::MAX);
-    Ok(put_together(&bands, height, interval))
+    Ok(join_bands(&bands, height, interval))
 }
 
 fn encode_band(pixels: &[u8], width: u16) -> Result<Vec<u8>, EncodingError> {
@@ -49,8 +50,8 @@ const RESTART_INTERVAL: u8 = 0xdd;
 const RESTART: u8 = 0xd0;
 const END: [u8; 2] = [0xff, 0xd9];
 
-/// One file of the files of bands, which have the same tables.
-fn put_together(bands: &[Vec<u8>], height: u16, interval: u16) -> Vec<u8> {
+/// Joins the files of bands, which have the same tables, into one.
+fn join_bands(bands: &[Vec<u8>], height: u16, interval: u16) -> Vec<u8> {
     let mut all = Vec::with_capacity(bands.iter().map(Vec::len).sum::<usize>() + 16);
     for (number, band) in bands.iter().enumerate() {
         let segments = segments(band);
@@ -62,11 +63,11 @@ fn put_together(bands: &[Vec<u8>], height: u16, interval: u16) -> Vec<u8> {
                     all.extend([0xff, RESTART_INTERVAL, 0, 4]);
                     all.extend(interval.to_be_bytes());
                 }
-                let at = all.len();
+                let start = all.len();
                 all.extend(&band[start..end]);
                 if marker == FRAME {
                     // After marker, length and precision.
-                    all[at + 5..at + 7].copy_from_slice(&height.to_be_bytes());
+                    all[start + 5..start + 7].copy_from_slice(&height.to_be_bytes());
                 }
             }
         } else {
@@ -78,14 +79,14 @@ fn put_together(bands: &[Vec<u8>], height: u16, interval: u16) -> Vec<u8> {
     all
 }
 
-/// A marker with its parameters: bytes of a file.
+/// A marker with its parameters, as a byte range of a file.
 struct Segment {
     marker: u8,
     start: usize,
     end: usize,
 }
 
-/// Those before the coded data; the last one begins the scan.
+/// Returns the segments before the coded data; the last one starts the scan.
 fn segments(file: &[u8]) -> Vec<Segment> {
     let mut segments: Vec<Segment> = Vec::new();
     let mut start = 2;
@@ -100,7 +101,7 @@ fn segments(file: &[u8]) -> Vec<Segment> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed precondition of a test may panic")]
 mod tests {
     use std::io::Cursor;
 
@@ -109,7 +110,7 @@ mod tests {
     use super::*;
 
     fn image(width: usize, height: usize) -> Vec<u8> {
-        let pixel = |at: usize| [(at % width) as u8, (at / width) as u8, (at * 7 % 251) as u8, 255];
+        let pixel = |index: usize| [(index % width) as u8, (index / width) as u8, (index * 7 % 251) as u8, 255];
         (0..width * height).flat_map(pixel).collect()
     }
 
@@ -119,8 +120,8 @@ mod tests {
     }
 
     #[test]
-    fn bands_give_the_same_pixels_as_one_piece() {
-        // One band, two, many (restart markers count to eight), a last one of one row, and odd sides.
+    fn bands_decode_like_a_single_encoding() {
+        // One band, two, many (restart markers count modulo eight), a last one of one row, and odd sides.
         for [width, height] in [[33, 128], [40, 129], [17, 2000], [64, 1280], [300, 385]] {
             let pixels = image(width, height);
             let bands = encode(&pixels, width as u16, height as u16).unwrap();
@@ -133,19 +134,19 @@ mod tests {
     }
 
     #[test]
-    fn intervals_fit_their_field_however_wide_the_image_is() {
+    fn restart_intervals_fit_their_field_for_wide_images() {
         let [width, height] = [65_535, 72];
         let pixels = image(width, height);
         let bands = encode(&pixels, width as u16, height as u16).unwrap();
-        let at = bands.windows(2).position(|two| two == [0xff, RESTART_INTERVAL]).unwrap();
-        let interval = u16::from_be_bytes([bands[at + 4], bands[at + 5]]);
+        let position = bands.windows(2).position(|two| two == [0xff, RESTART_INTERVAL]).unwrap();
+        let interval = u16::from_be_bytes([bands[position + 4], bands[position + 5]]);
         assert_eq!(usize::from(interval), 7 * width.div_ceil(BLOCK));
         assert_eq!(decoded(&bands).len(), 3 * width * height);
-        // What is put together wrongly is seen.
+        // Wrongly joined bands are detected.
         let narrow = image(40, 300);
         let file = |interval| {
             let bands: Vec<Vec<u8>> = narrow.chunks(40 * 128 * 4).map(|band| encode_band(band, 40).unwrap()).collect();
-            put_together(&bands, 300, interval)
+            join_bands(&bands, 300, interval)
         };
         assert_eq!(file(16 * 5), encode(&narrow, 40, 300).unwrap());
         let wrong = zune_jpeg::JpegDecoder::new(Cursor::new(file(16 * 4))).decode();

@@ -1,4 +1,4 @@
-//! What leaves the process: encodings of images, the files that `render` writes, and films.
+//! Output: encodings of images, the files of `render`, and films.
 
 mod encode;
 mod exr_file;

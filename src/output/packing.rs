@@ -1,9 +1,9 @@
-//! The pictures of two eyes in one: what players of stereo films expect.
+//! Packs the pictures of two eyes into one, as players of stereo films expect.
 
 use crate::render::FrameImage;
 use crate::view::{Packing, Part, Rig};
 
-/// Two buffers of so many elements a row, the second one below or right of the first.
+/// Joins two buffers with `row` elements per row; the second one is to the right or below.
 fn joined<T: Copy>([left, right]: [&[T]; 2], row: usize, packing: Packing) -> Vec<T> {
     match packing {
         Packing::SideBySide => left
@@ -16,7 +16,8 @@ fn joined<T: Copy>([left, right]: [&[T]; 2], row: usize, packing: Packing) -> Ve
     }
 }
 
-/// Puts the pictures of the eyes of every view that asks for it into one, which is the whole of the view. Both eyes are of one frame and have the same buffers.
+/// Packs the pictures of the eyes of every view that requests it into one, which is the whole view. Both eyes belong to
+/// the same frame and have the same buffers.
 pub fn pack(rig: &Rig, images: Vec<FrameImage>) -> Vec<FrameImage> {
     let mut packed: Vec<FrameImage> = Vec::with_capacity(images.len());
     for image in images {
@@ -43,7 +44,7 @@ pub fn pack(rig: &Rig, images: Vec<FrameImage>) -> Vec<FrameImage> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed precondition of a test may panic")]
 mod tests {
     use glam::{DQuat, DVec3};
 
@@ -52,7 +53,7 @@ mod tests {
     use crate::view::{View, ViewKind};
 
     #[test]
-    fn the_left_eye_is_left_or_on_top_and_other_views_stay() {
+    fn left_eye_is_left_or_on_top_and_other_views_are_unchanged() {
         let view = |name: &str, kind| View::new(name, kind, DQuat::IDENTITY, DVec3::ZERO).unwrap();
         let dome = ViewKind::StereoDome { size: 6, fov_rad: 3.0, tilt_rad: 0.0, ipd_m: 0.1 };
         let image = |view, part, first: u8| {

@@ -1,4 +1,5 @@
-//! What a picture was made of, as manifests tell it: enough to make it again, and to say what differs where that does not give the same bytes.
+//! Provenance of a picture as recorded in manifests: enough to make it again, and to find the differences if the bytes
+//! differ.
 
 use std::path::{Path, PathBuf};
 
@@ -6,45 +7,45 @@ use serde::{Deserialize, Serialize};
 
 use crate::scene::Camera;
 
-/// A file that the configuration names, or that one of those names.
+/// A file named by the configuration, or by one of its files.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct InputFile {
-    /// Its path from the folder of the configuration, or from the root.
+    /// Path relative to the folder of the configuration, or absolute.
     pub file: String,
-    /// Length.
+    /// Length in bytes.
     pub bytes: u64,
     /// SHA-256, hexadecimal.
     pub sha256: String,
 }
 
-/// The configuration as it was used.
+/// The configuration in effect.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UsedConfiguration {
-    /// The folder at which its relative paths start.
+    /// Folder of its relative paths.
     pub folder: PathBuf,
-    /// With its overrides, TOML; without what concerns the daemon and the headset alone.
+    /// TOML with overrides, without the keys that concern only the daemon and the headset.
     pub toml: String,
 }
 
-/// A row of a catalogue that could not be used.
+/// A rejected row of a catalogue.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UsedRow {
-    /// Line in the file on which it begins, from 1.
+    /// Line of the file on which the row begins, from 1.
     pub line: usize,
-    /// What is wrong with it.
+    /// Reason for the rejection.
     pub reason: String,
 }
 
-/// A catalogue and what became of its rows.
+/// A catalogue and its load result.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UsedCatalogue {
-    /// As the configuration names it; of synthetic stars their numbers.
+    /// Name in the configuration; for synthetic stars their parameters.
     pub name: String,
-    /// Stars that it gave.
+    /// Number of loaded stars.
     pub stars: usize,
-    /// Rows that could not be used; `None` for stores and built-in catalogues, which have none.
+    /// Number of rejected rows; `None` for stores and built-in catalogues, which have no rows.
     pub rejected_rows: Option<usize>,
-    /// The first of them.
+    /// First rejected rows.
     pub first_rejected: Vec<UsedRow>,
 }
 
@@ -69,28 +70,28 @@ impl From<&Camera> for UsedCamera {
     }
 }
 
-/// What a picture was made of.
+/// Provenance of a picture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Provenance {
     /// Version of the program.
     pub version: String,
-    /// The adapter.
+    /// Name of the adapter.
     pub adapter: String,
-    /// Its driver.
+    /// Driver of the adapter.
     pub driver: String,
     /// The configuration.
     pub configuration: UsedConfiguration,
     /// The camera.
     pub camera: UsedCamera,
-    /// The moment, s since 2000-01-01T12:00:00Z.
+    /// Moment, s since 2000-01-01T12:00:00Z.
     pub time_s_since_j2000: f64,
-    /// Where the stars come from.
+    /// Sources of the stars.
     pub catalogues: Vec<UsedCatalogue>,
     /// Every file that pictures depend on, by path.
     pub files: Vec<InputFile>,
 }
 
-/// A path as it is told: from the folder of the configuration, where it is in there.
-pub fn told_path(path: &Path, folder: &Path) -> String {
+/// Returns a path as recorded in manifests: relative to the folder of the configuration if it is inside.
+pub fn recorded_path(path: &Path, folder: &Path) -> String {
     path.strip_prefix(folder).unwrap_or(path).display().to_string()
 }

@@ -5,8 +5,9 @@ use crate::{
     render::FrameImage,
 };
 
-/// An image whose longest side has at most `longest_px` pixels: it is reduced by the smallest whole number that does, each pixel the mean light
-/// of a square of pixels, less at the right and lower edges. `None`: it is as small already, or has no display image.
+/// Returns a copy of the display image whose longest side has at most `longest_px` pixels. It is reduced by the
+/// smallest sufficient whole number; each pixel is the mean light of a square of pixels, fewer at the right and lower
+/// edges. `None` if the image is small enough already or has no display image.
 pub fn reduced(image: &FrameImage, longest_px: u32) -> Option<FrameImage> {
     let factor = image.width.max(image.height).div_ceil(longest_px.max(1));
     let pixels = image.display.as_deref().filter(|_| factor > 1)?;
@@ -55,7 +56,7 @@ mod tests {
     }
 
     #[test]
-    fn light_is_averaged_not_codes() {
+    fn light_is_averaged_rather_than_codes() {
         let star = image(4, 4, |x, y| if (x, y) == (1, 1) { 255 } else { 0 });
         let small = reduced(&star, 2).expect("four pixels are more than two");
         assert_eq!((small.view, small.width, small.height), (3, 2, 2));
@@ -64,14 +65,14 @@ mod tests {
     }
 
     #[test]
-    fn edges_count_the_pixels_that_there_are() {
+    fn edge_pixels_average_existing_pixels_only() {
         let small = reduced(&image(7, 5, |_, _| 90), 3).expect("seven pixels are more than three");
         assert_eq!((small.width, small.height), (3, 2));
         assert!(small.display.expect("a display image").chunks_exact(4).all(|pixel| pixel == [90, 0, 255, 255]));
     }
 
     #[test]
-    fn what_is_small_enough_stays() {
+    fn small_images_are_not_reduced() {
         assert!(reduced(&image(7, 5, |_, _| 1), 7).is_none());
     }
 }

@@ -1,8 +1,9 @@
-//! H.264: the pictures of a stream, each coded from the one before it.
+//! H.264: the pictures of a stream, each coded relative to the previous one.
 //!
-//! Colours are as in the display image: primaries and matrix of BT.709, the transfer function of sRGB, full range; the stream says so. The colour differences have
-//! half the resolution (4:2:0), all that the decoders of browsers take. A star is about as wide as their pixels, so the colours of a square of pixels
-//! are averaged by the light that they have: the black beside a star then does not take its colour away.
+//! Colours are as in the display image: primaries and matrix of BT.709, transfer function of sRGB, full range; the
+//! stream declares this. The colour differences have half the resolution (4:2:0), which is all that decoders of
+//! browsers support. A star is about as wide as their pixels, so the colours of a square of pixels are averaged with
+//! their light as weight: black pixels next to a star then do not dilute its colour.
 
 use std::fmt;
 
@@ -12,14 +13,16 @@ use rusty_h264_encoder::{Encoder, EncoderConfig};
 use super::encode::{EncodeError, Encoding, display_of};
 use crate::render::FrameImage;
 
-/// Quantisation parameter, of 0 to 51: errors of about one code of 255 where it is dark.
+/// Quantisation parameter, 0 to 51: errors of about one code of 255 in dark areas.
 const QP: u8 = 18;
 
-/// Macroblocks of 16 x 16 pixels that a picture may have, and its longest side in them: level 5.2, the highest that decoders commonly take.
+/// Maximum number of macroblocks of 16 x 16 pixels, and of macroblocks along a side: level 5.2, the highest that
+/// decoders commonly support.
 const MOST_MACROBLOCKS: u32 = 36_864;
 const LONGEST_SIDE: u32 = 543;
 
-/// Codes pictures of one size. The first one is coded by itself, the others from the one before, unless a key picture is asked for.
+/// Encodes pictures of one size. The first one is coded independently, each other one relative to the previous one,
+/// unless a key picture is requested.
 pub struct VideoEncoder {
     size: [u32; 2],
     encoder: Encoder,
@@ -33,7 +36,8 @@ impl fmt::Debug for VideoEncoder {
 }
 
 impl VideoEncoder {
-    /// For pictures of `width` x `height` pixels. Those of an odd side are coded with their last column or row twice.
+    /// Creates an encoder for pictures of `width` x `height` pixels. If a side is odd, the last column or row is coded
+    /// twice.
     ///
     /// # Errors
     ///
@@ -49,18 +53,18 @@ impl VideoEncoder {
         Ok(Self { size: [width, height], encoder, planes })
     }
 
-    /// Memory that an encoder of pictures of this size takes, bytes, about.
+    /// Approximate memory of an encoder for pictures of this size, bytes.
     pub fn memory_bytes(width: u32, height: u32) -> u64 {
         let size = even(width, height);
         (settings(size).memory_estimate().total + size[0] * size[1] * 3 / 2) as u64
     }
 
-    /// Codes the next picture as an access unit of Annex B: NAL units behind start codes. A key picture, which needs none before it, has the parameter sets
-    /// in front.
+    /// Encodes the next picture as an access unit of Annex B: NAL units after start codes. A key picture, which does
+    /// not refer to others, is preceded by the parameter sets.
     ///
     /// # Errors
     ///
-    /// The image has no display image, or is of another size; then nothing has changed.
+    /// The display image is missing or has another size; the encoder is then unchanged.
     pub fn encode(&mut self, image: &FrameImage, key: bool) -> Result<Vec<u8>, EncodeError> {
         let pixels = display_of(image, Encoding::H264)?;
         let [width, height] = self.size;
@@ -74,7 +78,7 @@ impl VideoEncoder {
         }
         let Planes { size: [width, height], luma, blue, red } = &self.planes;
         let planes = YuvPlanes::tight(*width, *height, luma, blue, red);
-        let planes = planes.ok_or_else(|| EncodeError::H264("the planes do not fit the size".into()))?;
+        let planes = planes.ok_or_else(|| EncodeError::H264("the planes do not match the size".into()))?;
         let coded = self.encoder.encode_planes(&planes).map_err(|error| EncodeError::H264(error.to_string()))?;
         Ok(with_usability(&coded))
     }
@@ -87,7 +91,7 @@ fn even(width: u32, height: u32) -> [usize; 2] {
 fn settings([width, height]: [usize; 2]) -> EncoderConfig {
     let mut settings = EncoderConfig::baseline(width, height);
     settings.qp = QP;
-    // Key pictures are asked for.
+    // Key pictures are requested explicitly.
     settings.gop_size = u32::MAX;
     settings.i_qp_offset = 0;
     settings.aq_strength = 0.0;
@@ -96,7 +100,7 @@ fn settings([width, height]: [usize; 2]) -> EncoderConfig {
 
 /// Luma, and the colour differences at half the resolution.
 struct Planes {
-    /// Pixels, even.
+    /// Size in pixels, even.
     size: [usize; 2],
     luma: Vec<u8>,
     blue: Vec<u8>,
@@ -105,7 +109,7 @@ struct Planes {
 
 /// Weights of red, green and blue in the luma of BT.709, in 65536ths.
 const LUMA: [u32; 3] = [13_933, 46_871, 4_732];
-/// Range of the colour differences of BT.709: blue and red less luma.
+/// Ranges of the colour differences of BT.709: blue and red minus luma.
 const BLUE_RANGE: f32 = 1.8556;
 const RED_RANGE: f32 = 1.5748;
 
@@ -115,7 +119,7 @@ impl Planes {
         Self { size, luma: vec![0; pixels], blue: vec![0; pixels / 4], red: vec![0; pixels / 4] }
     }
 
-    /// Fills them from the pixels of an image (R, G, B, A) of `from` pixels.
+    /// Fills the planes from the pixels of an image (R, G, B, A) with size `from`.
     fn fill(&mut self, image: &[u8], from: [usize; 2]) {
         let width = self.size[0];
         let row = |y: usize| &image[y.min(from[1] - 1) * from[0] * 4..][..from[0] * 4];
@@ -154,13 +158,14 @@ fn luma_of(colour: [u32; 3]) -> u8 {
 /// Type of the NAL unit that holds a sequence parameter set.
 const SEQUENCE_PARAMETERS: u8 = 7;
 
-/// The same access unit, with video usability information in the sequence parameter set: it ends with a flag that there is none.
+/// Returns the access unit with video usability information in its sequence parameter set, which originally ends with a
+/// flag that there is none.
 fn with_usability(unit: &[u8]) -> Vec<u8> {
     let mut out = Vec::with_capacity(unit.len() + 32);
     for nal in nal_units(unit) {
         out.extend([0, 0, 0, 1]);
         if nal.first().is_some_and(|header| header & 31 == SEQUENCE_PARAMETERS) {
-            let mut bits = Bits::of(&unescaped(nal));
+            let mut bits = Bits::from_bytes(&unescaped(nal));
             bits.put_usability();
             out.extend(escaped(&bits.bytes()));
         } else {
@@ -170,17 +175,17 @@ fn with_usability(unit: &[u8]) -> Vec<u8> {
     out
 }
 
-/// NAL units of an access unit, without their start codes.
+/// Returns the NAL units of an access unit without their start codes.
 fn nal_units(unit: &[u8]) -> Vec<&[u8]> {
     let starts: Vec<usize> =
-        unit.windows(3).enumerate().filter(|(_, code)| *code == [0, 0, 1]).map(|(at, _)| at).collect();
+        unit.windows(3).enumerate().filter(|(_, code)| *code == [0, 0, 1]).map(|(index, _)| index).collect();
     let ends = starts.iter().skip(1).copied().chain([unit.len()]);
-    // A start code of four bytes leaves a zero at the end of the unit before it; none ends with one.
+    // A start code of four bytes leaves a zero at the end of the preceding unit; no unit ends with a zero.
     let trimmed = |nal: &[u8]| nal.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
     starts.iter().zip(ends).map(|(start, end)| &unit[start + 3..end]).map(|nal| &nal[..trimmed(nal)]).collect()
 }
 
-/// Without the bytes that keep start codes out of a NAL unit.
+/// Removes the bytes that prevent start codes inside a NAL unit.
 fn unescaped(nal: &[u8]) -> Vec<u8> {
     let mut zeros = 0;
     let is_kept = |byte: &u8| {
@@ -191,7 +196,7 @@ fn unescaped(nal: &[u8]) -> Vec<u8> {
     nal.iter().copied().filter(is_kept).collect()
 }
 
-/// With the bytes that keep start codes out of a NAL unit.
+/// Inserts the bytes that prevent start codes inside a NAL unit.
 fn escaped(nal: &[u8]) -> Vec<u8> {
     let mut out = Vec::with_capacity(nal.len() + 4);
     for byte in nal {
@@ -207,7 +212,7 @@ fn escaped(nal: &[u8]) -> Vec<u8> {
 struct Bits(Vec<bool>);
 
 impl Bits {
-    fn of(bytes: &[u8]) -> Self {
+    fn from_bytes(bytes: &[u8]) -> Self {
         Self(bytes.iter().flat_map(|byte| (0..8).rev().map(move |bit| byte >> bit & 1 == 1)).collect())
     }
 
@@ -215,32 +220,33 @@ impl Bits {
         self.0.extend((0..bits).rev().map(|bit| value >> bit & 1 == 1));
     }
 
-    /// Exponential Golomb code.
+    /// Appends an exponential Golomb code.
     fn put_code(&mut self, value: u32) {
         let digits = (value + 1).ilog2();
         self.put(0, digits);
         self.put(value + 1, digits + 1);
     }
 
-    /// Puts video usability information (ITU-T H.264, annex E) in place of the flag that there is none, the last bit before the stop bit.
+    /// Replaces the flag that there is no video usability information, the last bit before the stop bit, by that
+    /// information (ITU-T H.264, annex E).
     fn put_usability(&mut self) {
         let stop = self.0.iter().rposition(|bit| *bit).unwrap_or_default();
         self.0.truncate(stop.saturating_sub(1));
         self.put(1, 1);
-        // No aspect ratio and no overscan; a video signal of no named format, full range, with a description of its colours.
+        // No aspect ratio and no overscan; a video signal of unspecified format, full range, with a colour description.
         self.put(0b001, 3);
         self.put(0b10111, 5);
         for code in [BT709, SRGB_TRANSFER, BT709] {
             self.put(code, 8);
         }
-        // Colour differences are those of the middle of four pixels, in both fields.
+        // Chroma samples are at the centre of four pixels, in both fields.
         self.put(1, 1);
         self.put_code(1);
         self.put_code(1);
-        // No timing, no hypothetical decoder (two), no structure of pictures.
+        // No timing, no hypothetical decoder (two), no picture structure.
         self.put(0, 4);
-        // Restrictions: vectors may point outside; no denominators; vectors of any length; no picture is reordered, and one is kept. Decoders thus show
-        // each picture as soon as they have it.
+        // Restrictions: vectors may point outside; no denominators; vectors of any length; pictures are not reordered,
+        // and one is kept. Decoders thus show each picture immediately.
         self.put(0b11, 2);
         for code in [0, 0, 16, 16, 0, 1] {
             self.put_code(code);
@@ -249,7 +255,8 @@ impl Bits {
     }
 
     fn bytes(&self) -> Vec<u8> {
-        let byte = |bits: &[bool]| bits.iter().enumerate().fold(0, |byte, (at, bit)| byte | u8::from(*bit) << (7 - at));
+        let byte =
+            |bits: &[bool]| bits.iter().enumerate().fold(0, |byte, (index, bit)| byte | u8::from(*bit) << (7 - index));
         self.0.chunks(8).map(byte).collect()
     }
 }
@@ -260,18 +267,18 @@ const BT709: u32 = 1;
 const SRGB_TRANSFER: u32 = 13;
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed precondition of a test may panic")]
 mod tests {
     use rusty_h264_decoder::Decoder;
 
     use super::*;
     use crate::output::encode::tests::{colour_and_error, coloured_stars, sample};
 
-    /// The display image that decoders make of pictures, the last of them.
+    /// Decodes all pictures and returns the display image of the last one.
     fn decoded(units: &[Vec<u8>], [width, height]: [usize; 2]) -> Vec<u8> {
         let mut decoder = Decoder::new();
         let pictures: Vec<_> = units.iter().filter_map(|unit| decoder.decode(unit).unwrap()).collect();
-        assert_eq!(pictures.len(), units.len(), "every picture comes out when it goes in");
+        assert_eq!(pictures.len(), units.len(), "every picture is returned as soon as it is passed in");
         let picture = pictures.last().unwrap();
         assert_eq!([picture.width, picture.height], [width, height].map(|side| side.next_multiple_of(2)));
         let mut pixels = Vec::new();
@@ -293,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_follow_each_other_and_key_pictures_stand_alone() {
+    fn pictures_are_coded_in_sequence_and_key_pictures_independently() {
         let first = coloured_stars();
         let [second, third] = [1, 2].map(|by| moved(&first, by));
         let mut encoder = VideoEncoder::new(256, 256).unwrap();
@@ -315,30 +322,30 @@ mod tests {
             println!("luma, rms: {error:.2} codes");
             assert!(error < 6.0, "{error}");
         }
-        assert!(rms(&first, &decoded(&units[..2], [256, 256])) > 12.0, "the second picture is not the first one");
-        // The same pictures give the same bytes, and a still one costs next to nothing.
+        assert!(rms(&first, &decoded(&units[..2], [256, 256])) > 12.0, "the second picture differs from the first one");
+        // The same pictures give the same bytes, and a still picture needs few bytes.
         let mut again = VideoEncoder::new(256, 256).unwrap();
         assert_eq!(again.encode(&first, true).unwrap(), units[0]);
         assert!(again.encode(&first, false).unwrap().len() * 20 < units[0].len());
     }
 
     #[test]
-    fn stars_have_more_colour_than_by_a_plain_mean() {
+    fn stars_keep_more_colour_than_with_a_plain_mean() {
         let image = coloured_stars();
         let unit = VideoEncoder::new(256, 256).unwrap().encode(&image, true).unwrap();
         let [colour, error] = colour_and_error(&image, &decoded(&[unit], [256, 256]));
         println!("R - B {colour:.1}, its error {error:.2}");
-        // Half the resolution costs about half of it.
+        // Half the resolution loses about half of the colour difference.
         assert!(error < 0.6 * colour, "{colour} {error}");
     }
 
     #[test]
-    fn colours_of_areas_are_those_of_bt_709_in_full_range() {
+    fn area_colours_are_bt_709_full_range() {
         for colour in [[0, 0, 0], [255, 255, 255], [200, 30, 40], [10, 180, 60], [30, 40, 220]] {
             let mut image = sample(35, 18);
             let fill = |pixel: &mut [u8]| pixel[..3].copy_from_slice(&colour);
             image.display.as_mut().unwrap().chunks_exact_mut(4).for_each(fill);
-            // Odd sides too.
+            // Include odd sides.
             let unit = VideoEncoder::new(35, 18).unwrap().encode(&image, true).unwrap();
             for found in decoded(&[unit], [35, 18]).chunks_exact(3) {
                 assert!(
@@ -350,16 +357,16 @@ mod tests {
     }
 
     #[test]
-    fn the_stream_says_what_its_colours_are_and_that_no_picture_waits() {
+    fn stream_declares_its_colours_and_no_reordering() {
         let unit = VideoEncoder::new(40, 24).unwrap().encode(&sample(40, 24), true).unwrap();
         let parameters =
             nal_units(&unit).into_iter().find(|nal| nal[0] & 31 == SEQUENCE_PARAMETERS).map(unescaped).unwrap();
-        let bits = Bits::of(&parameters).0;
+        let bits = Bits::from_bytes(&parameters).0;
         let mut usability = Bits(Vec::new());
         usability.put(0, 1);
         usability.put(1, 1);
         usability.put_usability();
-        // What put_usability takes away is the stop bit and the flag before it.
+        // `put_usability` replaces the stop bit and the flag before it.
         let stop = bits.iter().rposition(|bit| *bit).unwrap();
         assert!(bits[..=stop].ends_with(&usability.0), "{parameters:?}");
         assert_eq!(
@@ -372,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn escapes_are_undone_and_done() {
+    fn escaping_round_trips() {
         for plain in [vec![0, 0, 0, 0, 1], vec![7, 0, 0, 3, 0, 0, 2, 5], vec![0, 0, 3], vec![1, 2, 3]] {
             let safe = escaped(&plain);
             assert!(safe.windows(3).all(|three| three[..2] != [0, 0] || three[2] > 2), "{safe:?}");

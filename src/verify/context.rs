@@ -1,4 +1,4 @@
-//! What a check is given: a renderer and settings, and the few steps that all checks share.
+//! Input of a check: a renderer and settings, with the helpers that all checks share.
 
 use glam::DVec3;
 
@@ -20,7 +20,7 @@ use crate::{
     },
 };
 
-/// Why a check has no figures.
+/// Reason why a check has no figures.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CheckError {
@@ -39,38 +39,39 @@ pub enum CheckError {
     /// A point-spread function cannot be built.
     #[error(transparent)]
     PointSpread(#[from] PointSpreadError),
-    /// The kernel of glare cannot be made or read.
+    /// The glare kernel cannot be built or read.
     #[error("glare: {0}")]
     Glare(#[from] GlareKernelError),
     /// The device failed.
     #[error(transparent)]
     Gpu(#[from] GpuError),
-    /// The renderer did not hand out what was asked for.
+    /// The renderer did not return a requested output.
     #[error("the frame lacks {0}")]
     Missing(&'static str),
 }
 
-/// See the module.
+/// See the module head.
 pub struct Context<'a> {
     /// The renderer.
     pub renderer: &'a mut Renderer,
-    /// How frames are drawn. Glare, which takes light from stars, is off until a check of glare sets it; stars of every magnitude
-    /// are drawn until a check limits them.
+    /// Settings of frames. Glare, which takes light from stars, is off until a glare check sets it; stars of every
+    /// magnitude are drawn until a check limits them.
     pub settings: RenderSettings,
     /// The glare under test.
     pub glare: GlareSettings,
-    /// What says how glare should fall off: the same, unless a test sets another to see a check fail.
+    /// Glare that defines the expected falloff: equal to `glare`, unless a test changes it to make a check fail.
     pub expected_glare: GlareSettings,
-    /// How the truth of bodies and asteroids differs from what is drawn: not at all, unless a test sets it to see a check fail.
+    /// Difference between the truth of bodies and asteroids and the drawn ones: none, unless a test sets it to make a
+    /// check fail.
     pub object_fault: Fault,
 }
 
 impl<'a> Context<'a> {
-    /// A context for one check of the methods that the settings name.
+    /// Returns a context for one check of the methods in the settings.
     pub fn new(renderer: &'a mut Renderer, settings: &RenderSettings) -> Self {
         let glare = settings.glare.clone();
         let mut settings = RenderSettings { glare: GlareSettings::none(), ..settings.clone() };
-        // A limit is the scene's, and a check's stars are its own.
+        // A magnitude limit belongs to the scene, and checks use their own stars.
         settings.stars.magnitude_limit = StarSettings::default().magnitude_limit;
         Self { renderer, settings, expected_glare: glare.clone(), glare, object_fault: Fault::NONE }
     }
@@ -80,8 +81,9 @@ impl<'a> Context<'a> {
         self.settings.stars.method
     }
 
-    /// Share of a star's light that its kernel has inside of a picture, far from every border but those that the kernel itself
-    /// reaches: 1, but for the method whose kernel is round in the sky, which in wide flat views covers hundreds of pixels outwards.
+    /// Share of a star's light that its kernel has inside of a picture, far from all borders that the kernel does not
+    /// reach. It is 1, except for the method whose kernel is round in the sky: in wide flat views it extends outwards
+    /// over hundreds of pixels.
     pub fn share_inside(&self, mapping: &dyn PlaneMapping, direction: DVec3) -> f64 {
         if self.method() != StarMethod::PixelGaussian {
             return 1.0;
@@ -90,7 +92,7 @@ impl<'a> Context<'a> {
         gaussian::taps(mapping, width, direction).iter().map(|tap| tap.weight).sum()
     }
 
-    /// Sets the exposure so that `white_cd_m2` is shown white.
+    /// Sets the exposure so that `white_cd_m2` is displayed as white.
     pub fn expose_for(&mut self, white_cd_m2: f64) {
         self.settings.exposure.mode = ExposureMode::Manual;
         let at_0 = crate::photometry::exposure::white_luminance_cd_m2(0.0);
@@ -102,50 +104,50 @@ impl<'a> Context<'a> {
         Ok(self.renderer.render(FrameRequest::new(scene, rig).settings(&self.settings).wanted(Wanted::hdr()))?)
     }
 
-    /// Light of every view of a scene, lx.
+    /// Measures the light of every view of a scene, lx.
     pub fn light_lx(&mut self, scene: &SceneSnapshot, rig: &Rig) -> Result<Vec<f64>, CheckError> {
         let frame = self.render(scene, rig)?;
         light_of_views_lx(&frame, rig)
     }
 
-    /// Factor to take measured light by before it is judged: 1, or for methods of relative brightness the one that fits
-    /// pairs of measured and expected light best.
+    /// Factor for measured light before it is judged: 1, or for methods of relative brightness the best fit to pairs of
+    /// measured and expected light.
     pub fn scale(&self, pairs: &[(f64, f64)]) -> Result<f64, CheckError> {
         if self.method().is_relative() { Ok(metrics::fitted_scale(pairs)?) } else { Ok(1.0) }
     }
 
-    /// Largest relative error over pairs of measured and expected light, after the scale.
+    /// Largest relative error over pairs of measured and expected light after applying the scale.
     pub fn worst_flux_error(&self, pairs: &[(f64, f64)]) -> Result<f64, CheckError> {
         Ok(worst_error(self.scale(pairs)?, pairs))
     }
 }
 
-/// Largest relative error over pairs of measured and expected light, with a scale on what was measured.
+/// Largest relative error over pairs of measured and expected light, with a scale for the measured light.
 pub fn worst_error(scale: f64, pairs: &[(f64, f64)]) -> f64 {
     worst(pairs.iter().map(|(measured, expected)| (scale * measured / expected - 1.0).abs()))
 }
 
-/// Largest of several numbers; NaN where one of them is, or where there is none.
+/// Largest of several numbers; NaN if one of them is NaN or there are none.
 pub fn worst(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().reduce(|a, b| if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }).unwrap_or(f64::NAN)
 }
 
-/// The images of a frame beside those of the rig.
+/// Pairs the images of a frame with those of the rig.
 pub fn images<'a>(frame: &'a Frame, rig: &'a Rig) -> impl Iterator<Item = (&'a FrameImage, &'a ViewImage)> {
     frame.images.iter().zip(rig.views().iter().flat_map(|view| &view.images))
 }
 
-/// The pixels of an image: R, G, B in cd/m^2 and the solid angle in sr.
+/// Returns the pixels of an image: R, G, B in cd/m^2 and the solid angle in sr.
 pub fn hdr_pixels(image: &FrameImage) -> Result<&[[f32; 4]], CheckError> {
     image.hdr.as_deref().ok_or(CheckError::Missing("an HDR image"))
 }
 
-/// An image as the metrics see it: solid angles come from f64, not from the shader.
+/// Returns an image in the form of the metrics: solid angles come from f64, not from the shader.
 pub fn hdr_view<'a>(image: &'a FrameImage, mapping: &'a dyn PlaneMapping) -> Result<HdrView<'a>, CheckError> {
     Ok(HdrView::new(mapping, hdr_pixels(image)?)?)
 }
 
-/// Light of every view of a frame, lx: of all its images together.
+/// Measures the light of every view of a frame over all of its images, lx.
 pub fn light_of_views_lx(frame: &Frame, rig: &Rig) -> Result<Vec<f64>, CheckError> {
     let mut light = vec![0.0; rig.views().len()];
     for (image, of_view) in images(frame, rig) {
@@ -159,7 +161,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_worst_pair_counts_and_none_is_no_success() {
+    fn worst_pair_counts_and_no_pairs_fail() {
         assert!((worst_error(1.0, &[(2.0, 2.0), (0.98, 1.0), (1.01, 1.0)]) - 0.02).abs() < 1e-12);
         assert_eq!(worst_error(2.0, &[(1.0, 2.0)]), 0.0);
         assert!(worst_error(1.0, &[]).is_nan() && worst_error(1.0, &[(f64::NAN, 1.0), (1.0, 1.0)]).is_nan());

@@ -1,4 +1,4 @@
-//! How exposure holds up: the same picture cut into faces and windows, and turned with the head.
+//! Robustness of exposure: the same picture cut into faces and windows, and seen by a rolled head.
 
 use glam::{DQuat, DVec3};
 
@@ -13,12 +13,13 @@ use crate::{
     view::{Fov, ViewKind},
 };
 
-/// 23: the same sky as a map and as the faces of a cube, a window and its halves, a head that rolls, a view twice in a frame.
+/// 23: compares the same sky as a map and as cube faces, a window with its halves, a rolling head, and a view drawn
+/// twice in a frame.
 pub(super) fn picture_cut(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
-    // `auto` chooses kernels by the exposure that a frame is shown with. It is the same for all, as in a stream, and what is
-    // compared is what they are metered at.
+    // `auto` chooses kernels by the displayed exposure of a frame. It is fixed for all frames, as in a stream, and the
+    // metered exposures are compared.
     context.settings.exposure = ExposureSettings { mode: ExposureMode::Manual, ev100: -10.0, ..Default::default() };
-    // They crowd to one side, so that a weight that is wrong shows.
+    // The stars are concentrated on one side, so that a wrong weight is visible.
     let records = spiral(3000).enumerate().map(|(i, d)| star(d + 0.8 * DVec3::X, (i % 9) as f32)).collect();
     let mut scene = snapshot(records);
     let window = |left_rad: f64, right_rad: f64, width: u32| {
@@ -48,7 +49,7 @@ pub(super) fn picture_cut(context: &mut Context<'_>) -> Result<Vec<Figure>, Chec
     let (one, again) = (bits(hdr_pixels(one?)?), bits(hdr_pixels(again?)?));
     let differing = one.iter().zip(&again).filter(|(a, b)| a != b).count();
 
-    // The exposure again, in f64, from the pixels of the faces.
+    // Recompute the exposure in f64 from the pixels of the faces.
     let mut pixels = Vec::new();
     for (image, of_view) in images(&faces, &faces_rig) {
         let mapping = of_view.projection.mapping();
@@ -59,13 +60,13 @@ pub(super) fn picture_cut(context: &mut Context<'_>) -> Result<Vec<Figure>, Chec
     }
     let in_f64 = context.settings.exposure.metered_ev100(mean_luminance_cd_m2(pixels));
 
-    let apart = |a: f64, b: f64| (a - b).abs();
-    let rolled = worst(turned.iter().map(|ev100| apart(*ev100, map.metered_ev100)));
+    let difference = |a: f64, b: f64| (a - b).abs();
+    let rolled = worst(turned.iter().map(|ev100| difference(*ev100, map.metered_ev100)));
     Ok(vec![
-        Figure::at_most("exposure of faces", apart(faces.metered_ev100, map.metered_ev100), 1e-3, "EV"),
-        Figure::at_most("of halves", apart(halves.metered_ev100, whole.metered_ev100), 1e-3, "EV"),
+        Figure::at_most("exposure of faces", difference(faces.metered_ev100, map.metered_ev100), 1e-3, "EV"),
+        Figure::at_most("of halves", difference(halves.metered_ev100, whole.metered_ev100), 1e-3, "EV"),
         Figure::at_most("of a rolled head", rolled, 1e-3, "EV"),
-        Figure::at_most("against f64", apart(faces.metered_ev100, in_f64), 0.01, "EV"),
+        Figure::at_most("against f64", difference(faces.metered_ev100, in_f64), 0.01, "EV"),
         Figure::at_most("light of halves", (light_of_halves / light_of_whole - 1.0).abs(), 1e-4, "relative"),
         Figure::at_most("values that differ in the same view twice", differing as f64, 0.0, ""),
     ])

@@ -1,7 +1,7 @@
-//! Kernels as they are rendered: place, width, flicker and roundness of a star over its places in a pixel.
+//! Rendered kernels: position, width, flicker and roundness of a star over its sub-pixel positions.
 //!
-//! Every place is a small view of its own, turned so that the star falls there; sixty of them make a frame. So each star stands
-//! in the middle of a picture, whatever its size, and thousands of places take seconds.
+//! Every position has a small view, turned so that the star falls on it; sixty views make a frame. Each star is thus at
+//! the centre of a picture, regardless of its size, and thousands of positions take seconds.
 
 use std::f64::consts::PI;
 
@@ -22,16 +22,16 @@ use crate::{
     },
 };
 
-/// Views in a frame; an adapter takes 64.
+/// Number of views in a frame; an adapter supports 64.
 const VIEWS: usize = 60;
 /// Side of a view, pixels.
 const SIDE: u32 = 64;
-/// Tangent of a pixel: that of a view 60 degrees high with 1080 lines.
+/// Tangent of a pixel's angle in a view 60 degrees high with 1080 lines.
 fn pixel_tangent() -> f64 {
     2.0 * (PI / 6.0).tan() / 1080.0
 }
 
-/// A window of [`SIDE`] pixels of a flat picture whose middle stands at `tangent` to the right of its axis.
+/// Returns a window of [`SIDE`] pixels of a flat picture with its centre at `tangent` to the right of the axis.
 fn window(tangent: f64) -> ViewKind {
     let half = pixel_tangent() * f64::from(SIDE) / 2.0;
     let fov = Fov {
@@ -43,14 +43,14 @@ fn window(tangent: f64) -> ViewKind {
     ViewKind::OffAxis { size: [SIDE; 2], fov }
 }
 
-/// The same as a mapping, to place stars by.
+/// Returns the mapping of the view, used to place stars.
 fn mapping_of(kind: &ViewKind) -> Result<Perspective, CheckError> {
     let ViewKind::OffAxis { size, fov } = kind else { return Err(CheckError::Missing("an off-axis view")) };
     Ok(Perspective::off_axis(*size, fov.left_rad, fov.right_rad, fov.up_rad, fov.down_rad)?)
 }
 
-/// Shows one star at many places of a pixel in the middle of a window; `look` gets each image, the star's place in pixels and
-/// its direction in the view.
+/// Shows one star at many sub-pixel positions at the centre of a window; `look` gets each image, the star's position in
+/// pixels and its direction in the view.
 fn pan(
     context: &mut Context<'_>,
     kind: &ViewKind,
@@ -82,26 +82,26 @@ fn pan(
     Ok(())
 }
 
-/// Magnitude of the stars here, and their light.
+/// Magnitude of the stars in these checks.
 const MAGNITUDE: f32 = 3.0;
 
 fn light_lx() -> f64 {
     illuminance_lx_from_magnitude(f64::from(MAGNITUDE))
 }
 
-/// Luminance that is to be shown white for a star whose peak, in one pixel, is `k` times as bright as white.
+/// Luminance to display as white for a star whose peak in one pixel is `k` times as bright as white.
 fn white_for(k: f64, kind: &ViewKind) -> Result<f64, CheckError> {
     let omega = mapping_of(kind)?.solid_angle_sr(SIDE / 2, SIDE / 2);
     Ok(light_lx() / omega / k)
 }
 
-/// 9: place and width, of a star ten times as bright as white.
+/// 9: measures position and width of a star ten times as bright as white.
 pub(super) fn sub_pixel_sweep(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let kind = window(0.0);
     context.expose_for(white_for(10.0, &kind)?);
     let (mut centroid, mut widths) = (Vec::new(), Vec::new());
     pan(context, &kind, MAGNITUDE, 600, |image, place, _| {
-        // A window of the whole picture, so that stray light counts.
+        // The window covers the whole picture, so that stray light counts.
         centroid.push(centroid_error_px(image, place, 100.0)?);
         widths.push(shape_px(image, place, 100.0)?.rms_radius());
         Ok(())
@@ -115,12 +115,12 @@ pub(super) fn sub_pixel_sweep(context: &mut Context<'_>) -> Result<Vec<Figure>, 
     ])
 }
 
-/// Flicker after tone mapping of a star whose peak is `k` times white, over `positions` places; and how its light varies.
+/// Measures flicker after tone mapping of a star whose peak is `k` times white, over `positions` positions.
 fn flicker(context: &mut Context<'_>, k: f64, positions: usize) -> Result<f64, CheckError> {
     let kind = window(0.0);
     let white = white_for(k, &kind)?;
     context.expose_for(white);
-    // A relative method is brought to the same k by its mean light.
+    // A relative method is scaled to the same k by its mean light.
     let mut scale = 1.0;
     if context.method().is_relative() {
         let mut sum = 0.0;
@@ -135,42 +135,42 @@ fn flicker(context: &mut Context<'_>, k: f64, positions: usize) -> Result<f64, C
     Ok(meter.flicker()?.after)
 }
 
-/// 10: flicker at 1, 10 and 100 times white. What the B-spline promises is less: 0.04 up to 10 times.
+/// 10: measures flicker at 1, 10 and 100 times white. The B-spline guarantees less: 0.04 up to 10 times.
 pub(super) fn slow_pan(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let mut figures = Vec::new();
     for k in [1.0, 10.0, 100.0] {
         let found = flicker(context, k, 3000)?;
-        let what = format!("flicker at {k} times white");
+        let name = format!("flicker at {k} times white");
         figures.push(match context.method() {
-            StarMethod::BSpline if k > 10.0 => Figure::informative(what, found, ""),
-            StarMethod::BSpline => Figure::at_most(what, found, 0.04, ""),
-            _ => Figure::at_most(what, found, 0.02, ""),
+            StarMethod::BSpline if k > 10.0 => Figure::informative(name, found, ""),
+            StarMethod::BSpline => Figure::at_most(name, found, 0.04, ""),
+            _ => Figure::at_most(name, found, 0.02, ""),
         });
     }
     figures.push(Figure::at_most("jump as a star brightens", brightening(context)?, 0.02, "relative"));
     Ok(figures)
 }
 
-/// A star that slowly brightens from 1/20 of white to 20 times white: the largest change of its growth from step to step, as the
-/// display shows it. Where a method changes its kernel with the brightness, the star must not jump.
+/// A star brightens slowly from 1/20 of white to 20 times white: returns the largest change of its displayed growth
+/// from step to step. The star must not jump if a method changes its kernel with brightness.
 fn brightening(context: &mut Context<'_>) -> Result<f64, CheckError> {
     let kind = window(0.0);
     let mapping = mapping_of(&kind)?;
     context.expose_for(white_for(1.0, &kind)?);
     let white = white_for(1.0, &kind)?;
-    // A place between the middle of a pixel and its corner, where kernels differ as much as they do on average.
-    let seen = mapping.direction_from_pixel(DVec2::new(32.3, 32.2)).ok_or(CheckError::Missing("a direction"))?;
+    // A position between the centre and the corner of a pixel, where kernels differ by their average amount.
+    let towards = mapping.direction_from_pixel(DVec2::new(32.3, 32.2)).ok_or(CheckError::Missing("a direction"))?;
     let range = 2.5 * 20f64.log10();
     let (mut records, mut views) = (Vec::new(), Vec::new());
     for (index, direction) in spiral(VIEWS).enumerate() {
         let fainter = range * (1.0 - 2.0 * index as f64 / (VIEWS - 1) as f64);
         records.push(star(direction, MAGNITUDE + fainter as f32));
-        let turn = DQuat::from_rotation_arc(seen, direction);
+        let turn = DQuat::from_rotation_arc(towards, direction);
         views.push(View::new(&format!("v{index}"), kind.clone(), turn, DVec3::ZERO)?);
     }
     let rig = Rig::new(views)?;
     let frame = context.render(&snapshot(records), &rig)?;
-    let mut shown = Vec::new();
+    let mut displayed = Vec::new();
     for (image, of_view) in images(&frame, &rig) {
         let image = hdr_view(image, of_view.projection.mapping())?;
         let mut sum = 0.0;
@@ -180,14 +180,14 @@ fn brightening(context: &mut Context<'_>) -> Result<f64, CheckError> {
                 sum += level / (1.0 + level);
             }
         }
-        shown.push(f64::ln(sum));
+        displayed.push(f64::ln(sum));
     }
-    let growth: Vec<f64> = shown.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let growth: Vec<f64> = displayed.windows(2).map(|pair| pair[1] - pair[0]).collect();
     Ok(worst(growth.windows(2).map(|pair| (pair[1] - pair[0]).abs())))
 }
 
-/// The shape of a star in the sky, on the axis of a flat picture and 45 degrees off. A star narrower than a pixel takes its
-/// shape from the pixels; one that is resolved has to be round.
+/// Measures the shape of a star in the sky, on the axis of a flat picture and 45 degrees off. A star narrower than a
+/// pixel takes its shape from the pixels; a resolved one must be round.
 pub(super) fn roundness(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let mut figures = Vec::new();
     for (degrees, tangent) in [(0, 0.0), (45, 1.0)] {
@@ -196,17 +196,17 @@ pub(super) fn roundness(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckE
         let (mut ellipticities, mut narrow_px) = (Vec::new(), Vec::new());
         pan(context, &kind, MAGNITUDE, 60, |image, place, direction| {
             narrow_px.push(shape_px(image, place, 100.0)?.minor);
-            // A point has no shape, and needs none.
+            // A point has no shape to judge.
             ellipticities.extend(shape_rad(&[*image], direction, 0.2)?.ellipticity());
             Ok(())
         })?;
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-        let what = format!("ellipticity at {degrees} degrees");
+        let name = format!("ellipticity at {degrees} degrees");
         let resolved = mean(&narrow_px) >= 1.0;
         figures.push(match (ellipticities.is_empty(), resolved) {
-            (true, _) => Figure::informative(format!("{what}: a point, width"), 0.0, "px"),
-            (false, true) => Figure::at_most(what, mean(&ellipticities), 0.05, ""),
-            (false, false) => Figure::informative(format!("{what} (narrower than a pixel)"), mean(&ellipticities), ""),
+            (true, _) => Figure::informative(format!("{name}: a point, width"), 0.0, "px"),
+            (false, true) => Figure::at_most(name, mean(&ellipticities), 0.05, ""),
+            (false, false) => Figure::informative(format!("{name} (narrower than a pixel)"), mean(&ellipticities), ""),
         });
     }
     Ok(figures)

@@ -1,11 +1,12 @@
-//! The failure tests: where methods of drawing fail, each a check with a number and a limit.
+//! The failure tests: known weaknesses of drawing methods, each a check with a number and a limit.
 //!
-//! A check renders what it needs with the [`Renderer`] that it is given, with the settings that it is given, so that
-//! `stars.method` points it at any method. Images are judged by [`crate::metrics`], solid angles come from f64. Methods of
-//! relative brightness are judged after one fitted scale; a check of catalogue stars does not apply to a method that draws
-//! stars of its own. A check that cannot be run has failed, and the others go on.
+//! A check renders with the given [`Renderer`] and settings, so that `stars.method` selects the method under test.
+//! Images are judged by [`crate::metrics`]; solid angles come from f64. Methods of relative brightness are judged after
+//! fitting one scale; a check of catalogue stars does not apply to a method that draws its own stars. A check that
+//! cannot run counts as failed, and the others continue.
 //!
-//! Per group of checks one file; [`checks`] lists them all. `scenes` has the made-up skies and views, which the tests share.
+//! There is one file per group of checks; [`checks`] lists all of them. `scenes` contains the artificial skies and
+//! views, which tests also use.
 
 mod context;
 mod exposure;
@@ -34,25 +35,25 @@ use crate::{
 /// One measured number of a check.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Figure {
-    /// What was measured.
+    /// Measured quantity.
     pub what: String,
-    /// The number.
+    /// Measured value.
     pub measured: f64,
-    /// The greatest allowed; without one the figure only informs.
+    /// Largest allowed value; a figure without a limit is informative.
     pub limit: Option<f64>,
-    /// Unit of both.
+    /// Unit of the value and the limit.
     pub unit: &'static str,
-    /// Whether the limit is kept. A number that is none keeps no limit.
+    /// Whether the value is within its limit. NaN never is.
     pub pass: bool,
 }
 
 impl Figure {
-    /// A figure with a limit: NaN fails.
+    /// Returns a figure with a limit; NaN fails.
     pub fn at_most(what: impl Into<String>, measured: f64, limit: f64, unit: &'static str) -> Self {
         Self { what: what.into(), measured, limit: Some(limit), unit, pass: measured <= limit }
     }
 
-    /// A figure without a limit.
+    /// Returns a figure without a limit.
     pub fn informative(what: impl Into<String>, measured: f64, unit: &'static str) -> Self {
         Self { what: what.into(), measured, limit: None, unit, pass: true }
     }
@@ -71,47 +72,47 @@ impl fmt::Display for Figure {
     }
 }
 
-/// Short, also for the smallest.
+/// Formats a number briefly, also very small ones.
 fn number(value: f64) -> String {
     let exponential = value != 0.0 && !(1e-3..1e5).contains(&value.abs());
     if exponential { format!("{value:.1e}") } else { format!("{}", (value * 1e4).round() / 1e4) }
 }
 
-/// What a check says about a method.
+/// Function that measures the figures of a method.
 pub type Run = fn(&mut Context<'_>) -> Result<Vec<Figure>, CheckError>;
 
 /// A failure test.
 #[derive(Clone, Copy, Debug)]
 pub struct Check {
-    /// Its number in the design's list of places where methods fail; `None` for the published weaknesses beside it.
+    /// Number in the design's list of failure cases; `None` for additional published weaknesses.
     pub number: Option<u8>,
-    /// Its name.
+    /// Name.
     pub name: &'static str,
-    /// The group of checks that it belongs to.
+    /// Group of checks.
     pub group: &'static str,
-    /// What it proves, in a sentence.
+    /// Property that it proves, in one sentence.
     pub proves: &'static str,
-    /// Whether it looks for stars of the catalogue.
+    /// Whether it needs stars of the catalogue.
     pub needs_catalogue: bool,
-    /// Whether it looks at glare.
+    /// Whether it needs glare.
     pub needs_glare: bool,
-    /// The check itself.
+    /// Function that runs the check.
     pub run: Run,
 }
 
-/// How a check ended.
+/// Outcome of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// Every figure keeps its limit.
+    /// Every figure is within its limit.
     Pass,
-    /// A figure breaks its limit, or there is none.
+    /// A figure exceeds its limit, or there are no figures.
     Fail,
-    /// The check has no meaning for the method.
+    /// The check does not apply to the method.
     NotApplicable,
 }
 
-/// A check that was run.
+/// Result of a check.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CheckResult {
     /// See [`Check::number`].
@@ -120,18 +121,18 @@ pub struct CheckResult {
     pub name: &'static str,
     /// See [`Check::group`].
     pub group: &'static str,
-    /// How it ended.
+    /// Outcome.
     pub outcome: Outcome,
-    /// What was measured.
+    /// Measured figures.
     pub figures: Vec<Figure>,
-    /// Why there are no figures.
+    /// Reason why there are no figures.
     pub message: Option<String>,
-    /// Time that it took, s.
+    /// Duration, s.
     pub seconds: f64,
 }
 
 impl CheckResult {
-    /// The result of a check that could not be run, or does not apply.
+    /// Returns the result of a check that could not run or does not apply.
     pub fn without_figures(check: &Check, outcome: Outcome, message: impl Into<String>) -> Self {
         Self { message: Some(message.into()), ..Self::with_figures(check, outcome, Vec::new()) }
     }
@@ -141,7 +142,7 @@ impl CheckResult {
         Self { number, name, group, outcome, figures, message: None, seconds: 0.0 }
     }
 
-    /// Judges figures: at least one must have a limit or inform, and all must keep theirs.
+    /// Judges figures: there must be at least one, and all must be within their limits.
     pub fn judge(check: &Check, figures: Vec<Figure>) -> Self {
         let pass = !figures.is_empty() && figures.iter().all(|figure| figure.pass);
         Self::with_figures(check, if pass { Outcome::Pass } else { Outcome::Fail }, figures)
@@ -167,7 +168,7 @@ impl fmt::Display for CheckResult {
     }
 }
 
-/// Every check, in the order of the list; checks without a number follow the one that they are nearest to.
+/// Returns every check in the order of the list; checks without a number follow the one that they are most similar to.
 pub fn checks() -> &'static [Check] {
     &ALL
 }
@@ -191,7 +192,7 @@ const fn of_glare(number: Option<u8>, name: &'static str, proves: &'static str, 
     Check { number, name, group: "glare", proves, needs_catalogue: true, needs_glare: true, run }
 }
 
-/// The group of bodies and asteroids, which are drawn with methods that add in fixed point.
+/// Group of bodies and asteroids, which are drawn by methods with fixed-point sums.
 const OBJECTS: &str = "objects";
 
 const fn of_objects(number: Option<u8>, name: &'static str, proves: &'static str, run: Run) -> Check {
@@ -207,19 +208,12 @@ static ALL: [Check; 42] = [
         false,
         solid_angle::sum,
     ),
-    numbered(
-        2,
-        "solid-angle-16k",
-        "solid-angle",
-        "solid angles at 16384 pixels are those of f64",
-        false,
-        solid_angle::at_16k,
-    ),
+    numbered(2, "solid-angle-16k", "solid-angle", "solid angles at 16384 pixels match f64", false, solid_angle::at_16k),
     Check {
         number: None,
         name: "triangle-solid-angle",
         group: "solid-angle",
-        proves: "solid angles do not cancel as two spherical triangles in f32 do",
+        proves: "solid angles do not lose precision as two spherical triangles in f32 do",
         needs_catalogue: false,
         needs_glare: false,
         run: solid_angle::triangles,
@@ -236,7 +230,7 @@ static ALL: [Check; 42] = [
         4,
         "fisheye-centre-and-rim",
         "solid-angle",
-        "the centre of a fisheye and the rim of the full sphere are finite and right",
+        "the centre of a fisheye and the rim of the full sphere are finite and correct",
         true,
         solid_angle::fisheye_centre_and_rim,
     ),
@@ -252,7 +246,7 @@ static ALL: [Check; 42] = [
         6,
         "wide-perspective",
         "star-light",
-        "wide flat views are right or refused",
+        "wide flat views are correct or refused",
         true,
         star_light::wide_perspective,
     ),
@@ -275,14 +269,14 @@ static ALL: [Check; 42] = [
     published(
         "flux-every-projection",
         "star-light",
-        "every brightness has its light in every projection",
+        "stars of every brightness have the correct light in every projection",
         star_light::every_projection,
     ),
     numbered(
         9,
         "sub-pixel-sweep",
         "kernels",
-        "place and width of a star do not depend on its place in a pixel",
+        "position and width of a star do not depend on its sub-pixel position",
         true,
         kernels::sub_pixel_sweep,
     ),
@@ -321,11 +315,11 @@ static ALL: [Check; 42] = [
         13,
         "overflow-reported",
         "sums",
-        "light beyond the range of sums is reported or right",
+        "light beyond the range of sums is reported or correct",
         true,
         sums::overflow,
     ),
-    numbered(14, "shuffled-order", "sums", "the order of stars does not show in a single bit", true, sums::shuffled),
+    numbered(14, "shuffled-order", "sums", "the order of stars does not change a single bit", true, sums::shuffled),
     numbered(15, "two-colours", "sums", "two colours in a pixel add as light", true, sums::two_colours),
     numbered(
         16,
@@ -339,7 +333,7 @@ static ALL: [Check; 42] = [
         17,
         "cut-moved",
         "sky",
-        "a cut by magnitude takes the light of the stars that it names",
+        "a magnitude limit removes exactly the light of the stars beyond it",
         true,
         sky::cut_moved,
     ),
@@ -348,7 +342,7 @@ static ALL: [Check; 42] = [
         19,
         "near-camera",
         "sky",
-        "stars at, behind and near the camera leave nothing that is not finite",
+        "stars at, behind and near the camera give finite values only",
         true,
         sky::near_camera,
     ),
@@ -360,7 +354,7 @@ static ALL: [Check; 42] = [
         exposure::picture_cut,
     ),
     of_glare(Some(20), "glare-roundness", "glare is round in view space, off the axis too", glare::roundness),
-    of_glare(None, "glare-profile", "glare falls off as its kernel and holds the light that it should", glare::profile),
+    of_glare(None, "glare-profile", "glare falls off like its kernel and has the correct light", glare::profile),
     of_glare(
         Some(21),
         "glare-reference",
@@ -370,7 +364,7 @@ static ALL: [Check; 42] = [
     of_glare(
         Some(22),
         "glare-leaves-frame",
-        "a source that leaves the picture goes on glaring into it",
+        "a source that leaves the picture still scatters light into it",
         glare::leaves_frame,
     ),
     of_glare(
@@ -379,28 +373,33 @@ static ALL: [Check; 42] = [
         "faces, strips and a rolled head change neither glare nor exposure",
         glare::cut_into_faces,
     ),
-    of_glare(None, "glare-eyes", "what is near veils each eye from its own place", glare::two_eyes),
-    of_glare(None, "glare-night-to-sun", "no frame shows anything of the one before", glare::night_to_sun),
-    of_objects(None, "body-light", "a body has its light at every size in every projection", objects::body_light),
+    of_glare(None, "glare-eyes", "a near source has a different veil in each eye", glare::two_eyes),
+    of_glare(None, "glare-night-to-sun", "no frame shows a remainder of the previous one", glare::night_to_sun),
+    of_objects(
+        None,
+        "body-light",
+        "a body has the correct light at every size in every projection",
+        objects::body_light,
+    ),
     of_objects(None, "body-shrinks", "a body that shrinks to a point does not pop", objects::shrinks),
     Check {
         needs_catalogue: true,
-        ..of_objects(None, "body-hides-stars", "a body hides the stars behind it and no others", objects::hides_stars)
+        ..of_objects(None, "body-hides-stars", "a body hides only the stars behind it", objects::hides_stars)
     },
     of_objects(None, "asteroid-light", "meshes, impostors and points have the same light", objects::asteroid_light),
     of_objects(None, "asteroid-seams", "asteroids are whole over edges, poles and rims", objects::seams),
     Check {
         needs_catalogue: true,
-        ..of_objects(None, "asteroid-occlusion", "what is nearer hides what is behind it", objects::occlusion)
+        ..of_objects(None, "asteroid-occlusion", "near objects hide objects behind them", objects::occlusion)
     },
-    of_objects(None, "impostor-tiles", "the tile that is shown is the one for the eye", objects::tiles),
+    of_objects(None, "impostor-tiles", "the displayed tile matches the position of the eye", objects::tiles),
     of_objects(
         Some(24),
         "asteroid-tumbles",
         "an asteroid that tumbles over every pole does not jump",
         objects::tumbles,
     ),
-    of_objects(None, "head-motion", "a head that rolls, turns or moves sees what stands there", objects::moves),
+    of_objects(None, "head-motion", "a head that rolls, turns or moves sees the correct silhouette", objects::moves),
     of_objects(
         Some(25),
         "asteroid-stereo",
@@ -409,19 +408,19 @@ static ALL: [Check; 42] = [
     ),
 ];
 
-/// No check has this name.
+/// No check matches the filter.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("no check `{filter}`: allowed are the names {names}, the groups {groups}, the numbers, and parts of a name")]
+#[error("no check `{filter}`: must be a name ({names}), a group ({groups}), a number, or part of a name")]
 pub struct UnknownCheck {
     filter: String,
     names: String,
     groups: String,
 }
 
-/// The checks that a filter names: a number, a group, a name, or a part of names; all of them without a filter.
+/// Returns the checks that match a filter: a number, a group, a name, or part of a name; all of them without a filter.
 ///
 /// # Errors
-/// [`UnknownCheck`] if there is none.
+/// [`UnknownCheck`] if none matches.
 pub fn select(filter: Option<&str>) -> Result<Vec<&'static Check>, UnknownCheck> {
     let Some(filter) = filter else { return Ok(checks().iter().collect()) };
     let all = |matches: &dyn Fn(&Check) -> bool| checks().iter().filter(|check| matches(check)).collect::<Vec<_>>();
@@ -442,16 +441,16 @@ pub fn select(filter: Option<&str>) -> Result<Vec<&'static Check>, UnknownCheck>
     })
 }
 
-/// Runs one check with the methods that `settings` name. Exposure is the check's own, and there is glare in checks of glare alone.
+/// Runs one check with the methods in `settings`. The check sets the exposure; glare is on only in glare checks.
 pub fn run(check: &Check, renderer: &mut Renderer, settings: &RenderSettings) -> CheckResult {
     let start = Instant::now();
     let method = settings.stars.method;
     let scatters_nothing = settings.glare.chosen(method) == GlareMethod::None;
     let mut result = if check.needs_catalogue && !method.draws_catalogue() {
-        let message = format!("{} has stars of its own", method.name());
+        let message = format!("{} draws its own stars", method.name());
         CheckResult::without_figures(check, Outcome::NotApplicable, message)
     } else if check.group == OBJECTS && method.accumulator() != Accumulator::FixedPoint {
-        let message = format!("{} draws stars alone", method.name());
+        let message = format!("{} draws only stars", method.name());
         CheckResult::without_figures(check, Outcome::NotApplicable, message)
     } else if check.needs_glare && scatters_nothing {
         CheckResult::without_figures(
@@ -474,7 +473,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_unique_and_filters_find_them() {
+    fn names_are_unique_and_filters_match_them() {
         for (index, check) in checks().iter().enumerate() {
             assert!(
                 checks()[..index]
@@ -498,7 +497,7 @@ mod tests {
     }
 
     #[test]
-    fn figures_over_their_limit_fail_and_so_do_none_and_nan() {
+    fn figures_over_the_limit_nan_and_no_figures_fail() {
         let check = &checks()[0];
         let right = Figure::at_most("error", 0.01, 0.02, "px");
         assert_eq!(right.to_string(), "error 0.01 px (limit 0.02)");
@@ -508,7 +507,7 @@ mod tests {
             assert_eq!(CheckResult::judge(check, figures).outcome, Outcome::Fail, "{wrong}");
         }
         assert_eq!(CheckResult::judge(check, Vec::new()).outcome, Outcome::Fail);
-        let told = Figure::informative("seen", 1.26e-7, "");
-        assert!(told.pass && told.to_string() == "seen 1.3e-7", "{told}");
+        let informative = Figure::informative("seen", 1.26e-7, "");
+        assert!(informative.pass && informative.to_string() == "seen 1.3e-7", "{informative}");
     }
 }

@@ -1,4 +1,4 @@
-//! Made-up skies and views, for checks and tests.
+//! Artificial skies and views for checks and tests.
 
 use std::{f64::consts::PI, sync::Arc};
 
@@ -13,17 +13,17 @@ use crate::{
     },
 };
 
-/// A star at infinity, as hot as the Sun.
+/// Returns a star at infinity, as hot as the Sun.
 pub fn star(direction: DVec3, magnitude: f32) -> StarRecord {
     StarRecord { position: direction.normalize(), magnitude, temperature_k: 5772.0, distance_known: false }
 }
 
-/// A star at a place, pc, with its absolute magnitude.
+/// Returns a star at a position, pc, with its absolute magnitude.
 pub fn star_at(position_pc: DVec3, absolute_magnitude: f32) -> StarRecord {
     StarRecord { position: position_pc, magnitude: absolute_magnitude, temperature_k: 5772.0, distance_known: true }
 }
 
-/// Directions spread evenly over the sphere (a Fibonacci spiral).
+/// Returns directions spread evenly over the sphere (a Fibonacci spiral).
 pub fn spiral(count: usize) -> impl Iterator<Item = DVec3> {
     (0..count).map(move |i| {
         let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
@@ -32,7 +32,7 @@ pub fn spiral(count: usize) -> impl Iterator<Item = DVec3> {
     })
 }
 
-/// A scene of these stars, the camera at the origin.
+/// Returns a scene of these stars with the camera at the origin.
 pub fn snapshot(records: Vec<StarRecord>) -> SceneSnapshot {
     SceneSnapshot {
         revision: 1,
@@ -42,7 +42,7 @@ pub fn snapshot(records: Vec<StarRecord>) -> SceneSnapshot {
     }
 }
 
-/// A rig of views that look along the camera's axes.
+/// Returns a rig of views that look along the camera's axes.
 ///
 /// # Errors
 /// As [`View::new`] and [`Rig::new`].
@@ -51,17 +51,17 @@ pub fn rig<'a>(kinds: impl IntoIterator<Item = (&'a str, ViewKind)>) -> Result<R
     Rig::new(kinds.into_iter().map(view).collect::<Result<_, _>>()?)
 }
 
-/// All six faces of a cube.
+/// Returns all six faces of a cube.
 pub fn cube(face_size: u32) -> ViewKind {
     ViewKind::Cubemap { face_size, faces: Face::ALL.to_vec() }
 }
 
-/// A square fisheye view.
+/// Returns a square fisheye view.
 pub fn fisheye(size: u32, mapping: FisheyeMapping, degrees: f64) -> ViewKind {
     ViewKind::Fisheye { size: [size; 2], mapping, fov_rad: degrees.to_radians() }
 }
 
-/// Every projection, each with its name.
+/// Returns every projection with its name.
 pub fn all_views() -> Vec<(&'static str, ViewKind)> {
     let fov = Fov { left_rad: -0.9, right_rad: 0.7, up_rad: 0.8, down_rad: -0.85 };
     vec![
@@ -80,14 +80,14 @@ pub fn all_views() -> Vec<(&'static str, ViewKind)> {
     ]
 }
 
-/// Up to `count` directions, spread evenly, that stand at least `margin_px` inside of every image of the view (of one of the
-/// faces of a cube, which share their edges).
+/// Returns up to `count` evenly spread directions that are at least `margin_px` inside of every image of the view (or
+/// of one of the faces of a cube, which share their edges).
 pub fn directions_inside(view: &View, count: usize, margin_px: i32) -> Vec<DVec3> {
     let reaches_inside = |mapping: &dyn PlaneMapping, direction: DVec3| {
         let Some(pixel) = mapping.pixel_from_direction(direction) else { return false };
         let inside = |i: i32, j: i32| {
-            let at = pixel + DVec2::new(f64::from(i), f64::from(j));
-            at.x >= 0.0 && at.y >= 0.0 && mapping.contains(at.x as u32, at.y as u32)
+            let shifted = pixel + DVec2::new(f64::from(i), f64::from(j));
+            shifted.x >= 0.0 && shifted.y >= 0.0 && mapping.contains(shifted.x as u32, shifted.y as u32)
         };
         (-margin_px..=margin_px).all(|j| (-margin_px..=margin_px).all(|i| inside(i, j)))
     };
@@ -106,7 +106,8 @@ pub fn directions_inside(view: &View, count: usize, margin_px: i32) -> Vec<DVec3
     found.into_iter().step_by(step).take(count).collect()
 }
 
-/// The edges and corners of a cube, the poles and the date line: where a star is cut by a careless projection.
+/// Returns the edges and corners of a cube, the poles and the date line: places where a careless projection cuts a
+/// star.
 pub fn hard_places() -> Vec<DVec3> {
     let mut places = vec![DVec3::Y, DVec3::NEG_Y];
     for x in [-1.0, 0.0, 1.0] {
@@ -115,7 +116,7 @@ pub fn hard_places() -> Vec<DVec3> {
                 let place = DVec3::new(x, y, z);
                 match [x, y, z].iter().filter(|v: &&f64| v.abs() > 0.0).count() {
                     3 => places.push(place),
-                    // The middle of an edge, and another point of it.
+                    // The midpoint of an edge, and another point on it.
                     2 => places.extend([place, place + 0.37 * (DVec3::ONE - place * place)]),
                     _ => {}
                 }

@@ -1,4 +1,4 @@
-//! Whole skies: resolution, cuts, flights, and stars at the camera.
+//! Whole skies: resolution, magnitude limits, flights, and stars at the camera.
 
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
@@ -16,11 +16,11 @@ use crate::{
     view::{Rig, View, ViewKind, projection::FisheyeMapping},
 };
 
-/// Whole skies against each other and against the catalogue.
+/// Compares views of the whole sky with each other and with the catalogue.
 pub(super) fn whole_sky(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let (light, expected) = light_of_the_sky(context, 4, 3000)?;
     let pairs: Vec<_> = light.iter().map(|light| (*light, expected)).collect();
-    let [most, least] = [f64::max, f64::min].map(|of| light.iter().copied().reduce(of).unwrap_or(f64::NAN));
+    let [most, least] = [f64::max, f64::min].map(|choose| light.iter().copied().reduce(choose).unwrap_or(f64::NAN));
     Ok(vec![
         Figure::at_most("between cube, equirectangular and fisheye", most / least - 1.0, 1e-3, "relative"),
         Figure::at_most("against the catalogue", context.worst_flux_error(&pairs)?, 1e-3, "relative"),
@@ -31,12 +31,12 @@ fn solid_angle_sr(rig: &Rig) -> f64 {
     rig.views().iter().flat_map(|view| &view.images).map(|image| image.projection.picture_solid_angle_sr()).sum()
 }
 
-/// 16: the same sky with twice as many pixels each way.
+/// 16: draws the same sky with twice as many pixels in both directions.
 pub(super) fn resolution_doubled(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let (once, _) = light_of_the_sky(context, 1, 2000)?;
     let (twice, _) = light_of_the_sky(context, 2, 2000)?;
     let mut changes: Vec<f64> = once.iter().zip(&twice).map(|(a, b)| (b / a - 1.0).abs()).collect();
-    // Pictures with an edge: stars inside of it, so that none is cut.
+    // Pictures with a border: the stars are inside, so that none is cut.
     for (name, kind) in all_views().into_iter().take(2) {
         let ViewKind::Perspective { size, fov_y_rad } = kind else { continue };
         let mean = |context: &mut Context<'_>, factor: u32| -> Result<f64, CheckError> {
@@ -50,7 +50,7 @@ pub(super) fn resolution_doubled(context: &mut Context<'_>) -> Result<Vec<Figure
     Ok(vec![Figure::at_most("mean luminance", worst(changes), 1e-3, "relative")])
 }
 
-/// 17: the limit on the magnitude moved, one by one. What it leaves out is the light of those stars and no more.
+/// 17: moves the magnitude limit star by star. It must remove exactly the light of the stars beyond it.
 pub(super) fn cut_moved(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let magnitude = |i: usize| 0.25 + 0.5 * ((i * 7) % 16) as f32;
     let scene = snapshot(spiral(3000).enumerate().map(|(i, d)| star(d, magnitude(i))).collect());
@@ -65,13 +65,13 @@ pub(super) fn cut_moved(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckE
     Ok(vec![Figure::at_most("light of the stars above the cut", context.worst_flux_error(&pairs)?, 1e-4, "relative")])
 }
 
-/// 18: a flight among stars. The light of every step is that of the stars' distances; what it jumps by beyond that is a pop.
+/// 18: flies among stars. The light of every step follows from the stars' distances; a jump beyond that is a pop.
 pub(super) fn flight(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     const STEPS: u32 = 40;
     let mut random = ChaCha8Rng::seed_from_u64(7);
     let mut place = || DVec3::from_array([0; 3].map(|_| random.random::<f64>() * 16.0 - 8.0));
     let mut records: Vec<StarRecord> = (0..1500).map(|i| star_at(place(), (i % 9) as f32)).collect();
-    // One stands beside the way.
+    // One star is next to the path.
     records.push(star_at(DVec3::new(0.52, 0.03, 0.01), 6.0));
     let rig = rig([("v", ViewKind::Equirectangular { size: [256, 128] })])?;
     let mut scene = snapshot(records.clone());
@@ -93,7 +93,7 @@ pub(super) fn flight(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckErro
     ])
 }
 
-/// 19: a star at the camera's place, behind it, and a millionth of a parsec away.
+/// 19: draws a star at the camera's position, behind it, and a millionth of a parsec away.
 pub(super) fn near_camera(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let rig = rig([
         ("all", ViewKind::Equirectangular { size: [64, 32] }),
@@ -101,7 +101,7 @@ pub(super) fn near_camera(context: &mut Context<'_>) -> Result<Vec<Figure>, Chec
         ("fisheye", fisheye(64, FisheyeMapping::Stereographic, 286.0)),
     ])?;
     let absolute = 4.8_f32;
-    // As seen from the distance of 10 pc that absolute magnitudes are for.
+    // Illuminance at 10 pc, the reference distance of absolute magnitudes.
     let at_10_pc = illuminance_lx_from_magnitude(f64::from(absolute));
     let (mut not_finite, mut pairs) = (0_u64, Vec::new());
     for position in [DVec3::ZERO, DVec3::Z, DVec3::NEG_Z * 1e-6, DVec3::Z * 1e-6, DVec3::new(1e-6, -1e-6, 0.0)] {

@@ -1,4 +1,4 @@
-//! Solid angles: of the frames that the renderer makes, and of the adapter's arithmetic alone, against f64.
+//! Solid angles: of rendered frames and of the adapter's arithmetic alone, compared with f64.
 
 use std::f64::consts::{PI, TAU};
 
@@ -23,7 +23,8 @@ use crate::{
     },
 };
 
-/// The failure test's limit on the sum of a picture's solid angles, relative; at the orthographic rim the density has no bound.
+/// Limit of the failure test for the sum of a picture's solid angles, relative; at the orthographic rim the density is
+/// unbounded.
 fn sum_limit(kind: &ViewKind) -> f64 {
     match kind {
         ViewKind::Fisheye { mapping: FisheyeMapping::Orthographic, .. } => 1e-3,
@@ -31,7 +32,7 @@ fn sum_limit(kind: &ViewKind) -> f64 {
     }
 }
 
-/// 1: the solid angles that the renderer hands out with a picture of 4096 pixels.
+/// 1: sums the solid angles that the renderer returns with a picture of 4096 pixels.
 pub(super) fn sum(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let empty = snapshot(Vec::new());
     let kinds = [
@@ -64,7 +65,7 @@ fn sum_error(pixels: &[[f32; 4]], projection: &Projection) -> f64 {
     (sum / projection.picture_solid_angle_sr() - 1.0).abs()
 }
 
-/// Relative error of a solid angle; outside of the picture there must be none.
+/// Relative error of a solid angle; outside of the picture it must be 0.
 fn pixel_error(found: f32, exact: f64) -> f64 {
     match exact {
         0.0 if found == 0.0 => 0.0,
@@ -73,7 +74,7 @@ fn pixel_error(found: f32, exact: f64) -> f64 {
     }
 }
 
-/// Of the figures with the same limit only the worst: one figure a limit.
+/// Keeps only the worst of the figures that share a limit.
 fn worst_of(mut figures: Vec<Figure>) -> Vec<Figure> {
     figures.sort_by(|a, b| b.measured.total_cmp(&a.measured));
     let mut kept: Vec<Figure> = Vec::new();
@@ -86,10 +87,10 @@ fn worst_of(mut figures: Vec<Figure>) -> Vec<Figure> {
     kept
 }
 
-/// Every projection at `size` pixels, by name.
+/// Returns every projection at `size` pixels by name.
 ///
 /// # Errors
-/// A size of 0, or one that is odd.
+/// A size that is 0 or odd.
 pub fn all_projections(size: u32) -> Result<Vec<(String, Projection)>, ProjectionError> {
     let square = [size; 2];
     let flat = |degrees: f64| Perspective::symmetric(square, degrees.to_radians()).map(Projection::Perspective);
@@ -117,7 +118,7 @@ pub fn all_projections(size: u32) -> Result<Vec<(String, Projection)>, Projectio
     Ok(all)
 }
 
-/// Pixels over the whole picture: a grid, the corners, the rim, the neighbourhood of the antipode.
+/// Returns pixels over the whole picture: a grid, the corners, the rim, the neighbourhood of the antipode.
 pub fn sample_pixels(mapping: &dyn PlaneMapping) -> Vec<[u32; 2]> {
     let [width, height] = mapping.size();
     let along = |i: u32, side: u32| (u64::from(i) * u64::from(side - 1) / 40) as u32;
@@ -131,15 +132,15 @@ pub fn sample_pixels(mapping: &dyn PlaneMapping) -> Vec<[u32; 2]> {
     pixels
 }
 
-/// Whether a pixel lies within 16 pixels of the rim of a round picture.
+/// Whether a pixel is within 16 pixels of the rim of a round picture.
 pub fn is_near_rim(size: [u32; 2], pixel: [u32; 2]) -> bool {
     let [width, height] = size.map(f64::from);
     let from_centre = (pixel_centre(pixel[0], pixel[1]) - DVec2::new(width, height) / 2.0).length();
     from_centre > width.min(height) / 2.0 - 16.0
 }
 
-/// Limit on the relative error of a solid angle: 1e-5, and 1e-3 where a pixel is stretched without bound, at the orthographic
-/// rim and at the antipode of the equidistant full sphere.
+/// Limit on the relative error of a solid angle: 1e-5, and 1e-3 where a pixel is stretched without bound, at the
+/// orthographic rim and at the antipode of the equidistant full sphere.
 pub fn limit_at(projection: &Projection, pixel: [u32; 2]) -> f64 {
     let size = projection.mapping().size();
     let Projection::Fisheye(fisheye) = projection else { return 1e-5 };
@@ -151,7 +152,7 @@ pub fn limit_at(projection: &Projection, pixel: [u32; 2]) -> f64 {
     if rim || antipode { 1e-3 } else { 1e-5 }
 }
 
-/// The viewport of a projection at the camera's own place and pose.
+/// Returns the viewport of a projection at the camera's position and orientation.
 pub fn viewport(projection: Projection) -> Viewport {
     Viewport {
         view: 0,
@@ -163,7 +164,7 @@ pub fn viewport(projection: Projection) -> Viewport {
     }
 }
 
-/// 2: the adapter's arithmetic where f32 has few digits to spare.
+/// 2: tests the adapter's arithmetic where f32 has little precision to spare.
 pub(super) fn at_16k(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let mut figures = Vec::new();
     for (name, projection) in all_projections(16_384)? {
@@ -179,7 +180,7 @@ pub(super) fn at_16k(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckErro
     Ok(worst_of(figures))
 }
 
-/// The published solid angle of two spherical triangles in f32 beside the one of the renderer's pictures.
+/// Compares the published solid angle of two spherical triangles in f32 with that of the renderer's pictures.
 pub(super) fn triangles(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let size = 4096;
     let rig = rig([("v", ViewKind::Cubemap { face_size: size, faces: vec![Face::Front] })])?;
@@ -196,7 +197,7 @@ pub(super) fn triangles(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckE
     Ok(figures)
 }
 
-/// 3: a window of a symmetric view, by an off-axis frustum.
+/// 3: compares a window of a symmetric view with an off-axis frustum.
 pub(super) fn off_axis_window(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let scene = snapshot(spiral(20_000).map(|d| star(d, 3.0)).collect());
     let half = (PI / 6.0).tan();
@@ -231,7 +232,7 @@ pub(super) fn off_axis_window(context: &mut Context<'_>) -> Result<Vec<Figure>, 
     ])
 }
 
-/// 4: odd sizes have a pixel in the very middle; at 360 degrees the rim is a single direction.
+/// 4: odd sizes have a pixel exactly at the centre; at 360 degrees the rim is a single direction.
 pub(super) fn fisheye_centre_and_rim(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let mappings = [
         (FisheyeMapping::Equidistant, 360.0),
@@ -244,7 +245,7 @@ pub(super) fn fisheye_centre_and_rim(context: &mut Context<'_>) -> Result<Vec<Fi
         for (mapping, degrees) in mappings {
             let rig = rig([("v", fisheye(size, mapping, degrees))])?;
             let projection = &rig.views()[0].images[0].projection;
-            // On the axis, beside it, and at the antipode where that is shown.
+            // On the axis, next to it, and at the antipode if it is visible.
             let mut places = vec![DVec3::NEG_Z, DVec3::new(1e-4, -2e-4, -1.0)];
             if degrees == 360.0 {
                 places.extend([DVec3::Z, DVec3::new(1e-3, 2e-3, 1.0)]);
@@ -257,12 +258,12 @@ pub(super) fn fisheye_centre_and_rim(context: &mut Context<'_>) -> Result<Vec<Fi
                     let lit = hdr_view(image, projection.mapping())?;
                     pairs.push((metrics::illuminance_lx(&lit)?, illuminance_lx_from_magnitude(2.0)));
                     for (index, pixel) in pixels.iter().enumerate() {
-                        let at = [index as u32 % size, index as u32 / size];
-                        let exact = projection.mapping().solid_angle_sr(at[0], at[1]);
+                        let place = [index as u32 % size, index as u32 / size];
+                        let exact = projection.mapping().solid_angle_sr(place[0], place[1]);
                         if exact > 0.0 {
                             let error = (f64::from(pixel[3]) / exact - 1.0).abs();
-                            let what = format!("solid angle, {} {degrees}", mapping.name());
-                            figures.push((what, error, limit_at(projection, at)));
+                            let name = format!("solid angle, {} {degrees}", mapping.name());
+                            figures.push((name, error, limit_at(projection, place)));
                         }
                     }
                 }
@@ -272,13 +273,13 @@ pub(super) fn fisheye_centre_and_rim(context: &mut Context<'_>) -> Result<Vec<Fi
     figures.sort_by(|a, b| (b.1 / b.2).total_cmp(&(a.1 / a.2)));
     let mut kept = vec![Figure::at_most("values that are not finite", not_finite as f64, 0.0, "")];
     kept.extend(
-        figures.into_iter().take(1).map(|(what, error, limit)| Figure::at_most(what, error, limit, "relative")),
+        figures.into_iter().take(1).map(|(name, error, limit)| Figure::at_most(name, error, limit, "relative")),
     );
     kept.push(Figure::at_most("light of a star there", context.worst_flux_error(&pairs)?, 1e-4, "relative"));
     Ok(kept)
 }
 
-/// Views of the whole sphere, each with its name.
+/// Returns views of the whole sphere with their names.
 pub(super) fn whole_sky(scale: u32) -> [(&'static str, ViewKind); 3] {
     [
         ("cube", cube(48 * scale)),
@@ -295,14 +296,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn solid_angles_a_few_millionths_off_are_found() {
+    fn solid_angle_errors_of_millionths_are_detected() {
         for (_, kind) in whole_sky(1) {
             let rig = rig([("v", kind)]).unwrap();
             let projection = &rig.views()[0].images[0].projection;
             let [width, height] = projection.mapping().size();
             let picture = |factor: f64| -> Vec<[f32; 4]> {
-                let at = |i: u32| (projection.mapping().solid_angle_sr(i % width, i / width) * factor) as f32;
-                (0..width * height).map(|i| [0.0, 0.0, 0.0, at(i)]).collect()
+                let solid_angle = |i: u32| (projection.mapping().solid_angle_sr(i % width, i / width) * factor) as f32;
+                (0..width * height).map(|i| [0.0, 0.0, 0.0, solid_angle(i)]).collect()
             };
             let [right, wrong] = [1.0, 1.0 + 5e-6].map(|factor| sum_error(&picture(factor), projection));
             assert!((wrong - right).abs() > 4e-6, "{right} {wrong}");
@@ -315,6 +316,6 @@ mod tests {
             Figure::at_most("c", 1e-4, 1e-3, ""),
         ];
         let kept: Vec<String> = worst_of(figures).into_iter().map(|figure| figure.what).collect();
-        assert_eq!(kept, ["b", "c"], "what is no number is the worst");
+        assert_eq!(kept, ["b", "c"], "NaN is the worst");
     }
 }

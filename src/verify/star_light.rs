@@ -1,4 +1,4 @@
-//! The light of stars: every view shows the illuminance that the catalogue says, wherever the star stands.
+//! The light of stars: every view shows the illuminance of the catalogue, wherever the star is.
 
 use std::f64::consts::PI;
 
@@ -19,7 +19,7 @@ use crate::{
     },
 };
 
-/// 5: on both poles and beside them.
+/// 5: stars on both poles and next to them.
 pub(super) fn pole(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let rig = rig([("v", ViewKind::Equirectangular { size: [256, 128] })])?;
     let mut pairs = Vec::new();
@@ -32,17 +32,17 @@ pub(super) fn pole(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError>
     Ok(vec![Figure::at_most("light", context.worst_flux_error(&pairs)?, 1e-4, "relative")])
 }
 
-/// 6: flat views of 150 to 178 degrees; beyond, a refusal that names the limit.
+/// 6: flat views of 150 to 178 degrees; wider views must be refused with a message that gives the limit.
 pub(super) fn wide_perspective(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let (mut pairs, mut solid_angles) = (Vec::new(), Vec::new());
     for degrees in [150.0_f64, 160.0, 170.0, 178.0] {
         let rig = rig([("v", ViewKind::Perspective { size: [255, 255], fov_y_rad: degrees.to_radians() })])?;
         let mapping = rig.views()[0].images[0].projection.mapping();
-        // From the centre along an edge's direction and along a corner's.
+        // From the centre along the direction of an edge and of a corner.
         for part in [0.0, 0.3, 0.6, 0.9] {
             for axis in [DVec2::X, DVec2::ONE, DVec2::new(-0.4, 1.0)] {
-                let at = DVec2::splat(127.5) + axis * 127.5 * part;
-                let direction = mapping.direction_from_pixel(at).ok_or(CheckError::Missing("a direction"))?;
+                let pixel = DVec2::splat(127.5) + axis * 127.5 * part;
+                let direction = mapping.direction_from_pixel(pixel).ok_or(CheckError::Missing("a direction"))?;
                 let frame = context.render(&snapshot(vec![star(direction, 2.0)]), &rig)?;
                 let expected = illuminance_lx_from_magnitude(2.0) * context.share_inside(mapping, direction);
                 pairs.push((light_of_views_lx(&frame, &rig)?[0], expected));
@@ -67,7 +67,7 @@ pub(super) fn wide_perspective(context: &mut Context<'_>) -> Result<Vec<Figure>,
     ])
 }
 
-/// 7: from the middle of a picture outwards.
+/// 7: stars from the centre of a picture outwards.
 pub(super) fn centre_to_corner(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let kinds = [
         ("perspective", ViewKind::Perspective { size: [192, 108], fov_y_rad: PI / 3.0 }),
@@ -82,12 +82,12 @@ pub(super) fn centre_to_corner(context: &mut Context<'_>) -> Result<Vec<Figure>,
         let mapping = rig.views()[0].images[0].projection.mapping();
         let [width, height] = mapping.size().map(f64::from);
         let middle = DVec2::new(width, height) / 2.0;
-        // The last star stands eight pixels inside, so that no kernel is cut.
+        // The last star is eight pixels inside, so that no kernel is cut.
         let outwards = if round { DVec2::X * (width / 2.0 - 8.0) } else { middle - 8.0 };
         let mut light = Vec::new();
         for step in 0..=24 {
-            let at = middle + outwards * (f64::from(step) / 24.0);
-            let direction = mapping.direction_from_pixel(at).ok_or(CheckError::Missing("a direction"))?;
+            let pixel = middle + outwards * (f64::from(step) / 24.0);
+            let direction = mapping.direction_from_pixel(pixel).ok_or(CheckError::Missing("a direction"))?;
             let share = context.share_inside(mapping, direction);
             light.extend(
                 context.light_lx(&snapshot(vec![star(direction, 2.0)]), &rig)?.into_iter().map(|lx| lx / share),
@@ -102,14 +102,14 @@ pub(super) fn centre_to_corner(context: &mut Context<'_>) -> Result<Vec<Figure>,
     Ok(vec![Figure::at_most(format!("variation of the light, {name}"), variation, 1e-4, "relative")])
 }
 
-/// 8: across every edge and corner of a cube, the poles, the date line, and the antipode of a full fisheye.
+/// 8: stars across every edge and corner of a cube, the poles, the date line, and the antipode of a full fisheye.
 pub(super) fn edges_corners_poles(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let rig = rig(whole_sky(1))?;
     let mut pairs = vec![Vec::new(); 3];
     for place in hard_places() {
         let across = place.any_orthonormal_vector();
         for step in [-3.0, -1.0, 0.0, 1.0, 2.0] {
-            // Sub-pixel steps across, and the place itself.
+            // Sub-pixel steps across, and the position itself.
             let swept = place + across * (step * 0.013) + place.cross(across) * (step * 0.004);
             let light = context.light_lx(&snapshot(vec![star(swept, 2.0)]), &rig)?;
             for (of_view, light) in pairs.iter_mut().zip(light) {
@@ -124,7 +124,7 @@ pub(super) fn edges_corners_poles(context: &mut Context<'_>) -> Result<Vec<Figur
     rig.views().iter().zip(&pairs).map(figure).collect()
 }
 
-/// Stars of several magnitudes, a catalogue each, at 50 directions in every projection.
+/// Draws stars of several magnitudes, one catalogue each, at 50 directions in every projection.
 pub(super) fn every_projection(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let magnitudes = [-1.0_f32, 2.0, 6.0, 15.0];
     let mut pairs = Vec::new();
@@ -149,7 +149,7 @@ pub(super) fn every_projection(context: &mut Context<'_>) -> Result<Vec<Figure>,
     ])
 }
 
-/// Three views of the whole sky with the same stars.
+/// Measures three views of the whole sky with the same stars.
 pub(super) fn light_of_the_sky(
     context: &mut Context<'_>,
     scale: u32,
@@ -160,7 +160,7 @@ pub(super) fn light_of_the_sky(
     let expected = (0..stars).map(|i| illuminance_lx_from_magnitude(f64::from(magnitude(i)))).sum();
     let rig = rig(whole_sky(scale))?;
     let frame = context.render(&scene, &rig)?;
-    // Every image must be there: a missing one would only look dark.
+    // Every image must exist: a missing one would only look dark.
     if images(&frame, &rig).count() != 8 {
         return Err(CheckError::Missing("an image"));
     }

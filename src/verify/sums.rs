@@ -1,4 +1,4 @@
-//! How sums of light hold up: many stars in a pixel, dynamic range, overflow, order, colour.
+//! Robustness of sums of light: many stars in a pixel, dynamic range, overflow, order, colour.
 
 use glam::{DVec2, DVec3};
 use rand::{SeedableRng, seq::SliceRandom};
@@ -20,14 +20,14 @@ use crate::{
     view::{Rig, ViewKind},
 };
 
-/// A small view whose middle pixel looks at -z; its pixels are an arcminute wide, so that a star of magnitude 20 is still within
-/// the range of a half float there.
+/// Returns a small view whose central pixel looks at -z; its pixels are an arcminute wide, so that a star of magnitude
+/// 20 is within the range of a half float.
 fn small_rig() -> Result<Rig, CheckError> {
     Ok(rig([("v", ViewKind::Perspective { size: [33, 33], fov_y_rad: 0.0096 })])?)
 }
 
-/// Light of a crowd in one pixel over what one of its stars, alone, gives times their number: so that a method of relative
-/// brightness is judged too. The error against the catalogue comes with it.
+/// Light of a crowd in one pixel divided by the light of one of its stars, drawn alone, times their number. A method of
+/// relative brightness can thus be judged too; the error against the catalogue is included.
 fn crowd(context: &mut Context<'_>, count: usize, magnitude: f32) -> Result<f64, CheckError> {
     let rig = small_rig()?;
     let light = context.light_lx(&snapshot(vec![star(DVec3::NEG_Z, magnitude); count]), &rig)?[0];
@@ -39,7 +39,7 @@ fn crowd(context: &mut Context<'_>, count: usize, magnitude: f32) -> Result<f64,
     if one_lx > 0.0 { Ok(light / (one_lx * count as f64)) } else { Err(MetricError::NoLight("a star").into()) }
 }
 
-/// 11: each far below what a 16-bit float would keep.
+/// 11: a million stars, each far below the precision of a 16-bit float sum.
 pub(super) fn million_faint(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let kept = crowd(context, 1_000_000, 20.0)?;
     Ok(vec![
@@ -48,16 +48,16 @@ pub(super) fn million_faint(context: &mut Context<'_>) -> Result<Vec<Figure>, Ch
     ])
 }
 
-/// The published weakness of sums in 16-bit floats: they stall.
+/// Tests the published weakness of sums in 16-bit floats: they stall.
 pub(super) fn equal_stars(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let kept = crowd(context, 20_000, 10.0)?;
-    // Faint stars on top of a brighter one.
+    // Faint stars are added to a brighter one.
     let rig = small_rig()?;
     let mut records = vec![star(DVec3::NEG_Z, 12.0)];
     let alone = context.light_lx(&snapshot(records.clone()), &rig)?[0];
     records.resize(20_001, star(DVec3::NEG_Z, 20.0));
     let together = context.light_lx(&snapshot(records), &rig)?[0];
-    // The scale of a relative method is taken from the bright star.
+    // The scale of a relative method comes from the bright star.
     let scale = if context.method().is_relative() { illuminance_lx_from_magnitude(12.0) / alone } else { 1.0 };
     let faint_kept = scale * (together - alone) / (2e4 * illuminance_lx_from_magnitude(20.0));
     Ok(vec![
@@ -73,7 +73,7 @@ pub(super) fn equal_stars(context: &mut Context<'_>) -> Result<Vec<Figure>, Chec
     ])
 }
 
-/// 12: a hundred million times as bright, and the Sun with them.
+/// 12: a star a hundred million times as bright, and the Sun with them.
 pub(super) fn sirius(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let rig = rig([("v", ViewKind::Perspective { size: [129, 129], fov_y_rad: 0.2 })])?;
     let mapping = rig.views()[0].images[0].projection.mapping();
@@ -91,7 +91,7 @@ pub(super) fn sirius(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckErro
         let image = frame.images.first().ok_or(CheckError::Missing("an image"))?;
         let image = hdr_view(image, mapping)?;
         let found = faint_beside_bright(&image, points[0].1, points[1].1, 12.0)?;
-        // A relative method is scaled to the bright star: what is left is the faint one beside it.
+        // A relative method is scaled to the bright star, so only the faint one near it is judged.
         let relative = context.method().is_relative();
         let faint =
             if relative { (1.0 + found.faint_error) / (1.0 + found.bright_error) - 1.0 } else { found.faint_error };
@@ -103,15 +103,15 @@ pub(super) fn sirius(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckErro
     Ok(figures)
 }
 
-/// 13: sums beyond their range. Fixed-point units are chosen too fine on purpose; and sixty-four Suns in a small pixel must be
-/// right, or reported.
+/// 13: sums beyond their range. Fixed-point units are deliberately too fine, and sixty-four Suns in a small pixel must
+/// be correct or reported.
 pub(super) fn overflow(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let rig = rig([("v", ViewKind::Perspective { size: [33, 33], fov_y_rad: 0.01 })])?;
     let mut figures = Vec::new();
     if context.method().accumulator() == Accumulator::FixedPoint {
         let scene = snapshot(vec![star(DVec3::NEG_Z, 2.0); 4096]);
         let expected = 4096.0 * illuminance_lx_from_magnitude(2.0);
-        // Up to where the reserve of the range ends the light has to be right, from there on the frame has to be refused.
+        // Within the reserve of the range the light must be correct; beyond it the frame must be refused.
         let (mut wrong, mut reported) = (0, 0);
         for exponent in [0, 6, 10, 20, 30, 40] {
             context.renderer.unit_factor = 2f64.powi(exponent);
@@ -138,7 +138,7 @@ pub(super) fn overflow(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckEr
         Err(CheckError::Render(RenderError::Overflow(_))) => 0.0,
         Err(error) => return Err(error),
         Ok(frame) => match light_of_views_lx(&frame, &rig) {
-            // Values that are not finite are no light, and nobody was told.
+            // Values that are not finite are not light, and the frame was not refused.
             Err(CheckError::Metric(MetricError::NotLight { .. })) => 1.0,
             Err(error) => return Err(error),
             Ok(light) => {
@@ -153,23 +153,23 @@ pub(super) fn overflow(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckEr
     Ok(figures)
 }
 
-/// 14: a hundred orders of the catalogue, and with each of them another order in which the stars reach the GPU: sorting alone
-/// cannot pass. To inform, also other orders of the chunks of the set, which no catalogue leads to: the hash that rounds a star
-/// goes by its place in the set.
+/// 14: a hundred orders of the catalogue, each of which changes the order in which the stars reach the GPU, so sorting
+/// alone cannot pass. Also reports other orders of the set's chunks, which no catalogue produces: the hash that rounds
+/// a star depends on its index in the set.
 pub(super) fn shuffled(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     const SHUFFLES: u64 = 100;
     let mut records: Vec<StarRecord> = spiral(2000)
         .enumerate()
         .map(|(i, direction)| StarRecord { temperature_k: 2500.0 + i as f32 * 7.0, ..star(direction, (i % 17) as f32) })
         .collect();
-    // Half of them crowd into a few pixels, so that many threads add to the same sums.
+    // Half of the stars are concentrated in a few pixels, so that many threads add to the same sums.
     for record in records.iter_mut().step_by(2) {
         record.position = (DVec3::NEG_Z + record.position * 0.01).normalize();
     }
     let rig = rig([("flat", ViewKind::Perspective { size: [160, 90], fov_y_rad: 1.0 }), ("cube", cube(32))])?;
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let first = context.render(&snapshot(records.clone()), &rig)?;
-    // Two black pictures are the same and prove nothing.
+    // Two black pictures would be equal and prove nothing.
     if worst(light_of_views_lx(&first, &rig)?) == 0.0 {
         return Err(MetricError::NoLight("shuffled stars").into());
     }
@@ -202,7 +202,7 @@ pub(super) fn shuffled(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckEr
     ])
 }
 
-/// The worst difference of any image of two frames.
+/// Returns the largest difference of any image of two frames.
 fn change(before: &Frame, now: &Frame, rig: &Rig) -> Result<Difference, CheckError> {
     let mut worst: Option<Difference> = None;
     for ((before, of_view), (now, _)) in images(before, rig).zip(images(now, rig)) {
@@ -219,7 +219,7 @@ fn change(before: &Frame, now: &Frame, rig: &Rig) -> Result<Difference, CheckErr
     worst.ok_or(CheckError::Missing("an image"))
 }
 
-/// The same set with its stars in the order that its chunks now have.
+/// Returns the same set with its stars in the current order of its chunks.
 fn reordered(set: &StarSet) -> StarSet {
     let mut other = StarSet::default();
     for chunk in &set.chunks {
@@ -234,8 +234,8 @@ fn reordered(set: &StarSet) -> StarSet {
 pub(super) fn two_colours(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let rig = small_rig()?;
     let mapping = rig.views()[0].images[0].projection.mapping();
-    let of = |temperature_k: f32| StarRecord { temperature_k, ..star(DVec3::NEG_Z, 3.0) };
-    let frame = context.render(&snapshot(vec![of(3000.0), of(20_000.0)]), &rig)?;
+    let star_of = |temperature_k: f32| StarRecord { temperature_k, ..star(DVec3::NEG_Z, 3.0) };
+    let frame = context.render(&snapshot(vec![star_of(3000.0), star_of(20_000.0)]), &rig)?;
     let pixels = hdr_pixels(frame.images.first().ok_or(CheckError::Missing("an image"))?)?;
     let rgb = |pixel: &[f32; 4]| [pixel[0], pixel[1], pixel[2]].map(f64::from);
     let [mut brightest, mut all] = [[0.0; 3]; 2];

@@ -1,4 +1,4 @@
-//! The device of the windows.
+//! The device that draws and presents the windows.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -7,23 +7,24 @@ use winit::window::Window;
 use super::WindowsError;
 use crate::gpu::GpuError;
 
-/// A device that presents.
+/// A device that can present.
 pub(super) struct WindowGpu {
     pub(super) instance: wgpu::Instance,
     pub(super) adapter: wgpu::Adapter,
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     pub(super) name: String,
-    /// The first error that the driver has reported and nobody has seen yet.
+    /// First driver error that was reported since the last check.
     failure: Arc<Mutex<Option<String>>>,
 }
 
 impl WindowGpu {
-    /// Opens the adapter called `preferred` where it presents to the window, otherwise the first one that does; returns the window's surface too.
+    /// Opens the adapter called `preferred` if it can present to the window, otherwise the first one that can; also
+    /// returns the window's surface.
     ///
     /// # Errors
     ///
-    /// None presents there, or it cannot be opened.
+    /// No adapter can present there, or it cannot be opened.
     pub(super) fn open(
         window: Arc<Window>,
         name: &str,
@@ -43,7 +44,7 @@ impl WindowGpu {
         };
         let name = adapter.get_info().name;
         if name != preferred {
-            tracing::info!("windows are shown by {name}: {preferred} cannot present on this display");
+            tracing::info!("windows use the adapter {name}: {preferred} cannot present on this display");
         }
         let limits = wgpu::Limits::default().using_resolution(adapter.limits());
         let descriptor = wgpu::DeviceDescriptor {
@@ -62,12 +63,12 @@ impl WindowGpu {
         Ok((Self { instance, adapter, device, queue, name, failure }, surface))
     }
 
-    /// Another window's surface.
+    /// Creates the surface of another window.
     pub(super) fn surface(&self, window: Arc<Window>, name: &str) -> Result<wgpu::Surface<'static>, WindowsError> {
         surface(&self.instance, window, name)
     }
 
-    /// The error that the driver has reported since the last call, if any.
+    /// Returns the driver error reported since the last call, if any.
     pub(super) fn take_failure(&self) -> Result<(), WindowsError> {
         match self.failure.lock().unwrap_or_else(PoisonError::into_inner).take() {
             Some(message) => Err(WindowsError::Refused(message)),

@@ -1,4 +1,4 @@
-//! What the thread of the events and the presenting thread share.
+//! State shared by the event thread and the presenting thread.
 
 use std::sync::{
     Arc, Mutex, MutexGuard, PoisonError,
@@ -9,10 +9,10 @@ use winit::window::Window;
 
 use super::{monitors::MonitorReport, statistics::WindowState};
 
-/// A window as the events have left it.
+/// A window in the state set by the events.
 #[derive(Clone, Debug)]
 pub(super) struct DeskWindow {
-    /// `None`: it was not opened yet.
+    /// `None`: the window is not open yet.
     pub(super) window: Option<Arc<Window>>,
     /// Whether it is on a monitor.
     pub(super) shown: bool,
@@ -22,31 +22,31 @@ pub(super) struct DeskWindow {
     pub(super) monitor: String,
     pub(super) refresh_hz: Option<f64>,
     pub(super) state: WindowState,
-    /// Counts what makes its picture stale: parts that were covered are seen again, it was opened or has another size.
+    /// Counts the events that make its picture stale: covered parts became visible, it was opened, or its size changed.
     pub(super) stale: u64,
 }
 
 impl DeskWindow {
-    /// It is on this monitor, or on none that is known.
+    /// Sets the monitor of the window, if known.
     pub(super) fn put_on(&mut self, monitor: Option<&MonitorReport>) {
         self.monitor = monitor.map(|monitor| monitor.name.clone()).unwrap_or_default();
         self.refresh_hz = monitor.and_then(|monitor| monitor.refresh_hz);
     }
 }
 
-/// All of it.
+/// State of all windows.
 #[derive(Clone, Debug)]
 pub(super) struct DeskState {
     pub(super) windows: Vec<DeskWindow>,
-    /// Everything is black.
+    /// Whether all windows are black.
     pub(super) blackout: bool,
-    /// Each window says what it is.
+    /// Whether each window displays its name.
     pub(super) identify: bool,
 }
 
 pub(super) struct Desk {
     state: Mutex<DeskState>,
-    /// The events have ended.
+    /// Whether the event loop has ended.
     pub(super) ended: AtomicBool,
 }
 
@@ -66,11 +66,11 @@ impl Desk {
     }
 
     pub(super) fn state(&self) -> MutexGuard<'_, DeskState> {
-        // Nothing can panic while the lock is held, so what is poisoned is whole.
+        // No code panics while it holds the lock, so poisoned data is still consistent.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Changes something.
+    /// Changes the state under its lock.
     pub(super) fn change(&self, change: impl FnOnce(&mut DeskState)) {
         change(&mut self.state());
     }

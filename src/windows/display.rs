@@ -1,5 +1,5 @@
-//! Whether there is a display to open windows on. Asked beforehand: the library for windows makes one attempt for each process, and a daemon may be
-//! started before its display.
+//! Checks whether there is a display for windows. The check comes first, because the window library makes only one
+//! attempt per process, and a daemon may start before its display.
 
 use std::{
     env,
@@ -10,14 +10,14 @@ use std::{
 
 use super::WindowsError;
 
-/// Whether a display server answers.
+/// Checks whether a display server answers.
 ///
 /// # Errors
 ///
-/// [`WindowsError::NoDisplay`]: there is none, or it does not let this program in.
+/// [`WindowsError::NoDisplay`]: there is none, or it refuses this program.
 pub fn check_display() -> Result<(), WindowsError> {
-    let given = |name: &str| env::var_os(name).filter(|value| !value.is_empty());
-    check(given("WAYLAND_DISPLAY"), given("XDG_RUNTIME_DIR"), given("DISPLAY"))
+    let variable = |name: &str| env::var_os(name).filter(|value| !value.is_empty());
+    check(variable("WAYLAND_DISPLAY"), variable("XDG_RUNTIME_DIR"), variable("DISPLAY"))
 }
 
 fn check(wayland: Option<OsString>, folder: Option<OsString>, x11: Option<OsString>) -> Result<(), WindowsError> {
@@ -35,7 +35,7 @@ fn check(wayland: Option<OsString>, folder: Option<OsString>, x11: Option<OsStri
             Err(error) => missing(format!("DISPLAY is {}, which does not answer: {error}", name.display())),
         };
     }
-    missing("neither WAYLAND_DISPLAY nor DISPLAY is set; start a display server, or name it there".to_owned())
+    missing("neither WAYLAND_DISPLAY nor DISPLAY is set; start a display server and set one of them".to_owned())
 }
 
 #[cfg(test)]
@@ -43,16 +43,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_missing_is_told() {
-        let told = |wayland: Option<&str>, x11: Option<&str>| {
+    fn missing_display_is_named_in_the_error() {
+        let error = |wayland: Option<&str>, x11: Option<&str>| {
             let os = |text: Option<&str>| text.map(OsString::from);
             check(os(wayland), os(Some("/nowhere")), os(x11)).map_err(|error| error.to_string())
         };
-        let neither = told(None, None).expect_err("there is none");
+        let neither = error(None, None).expect_err("there is no display");
         assert!(neither.contains("neither WAYLAND_DISPLAY nor DISPLAY"), "{neither}");
-        let wayland = told(Some("wayland-9"), None).expect_err("there is none");
+        let wayland = error(Some("wayland-9"), None).expect_err("there is no display");
         assert!(wayland.contains("/nowhere/wayland-9"), "{wayland}");
-        let x11 = told(None, Some(":4711")).expect_err("there is none");
+        let x11 = error(None, Some(":4711")).expect_err("there is no display");
         assert!(x11.contains("DISPLAY is :4711"), "{x11}");
     }
 }

@@ -1,28 +1,29 @@
-//! What becomes of the program when its X server ends: Xlib exits it, unless somebody keeps it from doing so.
+//! Handles the end of the X server: by default Xlib exits the program.
 //!
-//! The only place of this module where code is not checked by the compiler: each block says why it holds.
-#![expect(unsafe_code, reason = "Xlib takes a function of C")]
+//! This is the only file of the module with unsafe code: each block states why it is sound.
+#![expect(unsafe_code, reason = "Xlib takes a C function")]
 
 use std::{ffi::c_int, thread};
 
 use x11_dl::xlib::{Display, Xlib};
 
-/// From now on the program lives on when the connection to an X server breaks. The thread that finds it broken stays where it is for ever, since Xlib
-/// exits the program when it is let go; so this is for programs that can do without that thread.
+/// Keeps the program alive when the connection to an X server breaks. The thread that detects the loss blocks for ever,
+/// because Xlib exits the program if the handler returns; so this is for programs that can continue without that
+/// thread.
 ///
 /// # Errors
 ///
 /// Xlib cannot be loaded.
 pub(super) fn outlive_the_display() -> Result<(), String> {
     let xlib = Xlib::open().map_err(|error| error.to_string())?;
-    // SAFETY: the function has the type that Xlib asks for, never returns and touches nothing of the display.
+    // SAFETY: the function has the type that Xlib requires, never returns and does not use the display.
     unsafe { (xlib.XSetIOErrorHandler)(Some(stay)) };
     Ok(())
 }
 
-/// Called by Xlib when a connection has broken.
+/// Error handler that Xlib calls when a connection has broken.
 unsafe extern "C" fn stay(_: *mut Display) -> c_int {
-    tracing::error!("the X server has ended: there are no windows any more; all else goes on");
+    tracing::error!("the X server has ended: the windows are closed; everything else continues");
     loop {
         thread::park();
     }

@@ -1,17 +1,17 @@
-//! What the EDID of a monitor says of who it is. Source: VESA Enhanced EDID Standard, release A, revision 2, section 3.
+//! Identification of a monitor from its EDID. Source: VESA Enhanced EDID Standard, release A, revision 2, section 3.
 
-/// The bytes of a block.
+/// Length of a block, bytes.
 const BLOCK: usize = 128;
-/// What every one begins with.
+/// First bytes of every EDID.
 const HEADER: [u8; 8] = [0, 255, 255, 255, 255, 255, 255, 0];
-/// Where the four descriptors begin, and how long each is.
+/// Offsets of the four descriptors, and their length, bytes.
 const DESCRIPTORS: [usize; 4] = [54, 72, 90, 108];
 const DESCRIPTOR: usize = 18;
-/// Kinds of descriptors that hold text: the name of the product, and its serial number.
+/// Types of descriptors that contain text: product name and serial number.
 const TEXTS: [u8; 2] = [0xfc, 0xff];
 
-/// What a monitor may be called by: `VENDOR-PRODUCT-SERIAL` with four and eight hexadecimal digits, then its name and its serial number as text, as far as
-/// there are any. Empty: the bytes are no EDID.
+/// Returns the names of a monitor: `VENDOR-PRODUCT-SERIAL` with four and eight hexadecimal digits, then its name and
+/// its serial number as text, if present. Empty if the bytes are not an EDID.
 pub(super) fn names(edid: &[u8]) -> Vec<String> {
     if edid.len() < BLOCK || edid[..8] != HEADER {
         return Vec::new();
@@ -23,7 +23,7 @@ pub(super) fn names(edid: &[u8]) -> Vec<String> {
     let serial = u32::from_le_bytes([edid[12], edid[13], edid[14], edid[15]]);
     let mut names = vec![format!("{vendor}-{product:04X}-{serial:08X}")];
     for kind in TEXTS {
-        let of_kind = DESCRIPTORS.iter().map(|at| &edid[*at..at + DESCRIPTOR]);
+        let of_kind = DESCRIPTORS.iter().map(|start| &edid[*start..start + DESCRIPTOR]);
         for descriptor in of_kind.filter(|bytes| bytes[..3] == [0; 3] && bytes[3] == kind) {
             let text = String::from_utf8_lossy(&descriptor[5..]);
             let text = text.split('\n').next().unwrap_or_default().trim();
@@ -40,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn vendor_product_serial_and_texts_are_read() {
+    fn vendor_product_serial_and_texts_are_parsed() {
         let mut edid = [0_u8; BLOCK];
         edid[..8].copy_from_slice(&HEADER);
         // D, E, L: 4, 5, 12 in five bits each.

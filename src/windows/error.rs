@@ -1,46 +1,46 @@
-//! Why windows cannot be opened.
+//! Errors of windows.
 
 use crate::gpu::GpuError;
 
-/// Why windows cannot be opened, or not be shown any more.
+/// Reason why windows cannot be opened, or no longer be shown.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WindowsError {
     /// There is no display server.
     #[error("no display: {0}")]
     NoDisplay(String),
-    /// The display server does not do what windows need.
+    /// The display server lacks something that windows need.
     #[error("the display cannot be used: {0}")]
     Display(String),
-    /// No adapter presents on the display.
-    #[error("no Vulkan adapter can show images on this display; found: {0}")]
+    /// No adapter can present on the display.
+    #[error("no Vulkan adapter can present on this display; found: {0}")]
     NoAdapter(String),
-    /// The surface lacks a format.
+    /// The surface does not support a format.
     #[error(
-        "window `{window}`: format = \"{wanted}\": {adapter} does not offer it on this monitor; it offers {offered} (of \"srgb8\", \"rgb10\", \"hdr\")"
+        "window `{window}`: format = \"{wanted}\": {adapter} does not support it on this monitor; it supports {offered} (of \"srgb8\", \"rgb10\", \"hdr\")"
     )]
     Format {
-        /// The window.
+        /// Name of the window.
         window: String,
-        /// What was asked for.
+        /// Requested format.
         wanted: &'static str,
-        /// The adapter.
+        /// Name of the adapter.
         adapter: String,
-        /// What there is.
+        /// Supported formats.
         offered: String,
     },
-    /// A window cannot be made.
+    /// A window cannot be created.
     #[error("window `{window}` cannot be opened: {problem}")]
     Window {
-        /// The window.
+        /// Name of the window.
         window: String,
-        /// What the system says.
+        /// Error of the window system.
         problem: String,
     },
     /// The device of the windows failed.
     #[error(transparent)]
     Gpu(#[from] GpuError),
-    /// The driver refused something.
+    /// The driver refused a frame.
     #[error("the adapter of the windows refused a frame: {0}")]
     Refused(String),
 }

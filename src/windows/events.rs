@@ -1,7 +1,7 @@
-//! The thread of the events: opens windows, puts them where they belong, watches monitors, and takes keys.
+//! The event thread: opens and places windows, watches monitors, and handles keys.
 //!
-//! Monitors are looked at twice a second. A window whose monitor is not there is hidden, or not opened yet;
-//! when the monitor comes (back), it is shown there again.
+//! Monitors are checked twice a second. If the monitor of a window is missing, the window is hidden or not opened yet;
+//! it is shown when the monitor appears.
 
 use std::{
     collections::HashMap,
@@ -34,31 +34,32 @@ use super::{
 };
 use crate::config::{MonitorChoice, WindowConfig};
 
-/// Between two looks at the monitors.
+/// Interval between two checks of the monitors.
 const LOOK: Duration = Duration::from_millis(500);
 
-/// What becomes of the program when its X server ends.
+/// Behaviour of the program when its X server ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WithoutDisplay {
-    /// It ends, as programs of X11 do.
+    /// The program ends, as X11 programs do.
     Ends,
-    /// It goes on, and the call of [`open`] does not return any more.
+    /// The program continues, and the call of [`open`] never returns.
     GoesOn,
 }
 
-/// What the presenting thread tells the events.
+/// Messages from the presenting thread to the event loop.
 #[derive(Clone, Copy, Debug)]
-enum Told {
-    /// It has ended.
+enum Notice {
+    /// The thread has ended.
     Ended,
 }
 
-/// Opens windows for a host, and shows its frames until it ends them. `sizes` are those of the images, pixels; `preferred` is the adapter that presents where
-/// it can. The thread that calls is the one of the events until then; a process can do so once. `without_display` says what becomes of the program when the display goes.
+/// Opens windows for a host and shows its frames until the host ends them. `sizes` are the sizes of the images, pixels;
+/// `preferred` is the adapter to use if it can present. The calling thread runs the event loop until then, which a
+/// process can do only once. `without_display` selects the behaviour when the display ends.
 ///
 /// # Errors
 ///
-/// There is no display, or no window can be shown on it.
+/// There is no display, or it can show none of the windows.
 pub fn open(
     configs: &[WindowConfig],
     sizes: &[[u32; 2]],
@@ -80,7 +81,7 @@ pub fn open(
         desk,
         proxy,
         presenter: Presenting::NotYet(Box::new(presenter)),
-        placed: configs.iter().map(Placed::of).collect(),
+        placed: configs.iter().map(Placed::from_config).collect(),
         numbers: HashMap::new(),
         known: Vec::new(),
         x11: None,
@@ -93,14 +94,14 @@ pub fn open(
     run.and(app.outcome)
 }
 
-/// The monitors that there are now. A process can ask once, and open no windows afterwards.
+/// Returns the current monitors. A process can call this once, and cannot open windows afterwards.
 ///
 /// # Errors
 ///
 /// There is no display.
 pub fn monitors() -> Result<Vec<MonitorReport>, WindowsError> {
     struct Look(Result<Vec<MonitorReport>, String>);
-    impl ApplicationHandler<Told> for Look {
+    impl ApplicationHandler<Notice> for Look {
         fn resumed(&mut self, events: &ActiveEventLoop) {
             let found = x11_of(events).and_then(|x11| monitors::monitors(events, x11.as_ref()));
             self.0 = found.map(|found| found.into_iter().map(|monitor| monitor.report).collect());
@@ -114,13 +115,13 @@ pub fn monitors() -> Result<Vec<MonitorReport>, WindowsError> {
     look.0.map_err(WindowsError::Display)
 }
 
-/// A connection of our own, where the display is one of X11.
+/// Opens a separate X11 connection if the display is X11.
 fn x11_of(events: &ActiveEventLoop) -> Result<Option<X11>, String> {
     events.is_x11().then(X11::connect).transpose()
 }
 
-/// The events, on any thread: a daemon's first one has other work.
-fn event_loop() -> Result<EventLoop<Told>, WindowsError> {
+/// Creates the event loop on any thread, because the main thread of a daemon has other work.
+fn event_loop() -> Result<EventLoop<Notice>, WindowsError> {
     check_display()?;
     let mut builder = EventLoop::with_user_event();
     EventLoopBuilderExtX11::with_any_thread(&mut builder, true);
@@ -128,25 +129,25 @@ fn event_loop() -> Result<EventLoop<Told>, WindowsError> {
     builder.build().map_err(|error| WindowsError::Display(error.to_string()))
 }
 
-/// The presenting thread.
+/// State of the presenting thread.
 enum Presenting {
     NotYet(Box<Presenter>),
     Runs(JoinHandle<Result<(), WindowsError>>),
     Ended,
 }
 
-/// Where a window was put.
+/// Placement of a window.
 #[derive(Clone, Debug, PartialEq)]
 struct Placed {
-    /// Whether it is to fill its monitor.
+    /// Whether it fills its monitor.
     fills: bool,
-    /// What it was put on, where it is seen.
+    /// Monitor on which it was placed, while it is visible.
     on: Option<MonitorReport>,
     closed: bool,
 }
 
 impl Placed {
-    fn of(config: &WindowConfig) -> Self {
+    fn from_config(config: &WindowConfig) -> Self {
         Self { fills: config.fullscreen, on: None, closed: false }
     }
 }
@@ -156,23 +157,23 @@ struct App {
     sizes: Vec<[u32; 2]>,
     host: Arc<dyn Host>,
     desk: Arc<Desk>,
-    proxy: EventLoopProxy<Told>,
+    proxy: EventLoopProxy<Notice>,
     presenter: Presenting,
     placed: Vec<Placed>,
-    /// Which window has an identity of the system.
+    /// Indices of the windows by their system identifiers.
     numbers: HashMap<WindowId, usize>,
-    /// The monitors as they were when they were last looked at.
+    /// The monitors at the last check.
     known: Vec<Monitor>,
     x11: Option<X11>,
-    /// When they were looked at.
+    /// Time of the last check.
     looked: Option<Instant>,
-    /// Whether one of the windows has the keyboard.
+    /// Whether one of the windows has the keyboard focus.
     focused: bool,
     outcome: Result<(), WindowsError>,
 }
 
 impl App {
-    /// Looks at the monitors, if it is time to, and puts every window where it belongs.
+    /// Checks the monitors if it is time, and places every window.
     fn look(&mut self, events: &ActiveEventLoop) {
         let now = Instant::now();
         if self.looked.is_some_and(|looked| now.duration_since(looked) < LOOK) {
@@ -196,7 +197,7 @@ impl App {
         self.focus();
     }
 
-    /// Puts every window where it belongs.
+    /// Places every window.
     fn place(&mut self, events: &ActiveEventLoop) {
         let mut filled: HashMap<String, String> = HashMap::new();
         for index in 0..self.configs.len() {
@@ -216,7 +217,7 @@ impl App {
         }
     }
 
-    /// The monitor that a window belongs on; `Ok(None)`: the desktop puts it somewhere.
+    /// Returns the monitor of a window; `Ok(None)`: the desktop chooses.
     fn meant(&self, index: usize, filled: &HashMap<String, String>) -> Result<Option<Monitor>, String> {
         let (config, fills) = (&self.configs[index], self.placed[index].fills);
         if config.monitor.is_none() && !fills {
@@ -224,12 +225,12 @@ impl App {
         }
         let monitor = monitors::chosen(&self.known, config.monitor.as_ref())?;
         match filled.get(&monitor.report.name).filter(|_| fills) {
-            Some(other) => Err(format!("window `{other}` fills monitor `{}` already", monitor.report.name)),
+            Some(other) => Err(format!("window `{other}` already fills monitor `{}`", monitor.report.name)),
             None => Ok(Some(monitor.clone())),
         }
     }
 
-    /// Place, or `None` where the desktop chooses, and size of a window.
+    /// Returns the position of a window, or `None` if the desktop chooses it, and its size.
     fn geometry(&self, index: usize, monitor: Option<&Monitor>) -> (Option<[i32; 2]>, [u32; 2]) {
         let (config, fills) = (&self.configs[index], self.placed[index].fills);
         let size = config.size.unwrap_or(self.sizes[index]);
@@ -240,7 +241,7 @@ impl App {
                 (Some([origin[0] + position[0], origin[1] + position[1]]), size)
             }
             (Some(monitor), None) => {
-                // In the middle, with its upper left corner on the monitor.
+                // Centred, but with the upper left corner on the monitor.
                 let spare = |axis: usize| (i64::from(monitor.report.size[axis]) - i64::from(size[axis])).max(0) / 2;
                 let middle = [0, 1].map(|axis| monitor.report.position[axis] + spare(axis) as i32);
                 (Some(middle), size)
@@ -250,6 +251,7 @@ impl App {
     }
 
     fn show(&mut self, events: &ActiveEventLoop, index: usize, monitor: Option<&Monitor>) {
+        // Nothing to do if the window is visible on the right monitor; only the report may have changed.
         let report = monitor.map(|monitor| monitor.report.clone());
         let window = self.desk.state().windows[index].window.clone();
         let is_shown = self.desk.state().windows[index].shown;
@@ -264,9 +266,10 @@ impl App {
             }
             return;
         }
+        // Create the window hidden, or adapt the existing one.
         let (position, [width, height]) = self.geometry(index, monitor);
         let fills = self.placed[index].fills;
-        // Of the library's own monitors; on X11 it is done below.
+        // Only for monitors known to the library; on X11 the window is enlarged below.
         let handle = monitor.filter(|_| fills).and_then(|monitor| monitor.handle.clone());
         let fullscreen = handle.map(|handle| Fullscreen::Borderless(Some(handle)));
         let size = PhysicalSize::new(width, height);
@@ -302,14 +305,16 @@ impl App {
                 }
             }
         };
-        // Place and size first: a manager lets a window fill the monitor that it is on, and without one they are all there is.
+        // Set position and size first: a window manager lets a window fill the monitor that it is on, and without a
+        // manager they are sufficient.
         if let Some(place) = place {
             window.set_outer_position(place);
         }
         let now = window.request_inner_size(size);
         if let Err(problem) = self.fill(&window, fills) {
-            tracing::warn!("window `{}`: the window manager is not told: {problem}", self.configs[index].name);
+            tracing::warn!("window `{}`: cannot notify the window manager: {problem}", self.configs[index].name);
         }
+        // Show the window and pass its state to the presenting thread.
         window.set_visible(true);
         match &report {
             Some(report) => tracing::info!("window `{}` is on monitor {report}", self.configs[index].name),
@@ -329,7 +334,7 @@ impl App {
         });
     }
 
-    /// The monitor that the desktop has put a window on.
+    /// Returns the monitor on which the desktop has placed a window.
     fn report_of(&self, window: &Window) -> Option<MonitorReport> {
         let monitor = if self.x11.is_some() {
             let (place, size) = (window.inner_position().ok()?, window.inner_size());
@@ -341,7 +346,7 @@ impl App {
         monitor.map(|monitor| monitor.report.clone())
     }
 
-    /// Has X11's window manager let a window fill its monitor, or not any more.
+    /// Asks the X11 window manager to let a window fill its monitor, or to undo that.
     fn fill(&self, window: &Window, fills: bool) -> Result<(), String> {
         match (&self.x11, identity(window)) {
             (Some(x11), Some(window)) => x11.fill(window, fills).map_err(|error| error.to_string()),
@@ -395,7 +400,7 @@ impl App {
                 "f" => {
                     let placed = &mut self.placed[index];
                     placed.fills = !placed.fills;
-                    // It is put there anew.
+                    // Hide it here so that it is placed again.
                     self.desk.change(|desk| desk.windows[index].shown = false);
                 }
                 _ => {}
@@ -404,14 +409,14 @@ impl App {
         }
     }
 
-    /// Gives the keyboard to the first window that is seen, where nobody else does.
+    /// Gives the keyboard focus to the first visible window if no window manager does.
     fn focus(&mut self) {
         let Some(x11) = self.x11.as_ref().filter(|_| !self.focused) else { return };
         let desk = self.desk.state().clone();
         let first = desk.windows.iter().find(|window| window.shown).and_then(|window| window.window.clone());
         let Some(window) = first.and_then(|window| identity(&window)) else { return };
         if let Err(problem) = x11.focus_where_nobody_does(window) {
-            tracing::debug!("the keyboard is left where it is: {problem}");
+            tracing::debug!("the keyboard focus is unchanged: {problem}");
         }
     }
 
@@ -427,7 +432,7 @@ impl App {
     }
 }
 
-/// What X11 knows a window by; `None`: it is none of X11.
+/// Returns the X11 identifier of a window; `None` if it is not an X11 window.
 fn identity(window: &Window) -> Option<u32> {
     match window.window_handle().ok()?.as_raw() {
         RawWindowHandle::Xlib(handle) => u32::try_from(handle.window).ok(),
@@ -435,7 +440,7 @@ fn identity(window: &Window) -> Option<u32> {
     }
 }
 
-impl ApplicationHandler<Told> for App {
+impl ApplicationHandler<Notice> for App {
     fn resumed(&mut self, events: &ActiveEventLoop) {
         match x11_of(events) {
             Ok(x11) => self.x11 = x11,
@@ -446,7 +451,7 @@ impl ApplicationHandler<Told> for App {
         }
         let by_edid = |config: &&WindowConfig| matches!(config.monitor, Some(MonitorChoice::Edid(_)));
         if let Some(config) = self.configs.iter().find(by_edid).filter(|_| self.x11.is_none()) {
-            tracing::warn!("window `{}`: EDIDs can be read with X11 alone; name the connector", config.name);
+            tracing::warn!("window `{}`: EDIDs can be read only with X11; name the connector", config.name);
         }
         self.look(events);
         let presenter = match std::mem::replace(&mut self.presenter, Presenting::Ended) {
@@ -458,24 +463,26 @@ impl ApplicationHandler<Told> for App {
         };
         let proxy = self.proxy.clone();
         let started = thread::Builder::new().name("present".to_owned()).spawn(move || {
-            // Also where it panics: the events wait for it.
-            struct Farewell(EventLoopProxy<Told>);
-            impl Drop for Farewell {
+            // Notify the event loop, which waits for this, even on a panic.
+            struct EndNotice(EventLoopProxy<Notice>);
+            impl Drop for EndNotice {
                 fn drop(&mut self) {
-                    // Events that have ended need not be told.
-                    let _ = self.0.send_event(Told::Ended);
+                    // The event loop may have ended already.
+                    let _ = self.0.send_event(Notice::Ended);
                 }
             }
-            let _farewell = Farewell(proxy);
+            let _farewell = EndNotice(proxy);
             presenter.run()
         });
         match started {
             Ok(thread) => self.presenter = Presenting::Runs(thread),
-            Err(error) => self.fail(events, WindowsError::Display(format!("no thread to present with: {error}"))),
+            Err(error) => {
+                self.fail(events, WindowsError::Display(format!("cannot start the presenting thread: {error}")))
+            }
         }
     }
 
-    fn user_event(&mut self, events: &ActiveEventLoop, Told::Ended: Told) {
+    fn user_event(&mut self, events: &ActiveEventLoop, Notice::Ended: Notice) {
         events.exit();
     }
 
@@ -487,7 +494,7 @@ impl ApplicationHandler<Told> for App {
                 window.size = [size.width, size.height];
                 window.stale += 1;
             }),
-            // One that the desktop has put somewhere may be moved by it, too.
+            // If the desktop placed the window, it may also move it.
             WindowEvent::Moved(_) if self.placed[index].on.is_none() => {
                 let window = self.desk.state().windows[index].window.clone();
                 let on = window.and_then(|window| self.report_of(&window));

@@ -1,4 +1,4 @@
-//! Whom windows are opened for: the daemon, or the program itself.
+//! Interface between windows and their host: the daemon, or the program itself.
 
 use std::sync::Arc;
 
@@ -13,67 +13,68 @@ use crate::{
 pub struct ShownImage {
     /// The frame.
     pub frame: Arc<Frame>,
-    /// Which of its images.
+    /// Index of the image in the frame.
     pub image: usize,
-    /// Its tone mapping, for windows of more than 8 bits.
+    /// Tone mapping of the image, for windows with more than 8 bits.
     pub tone_map: ToneMapSettings,
 }
 
 impl ShownImage {
-    /// The image itself.
+    /// Returns the image.
     pub fn image(&self) -> &FrameImage {
         &self.frame.images[self.image]
     }
 }
 
-/// What a window shows.
+/// Content of a window.
 #[derive(Clone, Debug)]
 pub enum WindowImage {
-    /// An image.
+    /// A new image.
     Image(ShownImage),
-    /// What it has shown before.
+    /// The previous content.
     AsBefore,
-    /// Nothing: its view is not there any more.
+    /// Black: its view no longer exists.
     NoView,
 }
 
-/// What windows show at the same time.
+/// Content of all windows at the same time.
 #[derive(Clone, Debug)]
 pub struct WindowFrame {
     /// One entry for each window, in their order.
     pub images: Vec<WindowImage>,
 }
 
-/// What comes next.
+/// Next action of the presenting thread.
 #[derive(Clone, Debug)]
 pub enum Next {
     /// A frame.
     Frame(WindowFrame),
-    /// Nothing for now: a frame is drawn.
+    /// Nothing for now: a frame is being drawn.
     Drawing,
-    /// Nothing for now: the frame that is shown is still right.
+    /// Nothing for now: the displayed frame is still current.
     Unchanged,
-    /// Windows are to close.
+    /// Close the windows.
     End,
 }
 
-/// What somebody at a keyboard wants.
+/// Command entered with a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
-    /// Test patterns in the views of all windows, or none any more.
+    /// Toggle test patterns in the views of all windows.
     TestPattern,
-    /// The end.
+    /// Quit.
     Quit,
 }
 
-/// Whom windows are opened for.
+/// Host of the windows.
 pub trait Host: Send + Sync {
-    /// What comes next, for windows of which `shown` says whether they are seen. May wait for a frame, a tenth of a second at most.
+    /// Returns the next action; `shown` states which windows are visible. May wait for a frame for at most a tenth of a
+    /// second.
     fn next(&self, shown: &[bool]) -> Next;
 
-    /// Takes a command. Must not wait.
+    /// Receives a command. Must not block.
     fn command(&self, command: Command);
 
-    /// Takes the figures so far of all windows, whenever they have changed. Must not wait.
+    /// Receives the statistics of all windows after each change. Must not block.
     fn figures(&self, figures: Vec<WindowFigures>);
 }

@@ -1,16 +1,18 @@
-//! Windows on the monitors of this machine: each shows an image of a view, full screen or in a frame.
+//! Windows on the monitors of this machine: each shows an image of a view, full screen or decorated.
 //!
 //! ```text
 //! host (scene, views)  --frames-->  presenting thread  --surfaces-->  monitors
-//! thread of the events (winit)  --windows, sizes, keys, monitors-->  presenting thread, host
+//! event thread (winit)  --windows, sizes, keys, monitors-->  presenting thread, host
 //! ```
 //!
-//! The thread that calls `open` has the events. The presenting thread takes one frame at a time, draws the images of all windows from it, and presents
-//! them together, so that all windows show the same frame. It has a device of its own, on the adapter of the renderer where that one can present:
-//! images come from the renderer's memory on the host, as they are encoded or written, with the shares of projectors. A device that is lost, a headset
-//! and an adapter that only computes are no matter to windows then.
+//! The thread that calls `open` runs the event loop. The presenting thread takes one frame at a time, draws the images
+//! of all windows from it, and presents them together, so that all windows show the same frame. It has a separate
+//! device, on the adapter of the renderer if that one can present: images come from the renderer's host memory, as for
+//! encoding and files, including the shares of projectors. Windows are thus independent of a lost device, of a headset,
+//! and of an adapter that can only compute.
 //!
-//! `open` needs the feature `windows`; without it only the types are here that the service tells of windows with.
+//! `open` needs the feature `windows`; without it this module contains only the types with which the service describes
+//! windows.
 
 #[cfg(feature = "windows")]
 mod adapter;

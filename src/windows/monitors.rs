@@ -1,4 +1,4 @@
-//! The monitors that there are, and which one a window means.
+//! The current monitors, and the choice of a monitor for a window.
 
 use serde::Serialize;
 use winit::{event_loop::ActiveEventLoop, monitor::MonitorHandle};
@@ -6,25 +6,25 @@ use winit::{event_loop::ActiveEventLoop, monitor::MonitorHandle};
 use super::x11::X11;
 use crate::config::MonitorChoice;
 
-/// What is known of a monitor.
+/// Description of a monitor.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MonitorReport {
     /// Number from 1, from left to right and then from top to bottom.
     pub number: usize,
     /// Name of its connector.
     pub name: String,
-    /// Place of its upper left corner on the desktop, pixels.
+    /// Position of its upper left corner on the desktop, pixels.
     pub position: [i32; 2],
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Refreshes per second; `None`: the system does not tell.
+    /// Refreshes per second; `None`: unknown.
     pub refresh_hz: Option<f64>,
-    /// What its EDID calls it.
+    /// Names from its EDID.
     pub edid: Vec<String>,
 }
 
 impl MonitorReport {
-    /// Whether it is at the place of another one, of its name and size.
+    /// Whether it has the same name, position and size as another one.
     pub(super) fn has_place_of(&self, other: &Self) -> bool {
         (&self.name, self.position, self.size) == (&other.name, other.position, other.size)
     }
@@ -48,16 +48,17 @@ impl std::fmt::Display for MonitorReport {
 /// A monitor.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Monitor {
-    /// The library's own, on Wayland.
+    /// Handle of the window library, on Wayland.
     pub(super) handle: Option<MonitorHandle>,
     pub(super) report: MonitorReport,
 }
 
-/// All monitors in the order of their numbers: those that X11 tells of, where there is a connection to it, otherwise those that the library knows.
+/// Returns all monitors in the order of their numbers: as reported by X11 if there is a connection to it, otherwise by
+/// the window library.
 ///
 /// # Errors
 ///
-/// What X11 says.
+/// Error of X11.
 pub(super) fn monitors(events: &ActiveEventLoop, x11: Option<&X11>) -> Result<Vec<Monitor>, String> {
     let mut found: Vec<Monitor> = match x11 {
         Some(x11) => {
@@ -85,7 +86,7 @@ fn of_library(handle: MonitorHandle) -> Monitor {
     Monitor { handle: Some(handle), report }
 }
 
-/// The monitor that most of a window is on.
+/// Returns the monitor that contains most of a window.
 pub(super) fn below(monitors: &[Monitor], place: [i32; 2], size: [u32; 2]) -> Option<&Monitor> {
     let shared = |monitor: &Monitor| -> i64 {
         let along = |axis: usize| {
@@ -98,7 +99,7 @@ pub(super) fn below(monitors: &[Monitor], place: [i32; 2], size: [u32; 2]) -> Op
     monitors.iter().max_by_key(|monitor| shared(monitor)).filter(|monitor| shared(monitor) > 0)
 }
 
-/// The monitor that is meant; `None`: the first one. The error says which there are.
+/// Returns the chosen monitor; `None` chooses the first one. The error lists the existing monitors.
 pub(super) fn chosen<'a>(monitors: &'a [Monitor], choice: Option<&MonitorChoice>) -> Result<&'a Monitor, String> {
     let found = monitors.iter().find(|monitor| match choice {
         None => true,
@@ -108,10 +109,10 @@ pub(super) fn chosen<'a>(monitors: &'a [Monitor], choice: Option<&MonitorChoice>
     });
     found.ok_or_else(|| {
         let all: Vec<String> = monitors.iter().map(|monitor| monitor.report.to_string()).collect();
-        let there = if all.is_empty() { "none".to_owned() } else { all.join("; ") };
+        let existing = if all.is_empty() { "none".to_owned() } else { all.join("; ") };
         match choice {
             None => "there is no monitor".to_owned(),
-            Some(choice) => format!("no monitor {choice}; there are: {there}"),
+            Some(choice) => format!("no monitor {choice}; there are: {existing}"),
         }
     })
 }
@@ -128,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn monitors_are_meant_by_number_name_and_edid_and_what_there_is_is_told() {
+    fn monitors_are_chosen_by_number_name_or_edid_and_errors_list_them() {
         let all =
             [monitor(1, "DP-1", [0, 0], &[]), monitor(2, "HDMI-1", [1000, 0], &["DEL-40F1-00000123", "DELL U2720Q"])];
         let number = |choice: Option<MonitorChoice>| chosen(&all, choice.as_ref()).map(|found| found.report.number);
@@ -136,7 +137,7 @@ mod tests {
         assert_eq!(number(Some(MonitorChoice::Number(2))), Ok(2));
         assert_eq!(number(Some(MonitorChoice::Name("HDMI-1".to_owned()))), Ok(2));
         assert_eq!(number(Some(MonitorChoice::Edid("DELL U2720Q".to_owned()))), Ok(2));
-        let missing = number(Some(MonitorChoice::Number(3))).expect_err("there are two");
+        let missing = number(Some(MonitorChoice::Number(3))).expect_err("there are only two monitors");
         assert!(
             missing.contains("no monitor number 3; there are: 1 DP-1 1000x800 at 0,0 60.00 Hz; 2 HDMI-1"),
             "{missing}"
@@ -145,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn a_window_is_on_the_monitor_that_has_most_of_it() {
+    fn window_is_on_the_monitor_with_most_of_its_area() {
         let all = [monitor(1, "DP-1", [0, 0], &[]), monitor(2, "HDMI-1", [1000, 0], &[])];
         let on = |place| below(&all, place, [400, 300]).map(|found| found.report.number);
         assert_eq!([on([700, 0]), on([900, 0]), on([5000, 0])], [Some(1), Some(2), None]);

@@ -3,7 +3,7 @@
 use super::adapter::WindowGpu;
 use crate::{config::WindowFormat, render::Shader};
 
-/// What a pipeline is made for.
+/// Key of a pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Variant {
     /// Format of the surface.
@@ -12,7 +12,7 @@ struct Variant {
     codes: [bool; 2],
 }
 
-/// The pipelines, each made when it is first needed.
+/// Pipelines, each created on first use.
 #[derive(Default)]
 pub(super) struct Pipelines {
     made: Vec<(Variant, wgpu::RenderPipeline)>,
@@ -61,17 +61,18 @@ impl Pipelines {
     }
 }
 
-/// Where an image lies in a window.
+/// Placement of an image in a window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Placing {
-    /// Its upper left corner, pixels of the window.
+    /// Upper left corner, pixels of the window.
     pub(super) corner: [f32; 2],
     /// Pixels of the window per pixel of the image.
     pub(super) scale: f32,
 }
 
 impl Placing {
-    /// In the middle, as large as it fits with its aspect; of the same size, pixel by pixel.
+    /// Centred and as large as possible with the image's aspect ratio; an image of the window's size is drawn pixel by
+    /// pixel.
     pub(super) fn fitted(image: [u32; 2], window: [u32; 2]) -> Self {
         let [of_width, of_height] = [0, 1].map(|axis| f64::from(window[axis]) / f64::from(image[axis]));
         let scale = of_width.min(of_height);
@@ -89,7 +90,7 @@ pub(super) struct Picture {
 }
 
 impl Picture {
-    /// One of that size; nothing is in it.
+    /// Creates an empty picture of a size.
     pub(super) fn new(gpu: &WindowGpu, size: [u32; 2], format: wgpu::TextureFormat) -> Self {
         let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
             label: Some("image of a window"),
@@ -116,7 +117,7 @@ impl Picture {
         [self.texture.width(), self.texture.height()]
     }
 
-    /// Puts texels in, row by row from the top.
+    /// Uploads texels, row by row from the top.
     pub(super) fn fill(&self, gpu: &WindowGpu, texels: &[u8]) {
         let [width, height] = self.size();
         let bytes = self.texture.format().block_copy_size(None).unwrap_or(4);
@@ -125,7 +126,7 @@ impl Picture {
         gpu.queue.write_texture(self.texture.as_image_copy(), texels, layout, self.texture.size());
     }
 
-    /// Records the drawing into a target of that format; `format` is that of the window.
+    /// Records the drawing into a target; `format` is the format of the window.
     pub(super) fn draw(
         &self,
         gpu: &WindowGpu,
@@ -158,7 +159,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn images_of_the_windows_size_lie_pixel_on_pixel_and_others_keep_their_aspect() {
+    fn images_of_equal_size_map_pixel_to_pixel_and_others_keep_their_aspect() {
         assert_eq!(Placing::fitted([640, 360], [640, 360]), Placing { corner: [0.0, 0.0], scale: 1.0 });
         assert_eq!(Placing::fitted([640, 360], [801, 360]), Placing { corner: [80.0, 0.0], scale: 1.0 });
         assert_eq!(Placing::fitted([100, 100], [400, 200]), Placing { corner: [100.0, 0.0], scale: 2.0 });

@@ -1,4 +1,4 @@
-//! From images of a frame to the texels of a window.
+//! Converts images of a frame to the texels of a window.
 
 use std::borrow::Cow;
 
@@ -28,7 +28,7 @@ pub(super) fn texture_format(format: WindowFormat) -> wgpu::TextureFormat {
 }
 
 impl WindowFormat {
-    /// Which image of a frame a window shows; a test pattern is in display images alone.
+    /// Returns the image of a frame that a window shows; a test pattern exists only in display images.
     pub fn wanted(self, test_pattern: bool) -> Wanted {
         match self {
             Self::Srgb8 => Wanted::display(),
@@ -38,10 +38,11 @@ impl WindowFormat {
     }
 }
 
-/// The texels of an image, row by row from the top; `None`: the frame has no image to make them from.
+/// Returns the texels of an image, row by row from the top; `None`: the frame lacks the required image.
 ///
-/// With 8 bits they are the bytes of the display image. Otherwise they are made of the HDR image, in f64 and without dither, with the exposure, and for 10
-/// bits the tone mapping, of the display image; a frame that has the display image alone gives its codes.
+/// With 8 bits they are the bytes of the display image. Otherwise they are computed from the HDR image, in f64 and
+/// without dither, with the exposure and, for 10 bits, the tone mapping of the display image; a frame with only the
+/// display image gives its codes.
 pub(super) fn texels<'a>(
     image: &'a FrameImage,
     exposure_ev100: f64,
@@ -53,7 +54,7 @@ pub(super) fn texels<'a>(
         (_, Some(hdr), _) => {
             let white_cd_m2 = white_luminance_cd_m2(exposure_ev100);
             let projector = image.projector.as_deref();
-            // Linear light has no codes for a projector's response.
+            // Linear light has no codes to which a projector's response applies.
             let blended = |index: usize, light: [f64; 3]| match projector.and_then(ProjectorOutput::blend) {
                 None => light,
                 Some(blend) => {
@@ -84,7 +85,7 @@ pub(super) fn texels<'a>(
     }
 }
 
-/// Words of three codes of 10 bits, from values of 0 to 1.
+/// Packs three codes of 10 bits per word, from values of 0 to 1.
 fn tens(pixels: usize, value: impl Fn(usize) -> [f64; 3] + Sync) -> Vec<u8> {
     let mut texels = vec![0_u8; 4 * pixels];
     texels.par_chunks_exact_mut(4).enumerate().for_each(|(index, bytes)| {
@@ -94,7 +95,7 @@ fn tens(pixels: usize, value: impl Fn(usize) -> [f64; 3] + Sync) -> Vec<u8> {
     texels
 }
 
-/// Four halves for each pixel.
+/// Packs four half floats per pixel.
 fn halves(pixels: usize, value: impl Fn(usize) -> [f64; 3] + Sync) -> Vec<u8> {
     let mut texels = vec![0_u8; 8 * pixels];
     texels.par_chunks_exact_mut(8).enumerate().for_each(|(index, bytes)| {
@@ -108,7 +109,7 @@ fn halves(pixels: usize, value: impl Fn(usize) -> [f64; 3] + Sync) -> Vec<u8> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed precondition of a test may panic")]
 mod tests {
     use std::sync::Arc;
 
@@ -149,19 +150,19 @@ mod tests {
     }
 
     fn light(texels: &[u8]) -> Vec<[f64; 4]> {
-        let half = |bytes: &[u8], at: usize| f16::from_le_bytes([bytes[at], bytes[at + 1]]).to_f64();
-        texels.chunks_exact(8).map(|bytes| [0, 2, 4, 6].map(|at| half(bytes, at))).collect()
+        let half = |bytes: &[u8], start: usize| f16::from_le_bytes([bytes[start], bytes[start + 1]]).to_f64();
+        texels.chunks_exact(8).map(|bytes| [0, 2, 4, 6].map(|start| half(bytes, start))).collect()
     }
 
     #[test]
-    fn eight_bits_are_the_bytes_of_the_display_image() {
+    fn srgb8_texels_are_the_bytes_of_the_display_image() {
         let image = image(None);
         let found = texels(&image, EV100, &ToneMapSettings::default(), WindowFormat::Srgb8).unwrap();
         assert!(matches!(found, Cow::Borrowed(_)) && *found == *image.display.as_deref().unwrap());
     }
 
     #[test]
-    fn ten_bits_are_the_tone_mapped_light_with_its_share() {
+    fn rgb10_texels_are_the_tone_mapped_light_with_its_share() {
         let tone_map = ToneMapSettings::default();
         let white_cd_m2 = white_luminance_cd_m2(EV100);
         let half = Weights { size: [1, 1], values: &[0.5] };
@@ -182,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn light_is_in_units_of_display_white_beyond_it_too() {
+    fn hdr_texels_are_in_units_of_display_white_without_limit() {
         let image = image(None);
         let found = light(&texels(&image, EV100, &ToneMapSettings::default(), WindowFormat::Hdr).unwrap());
         for (step, found) in found.iter().enumerate() {
@@ -195,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn a_display_image_alone_gives_its_codes() {
+    fn display_image_without_hdr_gives_its_codes() {
         let image = FrameImage { hdr: None, ..image(None) };
         let display = image.display.clone().unwrap();
         let found = codes(&texels(&image, EV100, &ToneMapSettings::default(), WindowFormat::Rgb10).unwrap());

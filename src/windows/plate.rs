@@ -1,18 +1,18 @@
-//! The plate by which a window says what it is: white letters on black in the middle of it.
+//! The plate with which a window identifies itself: white letters on black at its centre.
 
 use crate::plan::overlay::text::{Line, width_px};
 
-/// Height of the letters of a window that is `height_px` high, in parts of it.
+/// Height of the letters as a share of the window's height.
 const LETTERS: f64 = 1.0 / 8.0;
-/// Width of the plate, at most, in parts of the window's.
+/// Maximum width of the plate as a share of the window's width.
 const WIDEST: f64 = 0.9;
 /// Smallest and largest letters, pixels.
 const LETTERS_PX: [f64; 2] = [8.0, 160.0];
-/// From one line to the next, and the margin around, in parts of the letters.
+/// Line spacing, and margin, as multiples of the letters' height.
 const LEADING: f64 = 1.4;
 const MARGIN: f64 = 0.5;
 
-/// What stands on it, and for a window of which size.
+/// Text of a plate, and the size of its window.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PlateText {
     pub(super) lines: Vec<String>,
@@ -20,7 +20,7 @@ pub(super) struct PlateText {
 }
 
 impl PlateText {
-    /// Width and height, and R, G, B, A of each pixel as sRGB codes; not larger than the window.
+    /// Returns width and height, and R, G, B, A of each pixel as sRGB codes; at most as large as the window.
     pub(super) fn pixels(&self) -> ([u32; 2], Vec<u8>) {
         let [width, height] = self.window.map(f64::from);
         let widest = |size_px: f64| self.lines.iter().map(|line| width_px(line, size_px)).fold(1.0, f64::max);
@@ -33,14 +33,14 @@ impl PlateText {
         let mut pixels = [0, 0, 0, 255].repeat(size[0] as usize * size[1] as usize);
         for (number, text) in self.lines.iter().enumerate() {
             let line = Line::new(text, size_px);
-            // The line's own first pixel is that of the pen, on the baseline.
+            // The pen starts at the line's first pixel on the baseline.
             let baseline = (margin + size_px * (LEADING * number as f64 + 1.0)).round() as i64;
             let left = ((f64::from(size[0]) - width_px(text, size_px)) / 2.0).round() as i64;
             for (x, y, covered) in line.pixels() {
                 let (x, y) = (left + i64::from(x), baseline + i64::from(y));
                 if (0..i64::from(size[0])).contains(&x) && (0..i64::from(size[1])).contains(&y) {
-                    let at = 4 * (y as usize * size[0] as usize + x as usize);
-                    for code in &mut pixels[at..at + 3] {
+                    let start = 4 * (y as usize * size[0] as usize + x as usize);
+                    for code in &mut pixels[start..start + 3] {
                         *code = (*code).max(covered);
                     }
                 }
@@ -55,15 +55,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_plate_has_letters_within_itself_and_fits_into_its_window() {
+    fn plate_contains_its_letters_and_fits_into_its_window() {
         for window in [[1280, 720], [320, 200], [64, 32], [9, 5]] {
             let text = PlateText { lines: vec!["1 dome left".to_owned(), "DP-1".to_owned()], window };
             let ([width, height], pixels) = text.pixels();
             assert!(width <= window[0] && height <= window[1], "{window:?}: {width} x {height}");
             assert_eq!(pixels.len(), 4 * (width * height) as usize);
             let lit = pixels.chunks_exact(4).filter(|pixel| pixel[0] > 128).count();
-            // In fewer pixels there is no letter.
-            assert!(lit > 0 || window[0] < 64, "{window:?}: nothing is written");
+            // A smaller window has no room for letters.
+            assert!(lit > 0 || window[0] < 64, "{window:?}: the plate is empty");
             if window[0] >= 320 {
                 // Letters do not touch the border.
                 let border = (0..width as usize).any(|x| pixels[4 * x] > 0);

@@ -1,7 +1,8 @@
-//! The presenting thread: one frame at a time into all windows.
+//! The presenting thread: shows one frame at a time in all windows.
 //!
-//! The images of a frame go to the device first; then every window's next texture is waited for, all are drawn in one submission, and handed to their monitors
-//! one right after the other. Where images wait for refreshes, the slowest monitor sets the pace of all.
+//! The images of a frame are uploaded to the device first. Then the thread waits for every window's next texture, draws
+//! all windows in one submission, and presents them one after the other. If images wait for refreshes, the slowest
+//! monitor sets the pace of all.
 
 use std::{
     sync::Arc,
@@ -23,23 +24,23 @@ use super::{
 };
 use crate::config::WindowConfig;
 
-/// Between two looks for windows while none is there.
+/// Interval between two checks for windows while there are none.
 const IDLE: Duration = Duration::from_millis(20);
-/// How often the device is opened anew without a frame in between.
+/// Maximum number of attempts to reopen the device without a frame in between.
 const MOST_LOSSES: u32 = 3;
-/// What traces of presented frames are filed under: one line for each frame, with its number in each window.
+/// Log target of presented frames: one line per frame, with its number in each window.
 const PRESENTED: &str = "steradian::windows::presented";
 
-/// One window as this thread knows it.
+/// State of a window in this thread.
 #[derive(Default)]
 struct Place {
     screen: Option<Screen>,
     recorder: Recorder,
-    /// What was presented last, and which count of stale pictures it was made for.
+    /// Content that was presented last, with the value of the stale counter at that time.
     presented: Option<(Shown, u64)>,
-    /// Its view is not there any more.
+    /// Whether its view no longer exists.
     no_view: bool,
-    /// Why it cannot be shown at all.
+    /// Reason why it cannot be shown at all.
     refused: Option<String>,
 }
 
@@ -47,12 +48,12 @@ pub(super) struct Presenter {
     configs: Vec<WindowConfig>,
     host: Arc<dyn Host>,
     desk: Arc<Desk>,
-    /// Name of the adapter that is taken where it presents.
+    /// Name of the adapter to use if it can present.
     preferred: String,
     gpu: Option<WindowGpu>,
     pipelines: Pipelines,
     places: Vec<Place>,
-    /// How often the device was given up since the last frame that was presented.
+    /// Number of losses of the device since the last presented frame.
     losses: u32,
 }
 
@@ -62,7 +63,7 @@ impl Presenter {
         Self { configs, host, desk, preferred, gpu: None, pipelines: Pipelines::default(), places, losses: 0 }
     }
 
-    /// Shows frames until the host or the events end it.
+    /// Shows frames until the host or the event loop ends it.
     ///
     /// # Errors
     ///
@@ -70,7 +71,7 @@ impl Presenter {
     pub(super) fn run(mut self) -> Result<(), WindowsError> {
         let end = self.show();
         if let Err(error) = &end {
-            // The thread of the events may not be there any more to tell it.
+            // The event thread may have ended already, so report the state here.
             let state = || WindowState::NoDisplay(error.to_string());
             let figures = self.figures(&self.desk.state().clone()).into_iter();
             self.host.figures(figures.map(|figures| WindowFigures { state: state(), ..figures }).collect());
@@ -91,7 +92,7 @@ impl Presenter {
                     None
                 }
             };
-            // What has changed while it was waited for counts.
+            // Read the state again: changes during the wait count.
             let desk = self.desk.state().clone();
             let presented = match self.present(&desk, frame.as_ref()) {
                 Err(WindowsError::Refused(problem)) if self.losses < MOST_LOSSES => {
@@ -113,10 +114,10 @@ impl Presenter {
         Ok(())
     }
 
-    /// Lets go of the device and all that is on it; the next frame opens it anew.
+    /// Drops the device and everything on it; the next frame reopens it.
     fn lose(&mut self, problem: &str) {
         self.losses += 1;
-        tracing::error!("the adapter of the windows refused a frame: {problem}; it is opened anew");
+        tracing::error!("the adapter of the windows refused a frame: {problem}; it is reopened");
         for place in &mut self.places {
             (place.screen, place.presented) = (None, None);
         }
@@ -125,11 +126,11 @@ impl Presenter {
     }
 
     fn is_shown(&self, desk: &DeskState) -> Vec<bool> {
-        let seen = |(window, place): (&DeskWindow, &Place)| window.shown && place.refused.is_none();
-        desk.windows.iter().zip(&self.places).map(seen).collect()
+        let is_visible = |(window, place): (&DeskWindow, &Place)| window.shown && place.refused.is_none();
+        desk.windows.iter().zip(&self.places).map(is_visible).collect()
     }
 
-    /// Brings all windows up to date: those that a frame has an image for, and those whose picture is stale. Whether there was one.
+    /// Updates all windows for which the frame has an image or whose picture is stale. Returns whether there was one.
     fn present(&mut self, desk: &DeskState, frame: Option<&WindowFrame>) -> Result<bool, WindowsError> {
         let shown = self.is_shown(desk);
         let mut due = Vec::new();
@@ -201,18 +202,18 @@ impl Presenter {
             }
         }
         if !numbers.is_empty() {
-            tracing::trace!(target: PRESENTED, "{}", self.told(&numbers));
+            tracing::trace!(target: PRESENTED, "{}", self.presented_line(&numbers));
         }
         gpu.take_failure()?;
         Ok(any)
     }
 
-    fn told(&self, numbers: &[(usize, u64)]) -> String {
-        let told = |(index, number): &(usize, u64)| format!("{} {number}", self.configs[*index].name);
-        numbers.iter().map(told).collect::<Vec<_>>().join(", ")
+    fn presented_line(&self, numbers: &[(usize, u64)]) -> String {
+        let entry = |(index, number): &(usize, u64)| format!("{} {number}", self.configs[*index].name);
+        numbers.iter().map(entry).collect::<Vec<_>>().join(", ")
     }
 
-    /// Makes the surface of a window; `false`: it cannot be shown, and others can.
+    /// Creates the surface of a window; returns `false` if this window cannot be shown but others can.
     fn open_screen(&mut self, index: usize, window: &DeskWindow) -> Result<bool, WindowsError> {
         let config = &self.configs[index];
         let Some(of_window) = window.window.clone() else { return Ok(false) };
@@ -232,20 +233,21 @@ impl Presenter {
                 Ok(true)
             }
             Err(error) => {
-                // The only one: nothing would ever be seen.
+                // If this is the only window, nothing could ever be shown.
                 let others =
                     self.places.iter().enumerate().any(|(other, place)| other != index && place.refused.is_none());
                 if !others {
                     return Err(error);
                 }
-                tracing::error!("{error}; the other windows go on");
+                tracing::error!("{error}; the other windows continue");
                 self.places[index].refused = Some(error.to_string());
                 Ok(false)
             }
         }
     }
 
-    /// What a window says of itself: its number and name, the view and part where these are other words, and its monitor.
+    /// Returns the text that identifies a window: number and name, view and part if they differ from the name, and
+    /// monitor.
     fn plate(&self, desk: &DeskState, index: usize) -> Option<PlateText> {
         let (config, window) = (&self.configs[index], &desk.windows[index]);
         desk.identify.then(|| {

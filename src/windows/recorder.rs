@@ -1,4 +1,4 @@
-//! Collects the intervals of a window from frame to frame.
+//! Collects the intervals between the frames of a window.
 
 use std::{
     collections::VecDeque,
@@ -7,10 +7,10 @@ use std::{
 
 use super::statistics::Intervals;
 
-/// Intervals that medians are of: ten seconds of 60 Hz.
+/// Number of intervals in the medians: ten seconds at 60 Hz.
 const WINDOW: usize = 600;
 
-/// Of one window.
+/// Recorder of one window.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Recorder {
     last: Option<Instant>,
@@ -23,7 +23,7 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// A frame was handed to the monitor, which refreshes every `period` where that is known and waited for.
+    /// Records a frame that was presented; the monitor refreshes every `period`, if that is known and waited for.
     pub(super) fn presented(&mut self, now: Instant, frame_number: u64, period: Option<Duration>) {
         self.frames += 1;
         self.frame_number = frame_number;
@@ -41,7 +41,7 @@ impl Recorder {
         }
     }
 
-    /// No new frame is wanted for a while: what passes meanwhile is neither an interval nor missed.
+    /// Records that no new frame is wanted for a while: the pause is neither an interval nor a missed refresh.
     pub(super) fn pause(&mut self) {
         self.last = None;
     }
@@ -49,8 +49,12 @@ impl Recorder {
     pub(super) fn intervals(&self) -> Option<Intervals> {
         let mut sorted: Vec<f64> = self.intervals_ms.iter().copied().collect();
         sorted.sort_by(f64::total_cmp);
-        let at = |share: f64| sorted[((sorted.len() - 1) as f64 * share).round() as usize];
-        (!sorted.is_empty()).then(|| Intervals { median_ms: at(0.5), p99_ms: at(0.99), longest_ms: self.longest_ms })
+        let quantile = |share: f64| sorted[((sorted.len() - 1) as f64 * share).round() as usize];
+        (!sorted.is_empty()).then(|| Intervals {
+            median_ms: quantile(0.5),
+            p99_ms: quantile(0.99),
+            longest_ms: self.longest_ms,
+        })
     }
 }
 
@@ -59,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn refreshes_without_a_new_frame_are_missed_and_pauses_are_not() {
+    fn refreshes_without_new_frame_are_missed_except_in_pauses() {
         let period = Duration::from_secs_f64(1.0 / 60.0);
         let mut recorder = Recorder::default();
         let mut now = Instant::now();
@@ -73,10 +77,10 @@ mod tests {
         now += Duration::from_secs(9);
         recorder.presented(now, 3, Some(period));
         assert_eq!((recorder.frames, recorder.missed, recorder.frame_number), (6, 2, 3));
-        let intervals = recorder.intervals().expect("there are four");
+        let intervals = recorder.intervals().expect("there are four intervals");
         assert!((intervals.longest_ms - 50.0).abs() < 0.01, "{intervals:?}");
         assert!((intervals.median_ms - 1000.0 / 60.0).abs() < 0.5, "{intervals:?}");
-        // Where refreshes are not waited for, none is missed.
+        // If refreshes are not waited for, none is missed.
         now += Duration::from_secs(1);
         recorder.presented(now, 4, None);
         assert_eq!(recorder.missed, 2);

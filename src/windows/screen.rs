@@ -1,4 +1,4 @@
-//! A window's surface: which format it has, and what is drawn into it.
+//! The surface of a window: its format, and drawing into it.
 
 use std::sync::Arc;
 
@@ -13,21 +13,21 @@ use super::{
 };
 use crate::config::{WindowConfig, WindowFormat};
 
-/// Images between the adapter and the monitor, at most: one is shown while the next is drawn.
+/// Maximum number of images between the adapter and the monitor: one is displayed while the next is drawn.
 const FRAME_LATENCY: u32 = 1;
 
-/// The formats and colour spaces of a surface that a window of that format may have, the best first.
+/// Returns the formats and colour spaces that a surface may have for a window format, best first.
 fn surfaces_of(format: WindowFormat) -> &'static [(wgpu::TextureFormat, wgpu::SurfaceColorSpace)] {
     use wgpu::{SurfaceColorSpace as Space, TextureFormat as Format};
     match format {
-        // Codes are written as they are, so none that encodes by itself.
+        // Codes are written unchanged, so formats that encode automatically are excluded.
         WindowFormat::Srgb8 => &[(Format::Bgra8Unorm, Space::Srgb), (Format::Rgba8Unorm, Space::Srgb)],
         WindowFormat::Rgb10 => &[(Format::Rgb10a2Unorm, Space::Srgb)],
         WindowFormat::Hdr => &[(Format::Rgba16Float, Space::ExtendedSrgbLinear)],
     }
 }
 
-/// The surface's own format for a window, if there is one.
+/// Chooses the surface format for a window, if there is one.
 fn chosen_surface(
     capabilities: &wgpu::SurfaceCapabilities,
     format: WindowFormat,
@@ -37,7 +37,7 @@ fn chosen_surface(
     })
 }
 
-/// What a screen shows now.
+/// Content of a screen.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Shown {
     pub(super) black: bool,
@@ -59,7 +59,7 @@ impl Screen {
     ///
     /// # Errors
     ///
-    /// It lacks the format.
+    /// The surface does not support the format.
     pub(super) fn new(
         gpu: &WindowGpu,
         surface: wgpu::Surface<'static>,
@@ -100,7 +100,7 @@ impl Screen {
         Arc::ptr_eq(&self.window, window)
     }
 
-    /// Has the window's size from now on.
+    /// Adapts the surface to a new size of the window.
     pub(super) fn resize(&mut self, gpu: &WindowGpu, size: [u32; 2]) {
         let size = size.map(|side| side.max(1));
         if [self.configuration.width, self.configuration.height] != size {
@@ -109,7 +109,7 @@ impl Screen {
         }
     }
 
-    /// Takes the texels of an image.
+    /// Uploads the texels of an image.
     pub(super) fn fill(&mut self, gpu: &WindowGpu, size: [u32; 2], texels: &[u8]) {
         let picture = match self.picture.take().filter(|picture| picture.size() == size) {
             Some(picture) => picture,
@@ -119,14 +119,14 @@ impl Screen {
         self.picture = Some(picture);
     }
 
-    /// The surface's next texture. `None`: not now; one is tried again with the next frame.
+    /// Acquires the surface's next texture. `None`: not available now; it is tried again with the next frame.
     pub(super) fn acquire(&self, gpu: &WindowGpu) -> Option<wgpu::SurfaceTexture> {
         use wgpu::CurrentSurfaceTexture as Current;
         for _ in 0..2 {
             match self.surface.get_current_texture() {
                 Current::Success(texture) => return Some(texture),
                 Current::Suboptimal(texture) => {
-                    // It is still shown as it should be; the next one has the new size.
+                    // It is still displayed correctly; the next one has the new size.
                     return Some(texture);
                 }
                 Current::Outdated | Current::Lost => self.surface.configure(&gpu.device, &self.configuration),
@@ -136,7 +136,7 @@ impl Screen {
         None
     }
 
-    /// Records what is shown.
+    /// Records the drawing of the content.
     pub(super) fn draw(
         &mut self,
         gpu: &WindowGpu,
@@ -171,7 +171,7 @@ impl Screen {
                     self.plate.insert((text.clone(), plate))
                 }
             };
-            // What is left of a window that was made smaller meanwhile has room for a part of it.
+            // A window that has become smaller may have room only for a part of the plate.
             let room = [0, 1].map(|axis| plate.size()[axis].min(size[axis]));
             let corner = [0, 1].map(|axis| (size[axis] - room[axis]) / 2);
             pass.set_scissor_rect(corner[0], corner[1], room[0], room[1]);
@@ -180,7 +180,7 @@ impl Screen {
         }
     }
 
-    /// Tells the window system that an image is about to be handed over.
+    /// Notifies the window system that an image is about to be presented.
     pub(super) fn about_to_present(&self) {
         self.window.pre_present_notify();
     }

@@ -1,25 +1,25 @@
-//! Figures of windows: what they show, and how evenly. `recorder` collects them.
+//! Statistics of windows: displayed frames and their timing. `recorder` collects them.
 
 use serde::Serialize;
 
-/// How it stands with a window.
+/// State of a window.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(tag = "state", content = "reason", rename_all = "snake_case")]
 pub enum WindowState {
-    /// It is shown.
+    /// It is displayed.
     Shown,
-    /// Its monitor is not there, or another window fills it: why. It comes back with the monitor.
+    /// Its monitor is missing, or another window fills it, with the reason. It returns with the monitor.
     MonitorMissing(String),
-    /// The view that it shows is not there any more: it is black.
+    /// Its view no longer exists, so it is black.
     ViewMissing,
-    /// Windows cannot be opened, or not this one: why.
+    /// No window, or not this one, can be opened, with the reason.
     NoDisplay(String),
-    /// Somebody has closed it.
+    /// It was closed by the user.
     Closed,
 }
 
 impl WindowState {
-    /// Its name in messages and on the wire.
+    /// Name in messages and on the wire.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Shown => "shown",
@@ -30,7 +30,7 @@ impl WindowState {
         }
     }
 
-    /// Why it is not shown, where there is more to say than the name does.
+    /// Reason why it is not displayed, if there is more information than the name.
     pub fn reason(&self) -> &str {
         match self {
             Self::MonitorMissing(reason) | Self::NoDisplay(reason) => reason,
@@ -39,45 +39,45 @@ impl WindowState {
     }
 }
 
-/// Times from one frame's being handed to the monitor to the next one's, ms.
+/// Intervals between presented frames, ms.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize)]
 pub struct Intervals {
-    /// Half of the last 600 are below.
+    /// Median of the last 600.
     pub median_ms: f64,
-    /// Of a hundred of the last 600 one is above.
+    /// 99th percentile of the last 600.
     pub p99_ms: f64,
-    /// The longest since the window was opened.
+    /// Maximum since the window was opened.
     pub longest_ms: f64,
 }
 
-/// Figures of a window since it was opened.
+/// Statistics of a window since it was opened.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WindowFigures {
     /// Its name.
     pub name: String,
     /// Name of the view.
     pub view: String,
-    /// Which image of it; empty for a view's only one.
+    /// Part of the view; empty for a view with one image.
     pub part: String,
-    /// How it stands.
+    /// State.
     pub state: WindowState,
-    /// Name of the monitor that it is on; empty: not known.
+    /// Name of its monitor; empty: unknown.
     pub monitor: String,
-    /// Refreshes of the monitor per second; `None`: the system does not tell.
+    /// Refreshes of the monitor per second; `None`: unknown.
     pub refresh_hz: Option<f64>,
-    /// Number of the frame that it shows, see [`Frame::number`](crate::render::Frame::number); 0: none yet.
+    /// Number of the displayed frame, see [`Frame::number`](crate::render::Frame::number); 0: none yet.
     pub frame_number: u64,
-    /// Frames that it has shown.
+    /// Number of displayed frames.
     pub frames: u64,
-    /// `None`: there are no two frames yet, one after the other.
+    /// `None`: there are no two consecutive frames yet.
     pub intervals: Option<Intervals>,
-    /// Refreshes between two frames that no new one came for, where images wait for refreshes; `None`: it does not wait, or their rate is not
-    /// known.
+    /// Refreshes without a new frame between two frames, if images wait for refreshes; `None`: it does not wait, or the
+    /// rate is unknown.
     pub missed: Option<u64>,
 }
 
 impl WindowFigures {
-    /// A window that shows nothing yet.
+    /// Statistics of a window that shows nothing yet.
     pub fn new(name: &str, view: &str, part: &str, state: WindowState) -> Self {
         Self {
             name: name.to_owned(),

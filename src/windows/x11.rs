@@ -1,5 +1,6 @@
-//! What the library for windows does not do on X11, by a connection of our own: monitors by RandR, since the events that tell of their changes do not get through to the library,
-//! EDIDs, windows that fill monitors which the library does not know, and the keyboard where no window manager gives it to windows.
+//! Functions that the window library lacks on X11, through a separate connection: monitors by RandR, because the events
+//! about their changes do not reach the library; EDIDs; windows that fill monitors unknown to the library; and the
+//! keyboard focus if no window manager assigns it.
 
 use x11rb::{
     connection::Connection,
@@ -14,12 +15,12 @@ use x11rb::{
 
 use super::{edid, monitors::MonitorReport};
 
-/// Words of an EDID that are asked for: four blocks.
+/// Maximum length of a requested EDID, 32-bit words: four blocks.
 const EDID_WORDS: u32 = 128;
-/// Of `_NET_WM_STATE`: an application asks.
+/// Source indication of `_NET_WM_STATE`: a normal application.
 const SOURCE: u32 = 1;
 
-/// A connection of our own.
+/// A separate connection.
 pub(super) struct X11 {
     connection: RustConnection,
     root: u32,
@@ -30,7 +31,7 @@ pub(super) struct X11 {
 }
 
 impl X11 {
-    /// Connects to `DISPLAY`; the error is the system's.
+    /// Connects to `DISPLAY`; the error comes from the system.
     pub(super) fn connect() -> Result<Self, String> {
         let (connection, screen) = x11rb::connect(None).map_err(|error| error.to_string())?;
         let root = connection.setup().roots.get(screen).map(|screen| screen.root);
@@ -47,7 +48,7 @@ impl X11 {
         Ok(Self { connection, root, edid, manager, state, fullscreen })
     }
 
-    /// The monitors that are on, without numbers.
+    /// Returns the active monitors, without numbers.
     pub(super) fn monitors(&self) -> Result<Vec<MonitorReport>, ReplyError> {
         let connection = &self.connection;
         let resources = connection.randr_get_screen_resources_current(self.root)?.reply()?;
@@ -70,11 +71,12 @@ impl X11 {
         Ok(monitors)
     }
 
-    /// Has the window manager let a window fill the monitor that it is on, or not any more. Nothing where there is none: place and size are enough then.
+    /// Asks the window manager to let a window fill its monitor, or to undo that. Without a window manager this has no
+    /// effect: position and size are then sufficient.
     pub(super) fn fill(&self, window: u32, fills: bool) -> Result<(), ReplyError> {
         let connection = &self.connection;
         if connection.get_window_attributes(window)?.reply()?.map_state == MapState::UNMAPPED {
-            // What it is to be like once it is seen.
+            // Initial state for the time when the window becomes visible.
             let states = if fills { &[self.fullscreen][..] } else { &[] };
             connection.change_property32(PropMode::REPLACE, window, self.state, AtomEnum::ATOM, states)?;
         } else {
@@ -86,14 +88,14 @@ impl X11 {
         connection.sync()
     }
 
-    /// Gives the keyboard to a window, where there is no window manager to do so and no window has it.
-    pub(super) fn focus_where_nobody_does(&self, window: u32) -> Result<(), ReplyError> {
+    /// Gives the keyboard focus to a window if there is no window manager and no window has it.
+    pub(super) fn focus_without_window_manager(&self, window: u32) -> Result<(), ReplyError> {
         let connection = &self.connection;
         let manager = connection.get_property(false, self.root, self.manager, AtomEnum::WINDOW, 0, 1)?.reply()?;
-        // The root has it, or whatever the pointer is over.
-        let nobody = [u32::from(InputFocus::NONE), u32::from(InputFocus::POINTER_ROOT), self.root];
+        // The focus is on the root, or follows the pointer.
+        let unassigned = [u32::from(InputFocus::NONE), u32::from(InputFocus::POINTER_ROOT), self.root];
         let focus = connection.get_input_focus()?.reply()?.focus;
-        if manager.value_len > 0 || !nobody.contains(&focus) {
+        if manager.value_len > 0 || !unassigned.contains(&focus) {
             return Ok(());
         }
         if connection.get_window_attributes(window)?.reply()?.map_state == MapState::VIEWABLE {
@@ -103,7 +105,7 @@ impl X11 {
     }
 }
 
-/// Refreshes per second of a mode; `None`: it does not say.
+/// Returns the refreshes per second of a mode; `None`: unknown.
 fn refresh_hz(mode: &randr::ModeInfo) -> Option<f64> {
     let (lines, pixels) = (f64::from(mode.vtotal), f64::from(mode.htotal));
     let lines = match mode.mode_flags {

@@ -1,9 +1,9 @@
-//! What lies in the swapchains: the images that the runtime is going to show, read back.
+//! Reads back the swapchain images that the runtime is about to show.
 
 use super::swapchain::Swapchains;
 use crate::gpu::{Gpu, GpuError, read_layer, texels_of_halves};
 
-/// An eye's image as it lies in the swapchain.
+/// An eye's image in the swapchain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CapturedImage {
     /// Width and height, pixels.
@@ -12,10 +12,10 @@ pub struct CapturedImage {
     pub pixels: CapturedPixels,
 }
 
-/// Pixels of a swapchain's image.
+/// Pixels of a swapchain image.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CapturedPixels {
-    /// Linear light, display white is 1.
+    /// Linear light; display white is 1.
     Linear(Vec<[f32; 4]>),
     /// Eight bits, encoded as sRGB.
     Srgb8(Vec<[u8; 4]>),
@@ -28,9 +28,9 @@ pub(super) fn capture(gpu: &Gpu, swapchains: &Swapchains) -> Result<[CapturedIma
 
 fn capture_eye(gpu: &Gpu, swapchains: &Swapchains, eye: usize) -> Result<CapturedImage, GpuError> {
     let (texture, layer) =
-        swapchains.texture(eye).ok_or_else(|| GpuError::Refused("no image of the swapchain is acquired".to_owned()))?;
+        swapchains.texture(eye).ok_or_else(|| GpuError::Refused("no swapchain image is acquired".to_owned()))?;
     let bytes = read_layer(gpu, texture, layer)?;
-    // The runtime takes images back as colour attachments.
+    // The runtime expects images back in the layout of colour attachments.
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("capture") });
     let whole = wgpu::TextureTransition { texture, selector: None, state: wgpu::TextureUses::COLOR_TARGET };
     encoder.transition_resources(std::iter::empty(), std::iter::once(whole));

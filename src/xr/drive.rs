@@ -1,4 +1,4 @@
-//! Driving a headset for as long as its host wants it: connecting, frames, and connecting again.
+//! Drives a headset as long as its host wants: connects, renders frames, and reconnects.
 
 use std::{
     mem, thread,
@@ -14,30 +14,31 @@ use super::{
 };
 use crate::plan::settings::{AfterExit, HeadsetSettings};
 
-/// Wait before the first attempt to connect again; each that fails doubles it.
+/// Wait before the first attempt to reconnect; each failure doubles it.
 const FIRST_WAIT: Duration = Duration::from_millis(250);
-/// The longest wait between two attempts.
+/// Longest wait between two attempts.
 const LONGEST_WAIT: Duration = Duration::from_secs(10);
-/// How often a host is asked whether it still wants the headset, while there is none.
+/// Interval at which the host is asked whether it still wants the headset, while there is no session.
 const HOST_INTERVAL: Duration = Duration::from_millis(50);
-/// How long the runtime may take to end the session when it is asked to.
-const FAREWELL: Duration = Duration::from_secs(2);
+/// Maximum time that the runtime may take to end the session on request.
+const END_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// What it means that the first connection fails, or that the scene cannot be drawn.
+/// Handling of a failed first connection, and of a scene that cannot be drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FirstFailure {
-    /// It is told.
+    /// The error is returned.
     Fails,
-    /// It is tried again, as after a loss: the runtime may be started later, the scene may change.
+    /// It is retried, as after a loss: the runtime may start later, and the scene may change.
     Retries,
 }
 
-/// Connects to the runtime's headset and shows frames until the host ends it, or the wearer does. When the runtime, the session
-/// or the device is lost, it connects again, and waits longer after each attempt that fails. Blocks: for a thread of its own.
+/// Connects to the runtime's headset and shows frames until the host or the wearer ends it. If the runtime, the session
+/// or the device is lost, it reconnects, and waits longer after each failed attempt. Blocks, so it needs a dedicated
+/// thread.
 ///
 /// # Errors
 ///
-/// The first connection failed, or the scene cannot be drawn, where `first` says that this is an error.
+/// The first connection failed, or the scene cannot be drawn, if `first` makes this an error.
 pub fn drive(host: &dyn Host, settings: &HeadsetSettings, first: FirstFailure) -> Result<(), XrError> {
     drive_with(host, settings.after_exit, first, |recorder| {
         let mut headset = Headset::connect(settings, recorder)?;
@@ -46,7 +47,7 @@ pub fn drive(host: &dyn Host, settings: &HeadsetSettings, first: FirstFailure) -
     })
 }
 
-/// What is driven: [`Headset`], and in tests what behaves as a test says.
+/// Interface of the driven session: [`Headset`], or a script in tests.
 trait Connection {
     fn status(&self) -> Status;
     fn figures(&self) -> HeadsetStatistics;
@@ -86,16 +87,16 @@ fn drive_with<C: Connection>(
     let mut recorder = Recorder::default();
     let mut pauses = Pauses::new();
     let mut connected_before = false;
-    let mut told = None;
+    let mut last_reason = None;
     while host.shown().is_some() {
         let reason = match connect(recorder.clone()) {
             Ok(mut headset) => {
                 connected_before = true;
                 let end = frames(&mut headset, host);
                 let before = mem::replace(&mut recorder, headset.close());
-                // A runtime that takes every session and shows nothing is asked less and less often too.
+                // Attempts also become less frequent for a runtime that accepts every session but shows nothing.
                 if recorder.figures().rendered > before.figures().rendered {
-                    (pauses, told) = (Pauses::new(), None);
+                    (pauses, last_reason) = (Pauses::new(), None);
                 }
                 match end {
                     Ok(End::Host) => return Ok(()),
@@ -120,9 +121,9 @@ fn drive_with<C: Connection>(
             Err(error) if first == FirstFailure::Fails && !connected_before => return Err(error),
             Err(error) => error.to_string(),
         };
-        if told.as_ref() != Some(&reason) {
+        if last_reason.as_ref() != Some(&reason) {
             tracing::warn!("headset: {reason}; trying again");
-            told = Some(reason.clone());
+            last_reason = Some(reason.clone());
         }
         host.status(Status::Disconnected { reason, retrying: true });
         let until = Instant::now() + pauses.next();
@@ -133,7 +134,7 @@ fn drive_with<C: Connection>(
     Ok(())
 }
 
-/// Pauses between attempts that come to nothing: each twice as long as the one before, up to the longest.
+/// Pauses between failed attempts: each twice as long as the previous one, up to the longest.
 struct Pauses(Duration);
 
 impl Pauses {
@@ -152,10 +153,10 @@ enum End {
     Exit,
 }
 
-/// Shows frames to the end of the session.
+/// Shows frames until the end of the session.
 fn frames(headset: &mut impl Connection, host: &dyn Host) -> Result<End, XrError> {
     let mut status = headset.status();
-    // The session is counted by whoever sees that there is one.
+    // Report the new session in the statistics.
     host.statistics(&headset.figures());
     host.status(status.clone());
     loop {
@@ -169,7 +170,7 @@ fn frames(headset: &mut impl Connection, host: &dyn Host) -> Result<End, XrError
             Step::Idle if host.shown().is_none() => return Ok(End::Host),
             Step::Idle | Step::Frame(_) => {}
             Step::HostEnded => {
-                take_leave(headset, host);
+                end_session(headset, host);
                 return Ok(End::Host);
             }
             Step::Exited => return Ok(End::Exit),
@@ -177,9 +178,10 @@ fn frames(headset: &mut impl Connection, host: &dyn Host) -> Result<End, XrError
     }
 }
 
-/// Ends the session as the runtime wants it, if it does so in time: otherwise it finds the session gone.
-fn take_leave(headset: &mut impl Connection, host: &dyn Host) {
-    let until = Instant::now() + FAREWELL;
+/// Requests the end of the session and waits for the runtime to end it, up to a limit; after that the session is
+/// dropped.
+fn end_session(headset: &mut impl Connection, host: &dyn Host) {
+    let until = Instant::now() + END_TIMEOUT;
     let mut step = headset.request_exit().map(|()| Step::Idle);
     while Instant::now() < until {
         match step {
@@ -191,7 +193,7 @@ fn take_leave(headset: &mut impl Connection, host: &dyn Host) {
             }
         }
     }
-    tracing::warn!("headset: the runtime has not ended the session within {} s", FAREWELL.as_secs());
+    tracing::warn!("headset: the runtime did not end the session within {} s", END_TIMEOUT.as_secs());
 }
 
 #[cfg(test)]
@@ -216,17 +218,17 @@ mod tests {
         xr::{Flight, MirroredFrame, Shown},
     };
 
-    /// Keeps what it is told.
+    /// Host that records all reports.
     #[derive(Default)]
-    struct Told {
+    struct RecordingHost {
         ended: AtomicBool,
-        /// It ends when it hears of a disconnection.
+        /// Whether the host ends when a disconnection is reported.
         ends_when_disconnected: bool,
         statuses: Mutex<Vec<Status>>,
         statistics: Mutex<HeadsetStatistics>,
     }
 
-    impl Host for Told {
+    impl Host for RecordingHost {
         fn shown(&self) -> Option<Shown> {
             (!self.ended.load(Relaxed)).then(|| Shown {
                 snapshot: scenes::snapshot(Vec::new()),
@@ -257,8 +259,9 @@ mod tests {
         }
     }
 
-    impl Told {
-        /// C: connected; the reason of a disconnection, and ` again` where it is going to be tried again.
+    impl RecordingHost {
+        /// Summarises the statuses: C for connected, otherwise the reason of a disconnection, with ` again` if it is
+        /// retried.
         fn statuses(&self) -> Vec<String> {
             let text = |status: &Status| match status {
                 Status::Connected { .. } => "C".to_owned(),
@@ -272,7 +275,7 @@ mod tests {
 
     type Steps = Vec<Result<Step, XrError>>;
 
-    /// A session that takes these steps.
+    /// A session with a script of steps.
     struct Scripted<'a> {
         steps: RefCell<VecDeque<Result<Step, XrError>>>,
         recorder: Recorder,
@@ -319,9 +322,10 @@ mod tests {
         XrError::NoRuntime { call: "xrCreateInstance", result: sys::Result::ERROR_RUNTIME_FAILURE }
     }
 
-    /// Drives sessions that take these steps, or cannot be made; returns how that ended and how often an exit was requested.
+    /// Drives sessions with scripted steps or connection errors; returns the result and how often an exit was
+    /// requested.
     fn driven(
-        host: &Told,
+        host: &RecordingHost,
         after_exit: AfterExit,
         first: FirstFailure,
         sessions: Vec<Result<Steps, XrError>>,
@@ -346,29 +350,29 @@ mod tests {
     }
 
     #[test]
-    fn a_headset_that_the_wearer_left_is_left_alone_or_taken_again() {
-        let host = Told::default();
+    fn session_ended_by_wearer_stays_ended_or_restarts() {
+        let host = RecordingHost::default();
         let stopped =
             driven(&host, AfterExit::Stop, FirstFailure::Retries, vec![Ok(vec![Ok(Step::Idle), Ok(Step::Exited)])]);
         assert!(matches!(stopped, (Ok(()), 0)), "{stopped:?}");
         assert_eq!(host.statuses(), ["C", "the session was ended in the headset"]);
 
-        let host = Told::default();
+        let host = RecordingHost::default();
         let sessions = vec![Ok(vec![Ok(Step::Exited)]), Ok(vec![Ok(Step::HostEnded), Ok(Step::Exited)])];
         let again = driven(&host, AfterExit::Reconnect, FirstFailure::Retries, sessions);
-        assert!(matches!(again, (Ok(()), 1)), "the host's end is asked of the runtime: {again:?}");
+        assert!(matches!(again, (Ok(()), 1)), "the host's end is requested from the runtime: {again:?}");
         assert_eq!(host.statuses(), ["C", "the session was ended in the headset again", "C"]);
         let figures = host.statistics.lock().unwrap().clone();
-        assert_eq!((figures.sessions, figures.losses), (2, 0), "an exit is no loss");
+        assert_eq!((figures.sessions, figures.losses), (2, 0), "an exit is not a loss");
     }
 
     #[test]
-    fn a_lost_session_is_counted_and_made_again_whatever_the_first_failure_means() {
-        let host = Told::default();
+    fn lost_session_is_counted_and_restored_for_either_first_failure() {
+        let host = RecordingHost::default();
         let last = vec![Ok(Step::HostEnded), Err(lost())];
         let sessions = vec![Ok(vec![Ok(Step::Idle), Err(lost())]), Err(absent()), Ok(last)];
         let end = driven(&host, AfterExit::Stop, FirstFailure::Fails, sessions);
-        assert!(matches!(end, (Ok(()), 1)), "a runtime that is lost at the end is none to wait for: {end:?}");
+        assert!(matches!(end, (Ok(()), 1)), "a runtime that is lost at the end is not waited for: {end:?}");
         assert_eq!(
             host.statuses(),
             ["C".to_owned(), format!("{} again", lost()), format!("{} again", absent()), "C".to_owned()]
@@ -378,11 +382,11 @@ mod tests {
     }
 
     #[test]
-    fn a_first_failure_is_told_or_tried_again() {
-        let host = Told::default();
+    fn first_failure_is_returned_or_retried() {
+        let host = RecordingHost::default();
         let (end, _) = driven(&host, AfterExit::Stop, FirstFailure::Fails, vec![Err(absent())]);
         assert_eq!(end.unwrap_err().to_string(), absent().to_string());
-        assert_eq!(host.statuses(), Vec::<String>::new(), "who gets the error tells it");
+        assert_eq!(host.statuses(), Vec::<String>::new(), "the caller reports the returned error");
 
         let sessions = vec![Err(absent()), Ok(vec![Ok(Step::HostEnded), Ok(Step::Exited)])];
         let (end, _) = driven(&host, AfterExit::Stop, FirstFailure::Retries, sessions);
@@ -391,8 +395,8 @@ mod tests {
     }
 
     #[test]
-    fn a_host_that_ends_meanwhile_is_left_without_another_attempt() {
-        let host = Told { ends_when_disconnected: true, ..Told::default() };
+    fn host_that_ends_while_waiting_causes_no_further_attempt() {
+        let host = RecordingHost { ends_when_disconnected: true, ..RecordingHost::default() };
         let (end, _) = driven(&host, AfterExit::Stop, FirstFailure::Retries, vec![Err(absent())]);
         assert!(end.is_ok(), "{end:?}");
         assert_eq!(host.statuses(), [format!("{} again", absent())]);

@@ -1,88 +1,88 @@
-//! Why a headset cannot be driven.
+//! Errors of headsets.
 
 use openxr::sys;
 
 use crate::{gpu::GpuError, render::RenderError};
 
-/// Why a headset cannot be driven, or is not driven any more.
+/// Reason why a headset cannot be driven, or is no longer driven.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum XrError {
-    /// The library through which programs find the runtime is not there.
+    /// The OpenXR loader library is missing.
     #[error(
         "the OpenXR loader cannot be used: {0}. Install it (Debian and Ubuntu: apt install libopenxr-loader1; Fedora: dnf \
          install openxr; Arch: pacman -S openxr), and a runtime such as SteamVR, Monado or WiVRn"
     )]
     Loader(String),
-    /// No runtime is set up or it does not answer.
+    /// No runtime is set up, or it does not respond.
     #[error(
         "no OpenXR runtime answers ({call}: {result}). Start one (SteamVR, monado-service, WiVRn ...), make it the active one in \
          ~/.config/openxr/1/active_runtime.json, or name its manifest in XR_RUNTIME_JSON"
     )]
     NoRuntime {
-        /// What was called.
+        /// Name of the call.
         call: &'static str,
-        /// What it answered.
+        /// Result of the call.
         result: sys::Result,
     },
     /// The runtime lacks an extension.
-    #[error("the OpenXR runtime {runtime} has no extension {extension}, which is needed: {needed_for}")]
+    #[error("the OpenXR runtime {runtime} has no extension {extension}, which is required: {needed_for}")]
     MissingExtension {
-        /// Name and version of the runtime, as far as it tells them.
+        /// Name and version of the runtime, if known.
         runtime: String,
-        /// The extension.
+        /// Name of the extension.
         extension: &'static str,
-        /// What it is needed for.
+        /// Purpose of the extension.
         needed_for: &'static str,
     },
-    /// There is a runtime without a headset.
+    /// The runtime has no headset.
     #[error(
-        "the OpenXR runtime {runtime} has no headset: {result}. Connect it, switch it on, and look whether the runtime's own display sees it"
+        "the OpenXR runtime {runtime} has no headset: {result}. Connect it, switch it on, and check whether the runtime itself detects it"
     )]
     NoHeadset {
         /// Name and version of the runtime.
         runtime: String,
-        /// What it answered.
+        /// Result of the query.
         result: sys::Result,
     },
-    /// The runtime lacks something that is no extension.
+    /// The runtime lacks a capability that is not an extension.
     #[error("the OpenXR runtime {runtime} cannot be used: {problem}")]
     Unsuitable {
         /// Name and version of the runtime.
         runtime: String,
-        /// What it lacks and what is needed.
+        /// Missing capability and requirement.
         problem: String,
     },
     /// A call failed.
     #[error("{call}: {result}")]
     Call {
-        /// The call.
+        /// Name of the call.
         call: &'static str,
-        /// What it answered.
+        /// Result of the call.
         result: sys::Result,
     },
-    /// The runtime's device could not be made.
+    /// The runtime could not create its device.
     #[error("{call}: Vulkan answers {result}")]
     Vulkan {
-        /// The call.
+        /// Name of the call.
         call: &'static str,
-        /// What it answered.
+        /// Result of the call.
         result: i32,
     },
-    /// The runtime says that it is about to go.
+    /// The runtime announced that it is about to end.
     #[error("the runtime ends the session")]
     LossPending,
     /// The device failed.
     #[error(transparent)]
     Gpu(#[from] GpuError),
-    /// What the eyes see cannot be rendered.
+    /// The eyes' images cannot be rendered.
     #[error("the headset's frame: {0}")]
     Render(#[from] RenderError),
 }
 
-/// Names the call that a result is of.
+/// Adds the name of a call to its result.
 pub(super) trait During<T> {
-    /// The value, or the error of the call of that name.
+    /// Returns the value, or an error with the name of the call.
     fn during(self, call: &'static str) -> Result<T, XrError>;
 }
 

@@ -1,11 +1,11 @@
-//! The eyes as the runtime tells them, and as the rig takes them.
+//! Converts the runtime's views to eyes of the rig.
 
 use glam::{DQuat, DVec3};
 use openxr as xr;
 
 use crate::view::{Eye, Fov, Rig, RigError, View, ViewKind};
 
-/// The field of view of a view of the session: signed angles of four edges.
+/// Returns the field of view of a view of the session: signed angles of the four edges.
 pub(super) fn fov_of(view: &xr::View) -> Fov {
     let xr::Fovf { angle_left, angle_right, angle_up, angle_down } = view.fov;
     Fov {
@@ -16,24 +16,24 @@ pub(super) fn fov_of(view: &xr::View) -> Fov {
     }
 }
 
-/// An eye of the rig from a view of the session: both look along -z with +y up.
+/// Returns an eye of the rig from a view of the session: both look along -z with +y up.
 pub(super) fn eye_from_view(view: &xr::View, size: [u32; 2]) -> Eye {
     let xr::Posef { orientation: q, position: p } = view.pose;
-    // The runtime's quaternions have the precision of f32.
+    // The runtime's quaternions have only the precision of f32.
     let room_from_eye = DQuat::from_xyzw(q.x.into(), q.y.into(), q.z.into(), q.w.into()).normalize();
     Eye { size, fov: fov_of(view), room_from_eye, position_m: DVec3::new(p.x.into(), p.y.into(), p.z.into()) }
 }
 
-/// The rig of a frame: one view of both eyes.
+/// Returns the rig of a frame: one view with both eyes.
 pub(super) fn rig_of(name: &str, eyes: [Eye; 2]) -> Result<Rig, RigError> {
     Rig::new(vec![View::new(name, ViewKind::Headset { eyes }, DQuat::IDENTITY, DVec3::ZERO)?])
 }
 
-/// Where the head is in the room: between the eyes, looking as both do on average.
+/// Returns the pose of the head in the room: at the midpoint between the eyes, with their average orientation.
 pub(super) fn head(eyes: &[Eye; 2]) -> (DVec3, DQuat) {
     let [left, right] = eyes;
     let middle = (left.position_m + right.position_m) / 2.0;
-    // The shorter way between two quaternions that may differ by their sign.
+    // `slerp` takes the shorter way between quaternions that may differ by their sign.
     (middle, left.room_from_eye.slerp(right.room_from_eye, 0.5).normalize())
 }
 
@@ -42,7 +42,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_view_becomes_an_eye_with_all_of_its_numbers() {
+    fn eye_keeps_all_values_of_its_view() {
         let view = xr::View {
             pose: xr::Posef {
                 orientation: xr::Quaternionf { x: 0.0, y: 0.6, z: 0.0, w: 0.8 },
@@ -58,7 +58,7 @@ mod tests {
     }
 
     #[test]
-    fn the_head_is_between_the_eyes_whatever_the_sign_of_their_quaternions() {
+    fn head_is_between_the_eyes_for_either_quaternion_sign() {
         let fov = Fov { left_rad: -0.8, right_rad: 0.8, up_rad: 0.8, down_rad: -0.8 };
         let eye = |angle: f64, sign: f64, x: f64| Eye {
             size: [4, 4],

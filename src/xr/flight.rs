@@ -1,31 +1,31 @@
-//! Flying: from what the controllers say to how the camera moves.
+//! Flight: converts the state of the controllers to a movement of the camera.
 
 use glam::{DQuat, DVec3};
 
 use super::host::Flight;
 use crate::plan::settings::HeadsetSettings;
 
-/// What both controllers together say.
+/// State of both controllers together.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub(super) struct Controls {
-    /// To the right and forwards, each -1 to 1.
+    /// Right and forwards, each -1 to 1.
     pub(super) translate: [f64; 2],
-    /// Turning to the right and rising, each -1 to 1.
+    /// Turn to the right and rise, each -1 to 1.
     pub(super) turn_rise: [f64; 2],
-    /// Forwards, 0 to 1: a trigger's share.
+    /// Forwards, 0 to 1: position of the trigger.
     pub(super) thrust: f64,
-    /// How much faster, 0 to 1: each tenth multiplies the speed by 10^0.3, behind the dead zone.
+    /// Speed factor, 0 to 1: beyond the dead zone each tenth multiplies the speed by 10^0.3.
     pub(super) boost: f64,
 }
 
-/// Deflections of thumbsticks and triggers below this count as rest: worn ones do not return to 0.
+/// Deflections of thumbsticks and triggers below this count as rest, because worn ones do not return to 0.
 const DEAD_ZONE: f64 = 0.15;
-/// Powers of ten between a boost of 0 and one of 1.
+/// Powers of ten between boost 0 and boost 1.
 const BOOST_DECADES: f64 = 3.0;
-/// A longer time between two frames (after a pause of the runtime) moves the camera no farther, s.
+/// Maximum time step of a movement, s; longer intervals, such as a pause of the runtime, count as this.
 const LONGEST_STEP_S: f64 = 0.1;
 
-/// Deflection beyond the dead zone, growing from 0 to 1.
+/// Returns the deflection beyond the dead zone, scaled to 0 to 1.
 fn live(value: f64) -> f64 {
     if value.is_nan() {
         return 0.0;
@@ -33,8 +33,9 @@ fn live(value: f64) -> f64 {
     value.signum() * ((value.abs().min(1.0) - DEAD_ZONE) / (1.0 - DEAD_ZONE)).max(0.0)
 }
 
-/// How the camera moves in `dt_s`. The head (its place and axes in the room) steers: forwards is where it looks. It turns
-/// about the room's vertical through the head, so that turning does not carry the wearer through the scene. `None`: at rest.
+/// Returns the movement of the camera in `dt_s`. The head (its position and axes in the room) steers: forwards is its
+/// viewing direction. Turns are about the room's vertical through the head, so that they do not carry the wearer
+/// through the scene. `None`: at rest.
 pub(super) fn flight(
     controls: &Controls,
     dt_s: f64,
@@ -50,7 +51,7 @@ pub(super) fn flight(
     let speed_m_s = settings.flight_m_s * 10_f64.powf(BOOST_DECADES * boost);
     let in_room = room_from_head * DVec3::new(right, 0.0, -forwards) + DVec3::Y * rise;
     let turned = DQuat::from_rotation_y(-turn * settings.turn_deg_s.to_radians() * dt_s);
-    // What turning about the head instead of the room's origin adds.
+    // Translation of the room's origin when turning about the head.
     let pivot_m = head_m - turned * head_m;
     if dt_s == 0.0 || (in_room == DVec3::ZERO && turn == 0.0) {
         return None;
@@ -73,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn the_head_steers_and_time_not_frames_moves() {
+    fn head_steers_and_speed_is_independent_of_frame_rate() {
         let controls = Controls { translate: [0.0, 1.0], ..Controls::default() };
         let step = flight(&controls, 0.02, &settings(), DQuat::IDENTITY, AT_REST).unwrap();
         assert!((step.translation_m - DVec3::new(0.0, 0.0, -0.2)).length() < 1e-12, "{step:?}");
@@ -83,16 +84,16 @@ mod tests {
         assert!(step.rotation.angle_between(DQuat::IDENTITY) < 1e-7);
         let boosted = Controls { boost: 1.0, ..controls };
         let step = flight(&boosted, 5.0, &settings(), DQuat::IDENTITY, AT_REST).unwrap();
-        assert!((step.translation_m.length() - 1000.0).abs() < 1e-9, "a pause is a tenth of a second at most");
+        assert!((step.translation_m.length() - 1000.0).abs() < 1e-9, "a pause counts as a tenth of a second at most");
     }
 
     #[test]
-    fn turning_leaves_the_head_where_it_is() {
+    fn turning_keeps_the_head_in_place() {
         let controls = Controls { turn_rise: [1.0, 0.0], ..Controls::default() };
         let world_from_room = DQuat::from_rotation_z(0.7);
         let head = (DVec3::new(1.0, 1.7, -2.0), DQuat::from_rotation_x(0.3));
         let step = flight(&controls, 0.1, &settings(), world_from_room, head).unwrap();
-        // The head before and after: place of the camera plus its own in the camera's axes.
+        // Position of the head before and after: that of the camera plus its own offset in the camera's axes.
         let before = world_from_room * head.0;
         let after = step.translation_m + step.rotation * world_from_room * head.0;
         assert!((before - after).length() < 1e-12);
@@ -102,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn worn_thumbsticks_and_numbers_that_are_none_do_not_move() {
+    fn worn_thumbsticks_and_nan_do_not_move() {
         for value in [0.0, 0.14, -0.149, f64::NAN] {
             let controls = Controls { translate: [value; 2], turn_rise: [value; 2], thrust: value, boost: value };
             assert_eq!(flight(&controls, 0.02, &settings(), DQuat::IDENTITY, AT_REST), None, "{value}");

@@ -1,4 +1,4 @@
-//! A headset: one session of the runtime, from its making to its loss, and the frames between.
+//! A headset: one session of the runtime, from its creation to its loss, and its frames.
 
 use std::{
     mem, thread,
@@ -30,40 +30,40 @@ use crate::{
     view::{Eye, Fov},
 };
 
-/// How often a session that shows nothing is asked whether it may.
+/// Interval at which the events of a session that shows nothing are polled.
 const IDLE_INTERVAL: Duration = Duration::from_millis(5);
 
-/// How long the device may take to finish when the connection ends.
+/// Maximum time that the device may take to finish when the connection ends.
 const LAST_WORK: Duration = Duration::from_secs(10);
-/// About what an eye sees in most headsets.
+/// Typical field of view of an eye in most headsets.
 const USUAL_FOV: Fov = Fov { left_rad: -0.8, right_rad: 0.8, up_rad: 0.8, down_rad: -0.8 };
 
-/// What a step has come to.
+/// Result of a step.
 #[derive(Clone, Debug)]
 pub enum Step {
-    /// The session shows nothing now.
+    /// The session currently shows nothing.
     Idle,
-    /// The runtime has asked for a frame and got it.
+    /// The runtime requested a frame and received it.
     Frame(Box<HeadsetFrame>),
     /// The host wants no more frames.
     HostEnded,
-    /// The session was ended: by the wearer, or as it was asked to.
+    /// The session was ended by the wearer, or on request.
     Exited,
 }
 
-/// A frame as it was handed to the runtime.
+/// A frame as submitted to the runtime.
 #[derive(Clone, Debug)]
 pub struct HeadsetFrame {
-    /// When the runtime expects to show it, ns of its clock.
+    /// Time at which the runtime expects to show it, ns of its clock.
     pub display_time_ns: i64,
-    /// Left and right eye as they were drawn; `None`: the runtime did not want the frame, did not know where the head was, or
+    /// Left and right eye as drawn; `None`: the runtime did not want the frame or did not know the pose of the head, or
     /// the scene could not be drawn.
     pub eyes: Option<[Eye; 2]>,
-    /// What lay in the swapchain when it was given back, if it was asked for.
+    /// Contents of the swapchain images on release, if requested.
     pub captured: Option<[CapturedImage; 2]>,
 }
 
-/// A frame that the device is at work on.
+/// A frame that the device is working on.
 struct InFlight {
     submitted: SubmittedFrame,
     wanted: Wanted,
@@ -71,7 +71,7 @@ struct InFlight {
     camera: Camera,
 }
 
-/// A session with a headset. Fields are dropped in this order: what belongs to another before it.
+/// A session with a headset. Fields are dropped in this order, so each one precedes those that it depends on.
 pub struct Headset {
     swapchains: Swapchains,
     input: Input,
@@ -89,35 +89,38 @@ pub struct Headset {
     running: bool,
     recorder: Recorder,
     adaptation: Adaptation,
-    /// Head in the room at the last frame.
+    /// Pose of the head in the room at the last frame.
     head: (DVec3, DQuat),
-    /// Why frames are left out.
+    /// Reason why frames are left out.
     problem: Option<String>,
-    /// When the runtime was to show the last frame that was drawn, ns of its clock.
+    /// Display time of the last drawn frame, ns of the runtime's clock.
     last_drawn_ns: Option<i64>,
-    /// Whether a scene that cannot be drawn is an error of the step; otherwise frames are left out until it can.
+    /// Whether a scene that cannot be drawn is an error of the step; otherwise frames are left out until it can be
+    /// drawn.
     pub fails: bool,
-    /// Whether frames are read back from the swapchain before they are given back: for tests, at a price.
+    /// Whether frames are read back from the swapchain before their release: for tests, because it is slow.
     pub captures: bool,
 }
 
 impl Headset {
-    /// Finds the runtime and its headset, lets it open a device, and makes a session. The figures go on from those of
-    /// `recorder`.
+    /// Finds the runtime and its headset, lets it open a device, and creates a session. The statistics continue those
+    /// of `recorder`.
     ///
     /// # Errors
     ///
-    /// What is missing, or the call that failed.
+    /// A missing requirement, or a failed call.
     pub fn connect(settings: &HeadsetSettings, recorder: Recorder) -> Result<Self, XrError> {
         let runtime = Runtime::find()?;
+        // Choose the blend mode: opaque if the runtime supports it.
         let modes = runtime.instance.enumerate_environment_blend_modes(runtime.system, STEREO);
         let modes = modes.during("xrEnumerateEnvironmentBlendModes")?;
         let opaque = xr::EnvironmentBlendMode::OPAQUE;
         let blend_mode = modes.iter().copied().find(|mode| *mode == opaque).or(modes.first().copied());
         let blend_mode = blend_mode.ok_or_else(|| XrError::Unsuitable {
             runtime: runtime.name.clone(),
-            problem: "it knows no way to show an image".to_owned(),
+            problem: "it has no blend mode to show an image with".to_owned(),
         })?;
+        // Open the device, the session and its reference space.
         let (gpu, handles) = runtime.open_gpu()?;
         let renderer = Renderer::new(gpu);
         let (session, waiter, stream) = runtime.open_session(&handles)?;
@@ -131,6 +134,7 @@ impl Headset {
             return Err(XrError::Unsuitable { runtime: runtime.name, problem });
         }
         let space = session.create_reference_space(kind, xr::Posef::IDENTITY).during("xrCreateReferenceSpace")?;
+        // Create the actions and the swapchains.
         let input = Input::attach(&session)?;
         let swapchains = Swapchains::new(&runtime, &session, renderer.gpu(), settings)?;
         let mut recorder = recorder;
@@ -140,7 +144,7 @@ impl Headset {
             runtime.system_name,
             runtime.name,
             renderer.adapter().adapter,
-            if swapchains.is_array() { "a swapchain of two layers" } else { "two swapchains" },
+            if swapchains.is_array() { "a swapchain with two layers" } else { "two swapchains" },
             swapchains.sizes,
             swapchains.format,
         );
@@ -168,7 +172,7 @@ impl Headset {
         })
     }
 
-    /// How it stands.
+    /// Returns the current status.
     pub fn status(&self) -> Status {
         Status::Connected {
             runtime: self.runtime.name.clone(),
@@ -180,37 +184,37 @@ impl Headset {
         }
     }
 
-    /// The figures so far.
+    /// Returns the statistics so far.
     pub fn recorder(&self) -> &Recorder {
         &self.recorder
     }
 
-    /// Ends the connection and keeps the figures.
+    /// Ends the connection and returns the statistics.
     pub fn close(mut self) -> Recorder {
         mem::take(&mut self.recorder)
     }
 
-    /// Asks the runtime to end the session: the steps that follow go on until one has [`Step::Exited`].
+    /// Asks the runtime to end the session; the next steps continue until one returns [`Step::Exited`].
     ///
     /// # Errors
     ///
-    /// The call fails, as it does where the session does not run.
+    /// The call fails, for instance if the session is not running.
     pub fn request_exit(&self) -> Result<(), XrError> {
         self.session.request_exit().during("xrRequestExitSession")
     }
 
-    /// Does what the runtime asks for next: follows the states of the session, and makes a frame if one is due. Waits until then,
-    /// as long as the runtime paces it.
+    /// Performs the runtime's next request: follows the states of the session and renders a frame if one is due. Blocks
+    /// while the runtime paces the frames.
     ///
     /// # Errors
     ///
-    /// The runtime, the session or the device is lost: connect again.
+    /// The runtime, the session or the device is lost: reconnect.
     pub fn step(&mut self, host: &dyn Host) -> Result<Step, XrError> {
         if self.follow_events(host)? {
             return Ok(Step::Exited);
         }
         if !self.running {
-            // What is in flight has nothing to wait for.
+            // A frame in flight has nothing to wait for.
             self.finish(host)?;
             thread::sleep(IDLE_INTERVAL);
             return Ok(Step::Idle);
@@ -218,7 +222,7 @@ impl Headset {
         self.frame(host)
     }
 
-    /// Takes the runtime's events; true: the session is over.
+    /// Handles the runtime's events; returns whether the session is over.
     fn follow_events(&mut self, host: &dyn Host) -> Result<bool, XrError> {
         let mut buffer = xr::EventDataBuffer::new();
         while let Some(event) = self.runtime.instance.poll_event(&mut buffer).during("xrPollEvent")? {
@@ -256,20 +260,21 @@ impl Headset {
         Ok(false)
     }
 
-    /// Draws a frame that nobody sees, so that shaders are compiled, stars uploaded and impostors baked before the session
-    /// begins: until then the runtime shows the wearer something of its own, not a picture that stands still.
+    /// Draws an invisible frame, so that shaders are compiled, stars uploaded and impostors baked before the session
+    /// begins: until then the runtime shows its own environment instead of a frozen picture.
     fn warm_up(&mut self, host: &dyn Host) -> Result<(), XrError> {
         self.finish(host)?;
         let Some(shown) = host.shown() else { return Ok(()) };
         let usual = |size| Eye { size, fov: USUAL_FOV, room_from_eye: DQuat::IDENTITY, position_m: DVec3::ZERO };
-        // Runtimes that tell the fields of view already save the first frame the map of glare for these.
+        // If the runtime already reports the fields of view, the map of glare is made for them and need not be repeated
+        // in the first frame.
         let now = self.runtime.now()?;
         let located = now.and_then(|now| self.session.locate_views(STEREO, now, &self.space).ok());
-        let told = located
+        let located_rig = located
             .filter(|(_, views)| views.len() == 2)
             .map(|(_, views)| [0, 1].map(|eye| Eye { fov: fov_of(&views[eye]), ..usual(self.swapchains.sizes[eye]) }));
-        let told = told.and_then(|eyes| rig_of(&self.settings.name, eyes).ok());
-        let rig = match told {
+        let located_rig = located_rig.and_then(|eyes| rig_of(&self.settings.name, eyes).ok());
+        let rig = match located_rig {
             Some(rig) => rig,
             None => {
                 rig_of(&self.settings.name, self.swapchains.sizes.map(usual)).map_err(|error| self.unsuitable(error))?
@@ -301,7 +306,7 @@ impl Headset {
         );
         match submitted.and_then(|submitted| self.renderer.finish(submitted)) {
             Ok(_) => Ok(()),
-            Err(error) => self.tell(error),
+            Err(error) => self.skip_or_fail(error),
         }
     }
 
@@ -309,7 +314,7 @@ impl Headset {
         XrError::Unsuitable { runtime: self.runtime.name.clone(), problem: problem.to_string() }
     }
 
-    /// Takes back the frame in flight, if there is one, and gives it to the host.
+    /// Finishes the frame in flight, if there is one, and publishes it to the host.
     fn finish(&mut self, host: &dyn Host) -> Result<(), XrError> {
         let Some(InFlight { submitted, wanted, pose_time, camera }) = self.in_flight.take() else { return Ok(()) };
         match self.renderer.finish(submitted) {
@@ -323,12 +328,12 @@ impl Headset {
                 }
                 Ok(())
             }
-            Err(error) => self.tell(error),
+            Err(error) => self.skip_or_fail(error),
         }
     }
 
-    /// What cannot be drawn is left out; only a lost device ends the session.
-    fn tell(&mut self, error: RenderError) -> Result<(), XrError> {
+    /// Leaves out frames that cannot be drawn; only a lost device ends the session.
+    fn skip_or_fail(&mut self, error: RenderError) -> Result<(), XrError> {
         if self.fails || matches!(error, RenderError::Gpu(GpuError::Lost(_))) {
             return Err(error.into());
         }
@@ -336,7 +341,7 @@ impl Headset {
         Ok(())
     }
 
-    /// Tells once why frames are left out.
+    /// Logs once why frames are left out.
     fn leave_out(&mut self, problem: String) {
         if self.problem.as_ref() != Some(&problem) {
             tracing::error!("headset: frames are left out: {problem}");
@@ -344,10 +349,11 @@ impl Headset {
         }
     }
 
-    /// One frame. What does not depend on where the head is comes before the poses are asked for, so that they are young when
-    /// the frame is drawn and when it is shown.
+    /// Renders one frame. Everything that does not depend on the pose of the head precedes the query of the poses, so
+    /// that they are recent when the frame is drawn and shown.
     fn frame(&mut self, host: &dyn Host) -> Result<Step, XrError> {
         let mut stages = Stages::begin();
+        // Wait for the runtime's pace, then finish the previous frame.
         let state = self.waiter.wait().during("xrWaitFrame")?;
         stages.end("wait");
         let display_ns = state.predicted_display_time.as_nanos();
@@ -355,6 +361,7 @@ impl Headset {
             self.recorder.frame(display_ns, state.predicted_display_period.as_nanos(), state.should_render);
         self.finish(host)?;
         stages.end("finish_last");
+        // Begin the frame and load everything that does not depend on the poses.
         self.stream.begin().during("xrBeginFrame")?;
         let mut made = HeadsetFrame { display_time_ns: display_ns, eyes: None, captured: None };
         let Some(shown) = self.shown(host, since_last_s)? else {
@@ -365,6 +372,7 @@ impl Headset {
         stages.end("hold");
         let mut layers = None;
         let mut timings = FrameTimings::default();
+        // Query the poses as late as possible and draw both eyes.
         if held {
             self.swapchains.acquire()?;
             stages.end("acquire");
@@ -388,6 +396,7 @@ impl Headset {
             }
             self.swapchains.release()?;
         }
+        // Submit the layers and record the statistics.
         self.end(state.predicted_display_time, layers.as_ref())?;
         stages.end("end");
         if made.eyes.is_some() {
@@ -400,7 +409,7 @@ impl Headset {
         Ok(Step::Frame(Box::new(made)))
     }
 
-    /// What to show, after the controllers have moved the camera; `None`: the host wants no more.
+    /// Returns the scene to show after the controllers have moved the camera; `None`: the host wants no more frames.
     fn shown(&mut self, host: &dyn Host, since_last_s: Option<f64>) -> Result<Option<Shown>, XrError> {
         let Some(shown) = host.shown() else { return Ok(None) };
         let controls = self.input.read(&self.session)?;
@@ -414,18 +423,18 @@ impl Headset {
         }
     }
 
-    /// Holds what the frame takes; false: it cannot be drawn.
+    /// Loads the data that the frame needs; returns false if it cannot be drawn.
     fn hold(&mut self, shown: &Shown) -> Result<bool, XrError> {
         match self.renderer.hold(&shown.snapshot, &shown.settings) {
             Ok(()) => Ok(true),
-            Err(error) => self.tell(error).map(|()| false),
+            Err(error) => self.skip_or_fail(error).map(|()| false),
         }
     }
 
-    /// Where the eyes are going to be; `None`: the runtime does not know where the head is.
+    /// Returns the predicted views of the eyes; `None`: the runtime does not know the pose of the head.
     fn locate(&mut self, time: xr::Time) -> Result<Option<[xr::View; 2]>, XrError> {
         let (flags, views) = self.session.locate_views(STEREO, time, &self.space).during("xrLocateViews")?;
-        // Without its place both eyes would be drawn from one point.
+        // Without positions both eyes would be drawn from one point.
         if !flags.contains(xr::ViewStateFlags::ORIENTATION_VALID | xr::ViewStateFlags::POSITION_VALID) {
             self.leave_out("the runtime does not know where the head is".to_owned());
             return Ok(None);
@@ -436,7 +445,7 @@ impl Headset {
         }
     }
 
-    /// Draws both eyes into the acquired images; false: they cannot be drawn.
+    /// Draws both eyes into the acquired images; returns false if they cannot be drawn.
     fn submit(
         &mut self,
         shown: &Shown,
@@ -472,11 +481,11 @@ impl Headset {
                 self.last_drawn_ns = Some(display_ns);
                 Ok(true)
             }
-            Err(error) => self.tell(error).map(|()| false),
+            Err(error) => self.skip_or_fail(error).map(|()| false),
         }
     }
 
-    /// Hands the frame in: a projection layer with the poses and fields of view it was drawn for, or nothing.
+    /// Submits the frame: a projection layer with the poses and fields of view used for drawing, or nothing.
     fn end(&mut self, time: xr::Time, views: Option<&[xr::View; 2]>) -> Result<(), XrError> {
         let Self { stream, swapchains, space, blend_mode, .. } = self;
         let call = "xrEndFrame";
@@ -495,14 +504,14 @@ impl Headset {
 
 impl Drop for Headset {
     fn drop(&mut self) {
-        // Images and session must not go while the device is at work with them. One that is lost does no work any more.
+        // Images and session must not be dropped while the device uses them. A lost device no longer works on anything.
         if let Err(error) = self.renderer.gpu().wait_at_most(None, LAST_WORK) {
             tracing::warn!("headset: {error}");
         }
     }
 }
 
-/// Times the stages of a frame.
+/// Measures the stages of a frame.
 struct Stages {
     last: Instant,
     times_ms: Vec<(&'static str, f64)>,
@@ -513,7 +522,7 @@ impl Stages {
         Self { last: Instant::now(), times_ms: Vec::new() }
     }
 
-    /// What was done since the last stage is one of this name.
+    /// Ends a stage: assigns the time since the previous one to this name.
     fn end(&mut self, name: &'static str) {
         let now = Instant::now();
         self.times_ms.push((name, (now - self.last).as_secs_f64() * 1e3));

@@ -1,4 +1,4 @@
-//! Whom a headset is driven for: the daemon, or the program itself.
+//! Interface between a headset and its host: the daemon, or the program itself.
 
 use std::{sync::Arc, time::SystemTime};
 
@@ -11,32 +11,32 @@ use crate::{
     scene::{Camera, PoseError, SceneSnapshot},
 };
 
-/// What a headset is to show now.
+/// Scene that a headset shows now.
 #[derive(Clone, Debug)]
 pub struct Shown {
-    /// The scene, with the newest camera: the room's origin in the scene.
+    /// Scene with the newest camera, which is the room's origin in the scene.
     pub snapshot: SceneSnapshot,
-    /// How it is drawn.
+    /// Settings of the renderer.
     pub settings: RenderSettings,
-    /// When the camera was set.
+    /// Time at which the camera was set.
     pub camera_time: SystemTime,
 }
 
-/// How far controllers move the camera from one frame to the next.
+/// Movement of the camera by the controllers between two frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flight {
-    /// Change of place, world axes, m.
+    /// Translation, world axes, m.
     pub translation_m: DVec3,
-    /// Rotation in world axes, to apply after the camera's own: unit length.
+    /// Rotation in world axes, applied after the camera's own: unit quaternion.
     pub rotation: DQuat,
 }
 
 impl Flight {
-    /// A camera after the flight: one revision later.
+    /// Returns the camera after the flight, with the next revision.
     ///
     /// # Errors
     ///
-    /// It would be at a place that is no place any more.
+    /// The new position is out of range.
     pub fn moved(&self, camera: &Camera) -> Result<Camera, PoseError> {
         let position_m = camera.position_m + self.translation_m;
         let orientation = (self.rotation * camera.world_from_camera).normalize();
@@ -45,64 +45,64 @@ impl Flight {
     }
 }
 
-/// What the eyes saw in one frame, as clients get it.
+/// Images of the eyes in one frame, for clients.
 #[derive(Clone, Debug)]
 pub struct MirroredFrame {
-    /// The frame: its one view has the images of the left and the right eye, as far as [`Host::mirror`] wanted them.
+    /// The frame: its one view has the images of the left and the right eye that [`Host::mirror`] requested.
     pub frame: Arc<Frame>,
-    /// The camera: the origin of the room.
+    /// Camera, which is the origin of the room.
     pub camera: Camera,
-    /// When the poses of the eyes were asked for.
+    /// Time at which the poses of the eyes were queried.
     pub pose_time: SystemTime,
-    /// When the frame was finished.
+    /// Time at which the frame was finished.
     pub render_time: SystemTime,
 }
 
-/// How it stands with the headset.
+/// Status of the headset.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Status {
     /// There is no session.
     Disconnected {
-        /// Why: what the last attempt came to.
+        /// Result of the last attempt.
         reason: String,
-        /// Whether it is going to be tried again.
+        /// Whether it will be retried.
         retrying: bool,
     },
     /// There is a session.
     Connected {
         /// Name and version of the runtime.
         runtime: String,
-        /// Name of the system, as the runtime tells it.
+        /// Name of the system, reported by the runtime.
         system: String,
         /// State of the session: `idle`, `ready`, `synchronized`, `visible`, `focused`, `stopping` ...
         state: &'static str,
         /// Width and height of each eye's image, pixels: left, right.
         sizes: [[u32; 2]; 2],
-        /// Adapter that the runtime has chosen.
+        /// Adapter chosen by the runtime.
         adapter: String,
-        /// Why frames are left out, while they are.
+        /// Reason why frames are currently left out.
         problem: Option<String>,
     },
 }
 
-/// Whom a headset is driven for. None of the calls may block: they are made from frame to frame.
+/// Host of a headset. Its methods must not block, because they are called in every frame.
 pub trait Host: Send + Sync {
-    /// What to show; `None`: the headset is to end.
+    /// Returns the scene to show; `None` ends the headset.
     fn shown(&self) -> Option<Shown>;
 
     /// Moves the camera.
     fn fly(&self, flight: &Flight);
 
-    /// Which images of the next frame are wanted back from the GPU.
+    /// Returns which images of the next frame are to be read back from the GPU.
     fn mirror(&self) -> Wanted;
 
-    /// Takes a finished frame that [`Host::mirror`] wanted images of.
+    /// Receives a finished frame with the images requested by [`Host::mirror`].
     fn publish(&self, frame: MirroredFrame);
 
-    /// Takes how it stands, whenever that has changed.
+    /// Receives the status after each change.
     fn status(&self, status: Status);
 
-    /// Takes the figures of the headset so far, after each frame.
+    /// Receives the statistics so far after each frame.
     fn statistics(&self, statistics: &HeadsetStatistics);
 }

@@ -1,4 +1,4 @@
-//! Controllers: the actions of flying, and the buttons and sticks of common controllers that they are bound to.
+//! Controllers: the actions of flight, and their bindings to buttons and sticks of common controllers.
 
 use openxr as xr;
 
@@ -7,7 +7,7 @@ use super::{
     flight::Controls,
 };
 
-/// Bindings of one kind of controller, as paths.
+/// Bindings of one type of controller, as paths.
 struct Profile {
     path: &'static str,
     translate: Option<&'static str>,
@@ -19,8 +19,8 @@ struct Profile {
 const THUMBSTICKS: [&str; 2] = ["/user/hand/left/input/thumbstick", "/user/hand/right/input/thumbstick"];
 const TRACKPADS: [&str; 2] = ["/user/hand/left/input/trackpad", "/user/hand/right/input/trackpad"];
 
-/// A controller for each hand, with a trigger and a stick or pad. Left hand: where to, and how fast. Right hand: turning, rising
-/// and thrust.
+/// Bindings for a controller in each hand with a trigger and a stick or pad. Left hand: direction and speed. Right
+/// hand: turn, rise and thrust.
 const fn pair(path: &'static str, [left, right]: [&'static str; 2]) -> Profile {
     Profile {
         path,
@@ -55,7 +55,7 @@ pub(super) struct Input {
 }
 
 impl Input {
-    /// Makes the actions and attaches them to the session.
+    /// Creates the actions and attaches them to the session.
     pub(super) fn attach(session: &xr::Session<xr::Vulkan>) -> Result<Self, XrError> {
         let instance = session.instance();
         let set = instance.create_action_set("flight", "Flight", 0).during("xrCreateActionSet")?;
@@ -79,15 +79,15 @@ impl Input {
                 }
             }
             if let Err(result) = instance.suggest_interaction_profile_bindings(path(profile.path)?, &bindings) {
-                // A runtime need not know every controller.
-                tracing::info!("headset: the runtime does not take bindings of {}: {result}", profile.path);
+                // A runtime need not support every controller.
+                tracing::info!("headset: the runtime does not accept bindings of {}: {result}", profile.path);
             }
         }
         session.attach_action_sets(&[&input.set]).during("xrAttachSessionActionSets")?;
         Ok(input)
     }
 
-    /// What the controllers say now; nothing while the session has no focus.
+    /// Returns the current state of the controllers; at rest while the session has no focus.
     pub(super) fn read(&self, session: &xr::Session<xr::Vulkan>) -> Result<Controls, XrError> {
         session.sync_actions(&[(&self.set).into()]).during("xrSyncActions")?;
         let none = xr::Path::NULL;

@@ -1,16 +1,16 @@
-//! The headset: an OpenXR session whose eyes are views as all others.
+//! The headset: an OpenXR session whose eyes are ordinary views.
 //!
 //! ```text
 //! runtime  --display time, poses, fields of view-->  headset thread  -->  Rig  -->  Renderer  -->  swapchain images
 //! host (scene, camera)  -->  headset thread  --flight, mirrored frames, statistics-->  host
 //! ```
 //!
-//! The thread owns a device of its own, which the runtime has made: a headset and the other views of a daemon neither
-//! wait for each other nor fail together, and the runtime may choose another adapter.
+//! The thread owns a separate device, created by the runtime: a headset and the other views of a daemon neither wait
+//! for each other nor fail together, and the runtime may choose another adapter.
 //!
-//! `drive` connects, shows frames until the [`Host`] ends it, and connects again when the runtime was lost. `Headset` is
-//! one connection, step by step. Both need the feature `xr`; without it only the types are here that the service tells of a
-//! headset with.
+//! `drive` connects, shows frames until the [`Host`] ends it, and reconnects when the runtime was lost. `Headset` is
+//! one connection, controlled step by step. Both need the feature `xr`; without it this module contains only the types
+//! with which the service describes a headset.
 
 #[cfg(feature = "xr")]
 mod capture;

@@ -1,4 +1,4 @@
-//! The runtime: found through the system's loader, asked for what is needed, and told from others by what it lacks.
+//! The runtime: finds it through the system's loader, checks its capabilities, and opens its device and session.
 #![expect(unsafe_code, reason = "the loader is a library of the system, and the runtime makes the Vulkan device")]
 
 use std::mem;
@@ -12,16 +12,16 @@ use crate::gpu::{
     adopt::{DeviceMaker, NEWEST_API_VERSION, VulkanHandles},
 };
 
-/// The eyes of a headset, as views of a session.
+/// View configuration with the two eyes of a headset.
 pub(super) const STEREO: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
 
-/// The system's OpenXR loader, through which programs find the runtime.
+/// Loads the system's OpenXR loader, through which programs find the runtime.
 ///
 /// # Errors
 ///
-/// [`XrError::Loader`]: it is not there, or is none.
+/// [`XrError::Loader`]: it is missing or invalid.
 pub fn loader() -> Result<xr::Entry, XrError> {
-    // SAFETY: the library of this name is the OpenXR loader, whose functions are those of the specification.
+    // SAFETY: the library of this name is the OpenXR loader, whose functions follow the specification.
     unsafe { xr::Entry::load(&()) }.map_err(|error| XrError::Loader(error.to_string()))
 }
 
@@ -33,20 +33,21 @@ pub(super) struct Runtime {
     pub(super) name: String,
     /// Name of the system.
     pub(super) system_name: String,
-    /// Whether the runtime's clock can be read, which the age of poses needs.
+    /// Whether the runtime's clock can be read, which is needed for the age of poses.
     pub(super) has_clock: bool,
 }
 
-/// Whether a loader and a runtime are set up on this system. Connects to nothing: the runtime's service need not run.
+/// Checks whether a loader and a runtime are set up on this system. Does not connect: the runtime's service need not
+/// run.
 ///
 /// # Errors
 ///
-/// What is missing.
+/// The missing component.
 pub fn check_set_up() -> Result<(), XrError> {
     look().map(|_| ())
 }
 
-/// The loader, and what the active runtime has.
+/// Returns the loader and the extensions of the active runtime.
 fn look() -> Result<(xr::Entry, xr::ExtensionSet), XrError> {
     let entry = loader()?;
     let available = entry.enumerate_extensions().map_err(no_runtime("xrEnumerateInstanceExtensionProperties"))?;
@@ -64,7 +65,7 @@ impl Runtime {
         let missing = |runtime: &str| XrError::MissingExtension {
             runtime: runtime.to_owned(),
             extension: "XR_KHR_vulkan_enable2",
-            needed_for: "frames are drawn with Vulkan on a device of the runtime's",
+            needed_for: "frames are drawn with Vulkan on a device of the runtime",
         };
         let mut wanted = xr::ExtensionSet::default();
         wanted.khr_vulkan_enable2 = available.khr_vulkan_enable2;
@@ -95,7 +96,7 @@ impl Runtime {
         Ok(Self { instance, system, name, system_name, has_clock })
     }
 
-    /// Lets the runtime make the device that the headset is drawn with.
+    /// Lets the runtime create the device that draws for the headset.
     pub(super) fn open_gpu(&self) -> Result<(Gpu, VulkanHandles), XrError> {
         let requirements = self.instance.graphics_requirements::<xr::Vulkan>(self.system);
         let requirements = requirements.during("xrGetVulkanGraphicsRequirements2KHR")?;
@@ -103,13 +104,13 @@ impl Runtime {
         let newest = NEWEST_API_VERSION;
         let (major, minor) = (vk::api_version_major(newest), vk::api_version_minor(newest));
         if (u32::from(least.major()), u32::from(least.minor())) > (major, minor) {
-            let problem = format!("it needs Vulkan {least}, and frames are drawn with {major}.{minor} at most");
+            let problem = format!("it needs Vulkan {least}, but frames are drawn with at most {major}.{minor}");
             return Err(XrError::Unsuitable { runtime: self.name.clone(), problem });
         }
         Gpu::adopt(&RuntimesDevice(self), &GpuOptions::default())
     }
 
-    /// The runtime's clock now; `None` where it cannot be read.
+    /// Returns the current time of the runtime's clock; `None` if it cannot be read.
     pub(super) fn now(&self) -> Result<Option<xr::Time>, XrError> {
         if !self.has_clock {
             return Ok(None);
@@ -132,15 +133,15 @@ fn enable_clock(available: &xr::ExtensionSet, wanted: &mut xr::ExtensionSet) -> 
 
 struct RuntimesDevice<'a>(&'a Runtime);
 
-/// Vulkan's function that finds all others, as OpenXR's interface has it.
+/// Returns Vulkan's function that finds all others, in the type of OpenXR's interface.
 fn get_instance_proc_addr(loader: &ash::Entry) -> xr::sys::platform::VkGetInstanceProcAddr {
     let function: vk::PFN_vkGetInstanceProcAddr = loader.static_fn().get_instance_proc_addr;
     // SAFETY: both are pointers to the same C function; the crates name its handle and its result differently.
     unsafe { mem::transmute(function) }
 }
 
-// SAFETY: the runtime makes instance, physical device and device from what it is given and adds what it needs itself; by
-// XR_KHR_vulkan_enable2 the program owns what comes out.
+// SAFETY: the runtime creates instance, physical device and device from the given information and adds its own
+// requirements; according to XR_KHR_vulkan_enable2 the program owns the results.
 unsafe impl DeviceMaker for RuntimesDevice<'_> {
     type Error = XrError;
 
@@ -191,8 +192,8 @@ impl Runtime {
             queue_family_index: handles.queue_family_index,
             queue_index: handles.queue_index,
         };
-        // SAFETY: the handles are of the device that this runtime has made, which outlives the session: who holds both
-        // drops the session first.
+        // SAFETY: the handles belong to the device created by this runtime. The device outlives the session, because
+        // the owner of both drops the session first.
         unsafe { self.instance.create_session::<xr::Vulkan>(self.system, &info) }.during("xrCreateSession")
     }
 }

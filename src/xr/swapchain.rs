@@ -13,7 +13,7 @@ use crate::{
     plan::settings::{HeadsetSettings, SwapchainFormat, SwapchainLayout},
 };
 
-/// Formats that eyes can be drawn in: ours, Vulkan's, the renderer's.
+/// Supported formats: as configured, in Vulkan, in the renderer.
 const FORMATS: [(SwapchainFormat, vk::Format, wgpu::TextureFormat); 3] = [
     (SwapchainFormat::Rgba16f, vk::Format::R16G16B16A16_SFLOAT, wgpu::TextureFormat::Rgba16Float),
     (SwapchainFormat::Rgba8Srgb, vk::Format::R8G8B8A8_SRGB, wgpu::TextureFormat::Rgba8UnormSrgb),
@@ -23,19 +23,19 @@ const FORMATS: [(SwapchainFormat, vk::Format, wgpu::TextureFormat); 3] = [
 /// The layers of one image of a swapchain.
 struct Image {
     texture: wgpu::Texture,
-    /// One for each layer.
+    /// One view for each layer.
     views: Vec<wgpu::TextureView>,
 }
 
 /// One swapchain.
 struct Chain {
-    // Before the swapchain, whose images they are.
+    // Declared before the swapchain, which owns the images, so that it is dropped first.
     images: Vec<Image>,
     swapchain: xr::Swapchain<xr::Vulkan>,
     acquired: Option<usize>,
 }
 
-/// What the eyes are drawn into: one swapchain of two layers, or two.
+/// Render targets of the eyes: one swapchain with two layers, or two swapchains.
 pub(super) struct Swapchains {
     chains: Vec<Chain>,
     /// Format of all images.
@@ -44,13 +44,14 @@ pub(super) struct Swapchains {
     pub(super) sizes: [[u32; 2]; 2],
 }
 
-/// The format to use of those offered, which stand in the runtime's order.
+/// Chooses a format from those offered, which are in the runtime's order of preference.
 fn choose_format(offered: &[u32], wanted: SwapchainFormat) -> Result<(vk::Format, wgpu::TextureFormat), String> {
     let ours = |format: &(SwapchainFormat, vk::Format, wgpu::TextureFormat)| {
         wanted == SwapchainFormat::Auto || format.0 == wanted
     };
-    let of = |raw: u32| FORMATS.iter().filter(|format| ours(format)).find(|format| format.1.as_raw() as u32 == raw);
-    if let Some((_, vulkan, texture)) = offered.iter().find_map(|raw| of(*raw)) {
+    let format_of =
+        |raw: u32| FORMATS.iter().filter(|format| ours(format)).find(|format| format.1.as_raw() as u32 == raw);
+    if let Some((_, vulkan, texture)) = offered.iter().find_map(|raw| format_of(*raw)) {
         return Ok((*vulkan, *texture));
     }
     let names = FORMATS.iter().filter(|format| ours(format)).map(|format| format!("{:?}", format.1));
@@ -63,7 +64,7 @@ fn choose_format(offered: &[u32], wanted: SwapchainFormat) -> Result<(vk::Format
 }
 
 impl Swapchains {
-    /// Makes the swapchains that the settings ask for.
+    /// Creates the swapchains that the settings require.
     pub(super) fn new(
         runtime: &Runtime,
         session: &xr::Session<xr::Vulkan>,
@@ -71,6 +72,7 @@ impl Swapchains {
         settings: &HeadsetSettings,
     ) -> Result<Self, XrError> {
         let unsuitable = |problem: String| XrError::Unsuitable { runtime: runtime.name.clone(), problem };
+        // Size of each eye's image: the recommended size times the configured scale, within all limits.
         let views = runtime.instance.enumerate_view_configuration_views(runtime.system, super::runtime::STEREO);
         let views = views.during("xrEnumerateViewConfigurationViews")?;
         let [left, right] = views.as_slice() else {
@@ -88,6 +90,7 @@ impl Swapchains {
             ]
         };
         let sizes = [size(left), size(right)];
+        // Format of the images.
         let offered = session.enumerate_swapchain_formats().during("xrEnumerateSwapchainFormats")?;
         let (vulkan, format) = choose_format(&offered, settings.format).map_err(unsuitable)?;
         let create = |size: [u32; 2], layers: u32| {
@@ -103,22 +106,24 @@ impl Swapchains {
                 mip_count: 1,
             })
         };
+        // Create one swapchain with two layers if it is configured and possible, otherwise two swapchains.
         let equal = sizes[0] == sizes[1];
         let mut array = None;
         match settings.swapchains {
             SwapchainLayout::Two => {}
             SwapchainLayout::Array if !equal => {
                 return Err(unsuitable(format!(
-                    "its eyes have different sizes ({sizes:?}), which headset.swapchains = \"array\" does not allow"
+                    "its eyes have different sizes ({sizes:?}), which headset.swapchains = \"array\" does not support"
                 )));
             }
-            SwapchainLayout::Array => array = Some(create(sizes[0], 2).during("xrCreateSwapchain of two layers")?),
+            SwapchainLayout::Array => array = Some(create(sizes[0], 2).during("xrCreateSwapchain with two layers")?),
             SwapchainLayout::Auto if equal => match create(sizes[0], 2) {
                 Ok(swapchain) => array = Some(swapchain),
-                Err(result) => tracing::info!("headset: no swapchain of two layers ({result}): taking two swapchains"),
+                Err(result) => tracing::info!("headset: no swapchain with two layers ({result}): using two swapchains"),
             },
             SwapchainLayout::Auto => {}
         }
+        // Use their images as textures of the renderer.
         let adopt = |swapchain, size, layers| Chain::new(gpu, swapchain, format, size, layers);
         let chains = match array {
             Some(swapchain) => vec![adopt(swapchain, sizes[0], 2)?],
@@ -130,12 +135,12 @@ impl Swapchains {
         Ok(Self { chains, format, sizes })
     }
 
-    /// Which swapchain and which of its layers is an eye's.
+    /// Returns the swapchain and the layer of an eye.
     fn place(&self, eye: usize) -> (usize, usize) {
         if self.chains.len() == 1 { (0, eye) } else { (eye, 0) }
     }
 
-    /// Takes the next images, and waits until the runtime has read what was in them.
+    /// Acquires the next images and waits until the runtime has finished reading them.
     pub(super) fn acquire(&mut self) -> Result<(), XrError> {
         for chain in &mut self.chains {
             let index = chain.swapchain.acquire_image().during("xrAcquireSwapchainImage")?;
@@ -145,21 +150,21 @@ impl Swapchains {
         Ok(())
     }
 
-    /// What an eye is drawn into; `None`: no image is acquired.
+    /// Returns the render target of an eye; `None`: no image is acquired.
     pub(super) fn target(&self, eye: usize) -> Option<&wgpu::TextureView> {
         let (chain, layer) = self.place(eye);
         let chain = &self.chains[chain];
         Some(&chain.images[chain.acquired?].views[layer])
     }
 
-    /// The texture of an eye's image and the layer in it; `None`: no image is acquired.
+    /// Returns the texture and layer of an eye's image; `None`: no image is acquired.
     pub(super) fn texture(&self, eye: usize) -> Option<(&wgpu::Texture, u32)> {
         let (chain, layer) = self.place(eye);
         let chain = &self.chains[chain];
         Some((&chain.images[chain.acquired?].texture, layer as u32))
     }
 
-    /// Gives the images to the runtime. The work that draws them has been submitted.
+    /// Releases the images to the runtime. The work that draws them must have been submitted.
     pub(super) fn release(&mut self) -> Result<(), XrError> {
         for chain in &mut self.chains {
             if chain.acquired.take().is_some() {
@@ -169,7 +174,7 @@ impl Swapchains {
         Ok(())
     }
 
-    /// An eye's part of a projection layer.
+    /// Returns an eye's part of a projection layer.
     pub(super) fn sub_image(&self, eye: usize) -> xr::SwapchainSubImage<'_, xr::Vulkan> {
         let (chain, layer) = self.place(eye);
         let extent = xr::Extent2Di { width: self.sizes[eye][0] as i32, height: self.sizes[eye][1] as i32 };
@@ -205,12 +210,12 @@ impl Chain {
             view_formats: &[],
         };
         let adopt = |image: &u64| {
-            // SAFETY: the image is one of this device's, made as the descriptor says, and by XR_KHR_vulkan_enable2 in the
-            // layout of colour attachments when it is acquired. The textures are dropped before the swapchain, after the
-            // device has finished.
+            // SAFETY: the image belongs to this device and matches the descriptor; according to XR_KHR_vulkan_enable2
+            // it is in the layout of colour attachments when it is acquired. The textures are dropped before the
+            // swapchain, after the device has finished.
             let texture = unsafe { gpu.adopt_image(*image, &descriptor) };
             let texture = texture.ok_or_else(|| {
-                XrError::Gpu(crate::gpu::GpuError::Adopt("images of a swapchain cannot be adopted".to_owned()))
+                XrError::Gpu(crate::gpu::GpuError::Adopt("swapchain images cannot be adopted".to_owned()))
             })?;
             let view = |layer: u32| {
                 texture.create_view(&wgpu::TextureViewDescriptor {
@@ -233,7 +238,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_runtimes_first_choice_is_taken_unless_another_is_asked_for() {
+    fn runtimes_preferred_format_is_used_unless_configured() {
         let raw = |format: vk::Format| format.as_raw() as u32;
         let offered =
             [raw(vk::Format::R16G16B16A16_UNORM), raw(vk::Format::B8G8R8A8_SRGB), raw(vk::Format::R16G16B16A16_SFLOAT)];

@@ -91,7 +91,7 @@ fn a_tiny_run_has_every_method_and_leaves_no_cell_wrong() {
     let mut steps = Vec::new();
     let extent = tiny();
     let rows = chart::run(&mut renderer, &[Axis::Stars], &extent, &mut |step| steps.push(step.clone())).unwrap();
-    assert!(steps.iter().enumerate().all(|(index, step)| step.done == index && step.of == steps.len()), "{steps:?}");
+    assert!(steps.iter().enumerate().all(|(index, step)| step.done == index && step.total == steps.len()), "{steps:?}");
 
     let folder = tempfile::tempdir().unwrap();
     let files = chart::write(folder.path(), &rows, &about()).unwrap();
@@ -121,7 +121,7 @@ fn a_tiny_run_has_every_method_and_leaves_no_cell_wrong() {
             }
             assert!(row.error_value.is_some() || !row.notes.is_empty(), "an empty cell must say why: {row:?}");
             if !method.draws_catalogue() && row.error_value.is_some() {
-                assert!(row.notes.contains("its own stars") || row.error_metric == "order_bits_differ", "{row:?}");
+                assert!(row.notes.contains("stars of the sky itself") || row.error_metric == "order_bits_differ", "{row:?}");
             }
         }
     }
@@ -250,7 +250,7 @@ fn a_tiny_run_of_glare_has_the_figures_of_every_method() {
     let extent = tiny();
     let mut steps = Vec::new();
     let rows = chart::run(&mut renderer, &[Axis::Glare], &extent, &mut |step| steps.push(step.clone())).unwrap();
-    assert!(steps.iter().enumerate().all(|(index, step)| step.done == index && step.of == steps.len()), "{steps:?}");
+    assert!(steps.iter().enumerate().all(|(index, step)| step.done == index && step.total == steps.len()), "{steps:?}");
     let keys: BTreeSet<_> = rows.iter().map(|row| (&row.method, &row.workload, &row.error_metric)).collect();
     assert_eq!(keys.len(), rows.len());
     let methods: BTreeSet<&str> = rows.iter().map(|row| row.method.as_str()).collect();
@@ -323,7 +323,7 @@ fn asteroids_have_the_figures_of_every_method(extent: &Extent) {
     let mut renderer = crate::common::renderer();
     let mut steps = Vec::new();
     let rows = chart::run(&mut renderer, &[Axis::Asteroids], extent, &mut |step| steps.push(step.clone())).unwrap();
-    assert!(steps.iter().enumerate().all(|(index, step)| step.done == index && step.of == steps.len()), "{steps:?}");
+    assert!(steps.iter().enumerate().all(|(index, step)| step.done == index && step.total == steps.len()), "{steps:?}");
     let keys: BTreeSet<_> = rows.iter().map(|row| (&row.method, &row.workload, &row.error_metric)).collect();
     assert_eq!(keys.len(), rows.len());
     let (published, measured): (Vec<&Row>, Vec<&Row>) =

@@ -1,4 +1,4 @@
-//! What is missing is named: the loader, the runtime, its service; and what is asked for in vain.
+//! Error messages for a missing loader, runtime or service, and for unsupported requests.
 
 use std::process::Command;
 
@@ -12,8 +12,8 @@ use crate::{
 
 pub const TESTS: &[Test] = &[
     Test::Anywhere("bad_settings_of_the_headset_are_refused", bad_settings),
-    Test::WithMonado("xr_says_what_is_missing", xr_says_what_is_missing),
-    Test::WithMonado("daemon_lives_without_a_runtime_and_says_why", daemon_lives_without),
+    Test::WithMonado("xr_reports_missing_parts", xr_reports_missing_parts),
+    Test::WithMonado("daemon_runs_without_a_runtime_and_reports_the_reason", daemon_runs_without_headset),
 ];
 
 const SCENE: &str = r#"
@@ -33,7 +33,7 @@ const BAD_USAGE: i32 = 64;
 /// Exit code of the contract: no usable adapter, or no headset.
 const NO_ADAPTER: i32 = 69;
 
-/// The program ends with a code and one line that holds these texts.
+/// Asserts that the program ended with a code and one error line that contains these texts.
 fn assert_fails(ended: &Ended, code: i32, texts: &[&str]) {
     let error = ended.err.lines().find(|line| line.starts_with("error: ")).unwrap_or_else(|| panic!("{ended:?}"));
     println!("{code}: {error}");
@@ -41,17 +41,17 @@ fn assert_fails(ended: &Ended, code: i32, texts: &[&str]) {
     for text in texts {
         assert!(error.contains(text), "{text} in: {error}");
     }
-    assert_eq!(ended.out, "", "no figures");
+    assert_eq!(ended.out, "", "nothing is printed");
 }
 
-/// What no runtime is needed for to see that it is wrong.
+/// Errors that are detected without a runtime.
 fn bad_settings() {
     let cases: [(&[&str], &[&str]); 5] = [
         (&["xr", "--set", "headset.format='png'"], &["headset.format", "png", "rgba16f"]),
         (&["xr", "--set", "headset.swapchains='three'"], &["headset.swapchains", "three"]),
         (&["xr", "--set", "headset.resolution_scale=9"], &["headset.resolution_scale", "9"]),
         (&["xr", "--set", "headset.size=9"], &["size"]),
-        (&["--adapter", "some card", "xr"], &["--adapter some card", "the runtime of the headset chooses"]),
+        (&["--adapter", "some card", "xr"], &["--adapter some card", "the headset's runtime chooses"]),
     ];
     for (arguments, texts) in cases {
         let ended = Program::steradian(Command::new(executable()), arguments, SCENE).wait();
@@ -59,8 +59,8 @@ fn bad_settings() {
     }
 }
 
-/// Each missing part has its own message, and the code of what is missing.
-fn xr_says_what_is_missing(monado: &'static Monado) {
+/// Each missing part has a specific message and exit code.
+fn xr_reports_missing_parts(monado: &'static Monado) {
     let mut service = Service::remote(monado);
     let run = |command: Command| Program::steradian(command, &["xr", "--frames", "1"], SCENE).wait();
 
@@ -77,10 +77,10 @@ fn xr_says_what_is_missing(monado: &'static Monado) {
 
     service.restart();
     let ended = run(service.command(executable()));
-    assert_eq!(ended.code, Some(0), "with all of it there: {ended:?}");
+    assert_eq!(ended.code, Some(0), "with all parts present: {ended:?}");
 }
 
-/// A command whose program finds a loader that is none.
+/// Returns a command whose program finds an invalid loader.
 fn without_loader(monado: &Monado) -> (tempfile::TempDir, Command) {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("libopenxr_loader.so.1"), "").unwrap();
@@ -89,8 +89,8 @@ fn without_loader(monado: &Monado) -> (tempfile::TempDir, Command) {
     (folder, command)
 }
 
-/// The daemon serves its other views, says why there is no headset, and refuses frames of it with that reason.
-fn daemon_lives_without(monado: &'static Monado) {
+/// The daemon serves its other views, reports why there is no headset, and refuses its frames with that reason.
+fn daemon_runs_without_headset(monado: &'static Monado) {
     let service = Service::remote(monado);
     let (_folder, no_loader) = without_loader(monado);
     let mut no_manifest = service.command(executable());

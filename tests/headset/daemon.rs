@@ -1,4 +1,4 @@
-//! `serve` with a headset: the runtime comes late, goes, and comes back, while the other views go on.
+//! `serve` with a headset: the runtime starts late, ends, and returns, while the other views continue.
 
 use std::time::Duration;
 
@@ -14,14 +14,14 @@ use crate::{
 };
 
 pub const TESTS: &[Test] = &[
-    Test::Long("daemon_lives_when_the_runtime_is_killed_ten_times", killed_ten_times),
-    Test::WithMonado("runtime_may_die_while_the_daemon_connects", runtime_dies_early),
-    Test::WithMonado("daemon_picks_up_a_runtime_that_is_started_later", runtime_comes_later),
-    Test::WithMonado("mirror_goes_on_beside_another_view", mirror_beside),
+    Test::Long("daemon_survives_ten_kills_of_the_runtime", killed_ten_times),
+    Test::WithMonado("runtime_may_end_while_the_daemon_connects", runtime_dies_early),
+    Test::WithMonado("daemon_connects_to_a_runtime_started_later", runtime_comes_later),
+    Test::WithMonado("mirror_and_another_view_stream_together", mirror_streams),
     Test::WithMonado("recentring_is_counted", recentring_is_counted),
 ];
 
-/// Bright stars in a flat view, and in the headset.
+/// Bright stars in a flat view and in the headset.
 const SCENE: &str = r#"
 [scene]
 catalogues = ["builtin:bright"]
@@ -40,13 +40,13 @@ fn is_connected(headset: &ReceivedHeadset) -> bool {
     matches!(headset.status, HeadsetStatus::Connected { .. })
 }
 
-/// The runtime is killed ten times in one run: the daemon lives, the flat view's stream goes on all the time, and the
-/// mirror's goes on whenever the runtime is back. Nothing of a lost session stays behind.
+/// The runtime is killed ten times in one run: the daemon survives, the flat view's stream never stops, and the
+/// mirror's stream continues whenever the runtime is back. A lost session leaves no resources behind.
 fn killed_ten_times(monado: &'static Monado) {
     const ROUNDS: u64 = 10;
     let mut service = Service::remote(monado);
     let mut command = service.command(executable());
-    // Memory that is free goes back to the system, so that what does not is in use.
+    // Return free memory to the system at once, so that the resident memory is in use.
     command.env("MALLOC_ARENA_MAX", "1").env("MALLOC_TRIM_THRESHOLD_", "131072");
     let mut daemon = Daemon::of(command, SCENE);
     daemon.wait_for_focus();
@@ -64,10 +64,11 @@ fn killed_ten_times(monado: &'static Monado) {
         let without = daemon.program.resources();
         let frames = flat.count();
         for step in 0..3 {
-            let at = Some([1e9 * round as f64, f64::from(step), 0.0]);
-            let update = CameraUpdate { position_m: at, ..CameraUpdate::default() };
+            let position = Some([1e9 * round as f64, f64::from(step), 0.0]);
+            let update = CameraUpdate { position_m: position, ..CameraUpdate::default() };
             let camera = daemon.call(async |client| client.set_camera(&update).await).unwrap();
-            let shows = || flat.seen().last.is_some_and(|frame| frame.camera_revision >= camera.revision).then_some(());
+            let shows =
+                || flat.received().last.is_some_and(|frame| frame.camera_revision >= camera.revision).then_some(());
             until(shows, || format!("no frame of {camera:?}"));
         }
         let meanwhile = flat.count() - frames;
@@ -77,14 +78,15 @@ fn killed_ten_times(monado: &'static Monado) {
         let returned = daemon.wait_for_headset(is_connected);
         mirror.wait_beyond(mirrored + 2);
         assert_eq!((returned.sessions, returned.losses), (round + 1, round), "{returned:?}");
-        assert!(returned.frames >= before.frames, "figures go on: {before:?}, {returned:?}");
+        assert!(returned.frames >= before.frames, "counts continue: {before:?}, {returned:?}");
         let now = daemon.program.resources();
         println!("loss {round}: {reason}; {meanwhile} frames of the flat view meanwhile");
         println!("without: {without:?}, back: {now:?}");
         assert!(without.threads < now.threads && without.files < now.files, "a lost session leaves nothing behind");
         resources.push(now);
     }
-    // A session with its device has some 10 MiB, 10 threads, 3 files and 100 mappings: one that stays behind is too much.
+    // A session with its device uses some 10 MiB, 10 threads, 3 files and 100 mappings: even a single leaked session
+    // exceeds the limits.
     let (second, tenth) = (resources[2], resources[10]);
     println!("back for the second time: {second:?}, for the tenth: {tenth:?}");
     assert!(tenth.resident_kib < second.resident_kib + 8 * 1024, "{second:?}, {tenth:?}");
@@ -102,11 +104,11 @@ fn killed_ten_times(monado: &'static Monado) {
     assert_eq!(ended.code, Some(0), "{}", ended.err);
 }
 
-/// The runtime dies when a daemon has just made its instance, or its session: the first is a failed attempt, the second a
-/// loss.
+/// The runtime dies just after a daemon has created its instance, or its session: the first is a failed attempt, the
+/// second a loss.
 fn runtime_dies_early(monado: &'static Monado) {
     let mut service = Service::remote(monado);
-    // The first is told by the runtime's library, the second by the program.
+    // The first event is logged by the runtime's library, the second by the program.
     for (made, sessions) in [("Instance created", 0), ("headset: Monado", 1)] {
         let mut daemon = Daemon::start(&service, SCENE);
         daemon.program.wait_for_log(made, 1);
@@ -125,7 +127,7 @@ fn runtime_dies_early(monado: &'static Monado) {
     }
 }
 
-/// The eyes of `SCENE`: half of what the runtime recommends.
+/// The eyes of `SCENE`: half of the size that the runtime recommends.
 const EYES: [(&str, [u32; 2]); 2] = [("left", [160, 120]), ("right", [160, 120])];
 
 fn assert_eyes(frame: &ReceivedFrame) {
@@ -133,11 +135,12 @@ fn assert_eyes(frame: &ReceivedFrame) {
     let eyes: Vec<(&str, [u32; 2])> =
         frame.images.iter().map(|image| (image.part.as_str(), [image.width, image.height])).collect();
     assert_eq!(eyes, EYES);
-    assert!(frame.images.iter().all(|image| image.data.len() == 160 * 120 * 4), "four bytes a pixel");
+    assert!(frame.images.iter().all(|image| image.data.len() == 160 * 120 * 4), "four bytes per pixel");
     assert!(frame.pose_time <= frame.render_time, "{:?}, {:?}", frame.pose_time, frame.render_time);
 }
 
-/// A daemon that is there before the runtime has no frames of the headset, and says why; then it has.
+/// A daemon that starts before the runtime has no frames of the headset and reports the reason; frames appear when the
+/// runtime starts.
 fn runtime_comes_later(monado: &'static Monado) {
     let mut service = Service::remote(monado);
     service.kill();
@@ -167,8 +170,8 @@ fn runtime_comes_later(monado: &'static Monado) {
     assert_eq!(daemon.terminate().code, Some(0));
 }
 
-/// Streams of the eyes at two rates and of the flat view, at once: each has its own form and pace.
-fn mirror_beside(monado: &'static Monado) {
+/// Streams of the eyes at two rates and of the flat view at the same time: each has a separate encoding and rate.
+fn mirror_streams(monado: &'static Monado) {
     const SLOW_HZ: f64 = 1.0;
     let service = Service::remote(monado);
     let mut daemon = Daemon::start(&service, SCENE);
@@ -179,18 +182,18 @@ fn mirror_beside(monado: &'static Monado) {
     while slow.count() < 3 {
         let update = CameraUpdate { position_m: Some([0.0, 0.0, flat.count() as f64]), ..CameraUpdate::default() };
         let camera = daemon.call(async |client| client.set_camera(&update).await).unwrap();
-        let shows = || flat.seen().last.is_some_and(|frame| frame.camera_revision >= camera.revision).then_some(());
+        let shows = || flat.received().last.is_some_and(|frame| frame.camera_revision >= camera.revision).then_some(());
         until(shows, || format!("no frame of {camera:?}"));
     }
-    let [every, slow, flat] = [every, slow, flat].map(|stream| stream.seen());
+    let [every, slow, flat] = [every, slow, flat].map(|stream| stream.received());
     println!("frames: {} of the eyes, {} at {SLOW_HZ} Hz, {} of the flat view", every.frames, slow.frames, flat.frames);
-    assert!(every.frames > slow.frames && flat.frames > slow.frames, "each at its own rate");
-    // A rate is one of the times at which the frames were asked for; the poses are asked for a moment later.
+    assert!(every.frames > slow.frames && flat.frames > slow.frames, "each stream has its rate");
+    // The rate limits the times at which frames are requested; the poses are queried a moment later.
     let shortest = Duration::from_secs_f64(0.9 / SLOW_HZ);
-    for seen in [&every, &slow] {
-        let between = seen.pose_times.windows(2).map(|two| two[1].duration_since(two[0]).unwrap());
-        assert!(between.clone().all(|between| between > Duration::ZERO), "each has a pose of its own: {seen:?}");
-        assert_eq!(between.clone().all(|between| between >= shortest), std::ptr::eq(seen, &slow), "{seen:?}");
+    for received in [&every, &slow] {
+        let between = received.pose_times.windows(2).map(|two| two[1].duration_since(two[0]).unwrap());
+        assert!(between.clone().all(|between| between > Duration::ZERO), "every frame has a new pose: {received:?}");
+        assert_eq!(between.clone().all(|between| between >= shortest), std::ptr::eq(received, &slow), "{received:?}");
     }
     assert_eyes(&every.last.unwrap());
     let slow = slow.last.unwrap();
@@ -203,7 +206,7 @@ fn mirror_beside(monado: &'static Monado) {
     assert_eq!(daemon.terminate().code, Some(0));
 }
 
-/// Clients see how often the room's origin has moved.
+/// Clients receive the number of moves of the room's origin.
 fn recentring_is_counted(monado: &'static Monado) {
     let service = Service::remote(monado);
     let mut daemon = Daemon::start(&service, SCENE);

@@ -1,4 +1,4 @@
-//! Controllers fly the camera of `serve`: where to, how fast, and together with clients that set it.
+//! Controllers fly the camera of `serve`: direction, speed, and interaction with clients that set the camera.
 
 use glam::{DQuat, DVec3, Quat, Vec3};
 use steradian::{scene::Camera, service::CameraUpdate};
@@ -15,9 +15,9 @@ pub const TESTS: &[Test] = &[
 
 const SPEED_M_S: f64 = 20.0;
 const TURN_DEG_S: f64 = 90.0;
-/// Time between two refreshes of the null compositor's display, s. A frame that takes longer comes one or more later.
+/// Time between two refreshes of the null compositor's display, s. A slower frame is shown one or more refreshes later.
 const REFRESH_S: f64 = 0.05;
-/// No frame moves the camera by more than this time, s.
+/// Maximum time step by which a frame moves the camera, s.
 const LONGEST_STEP_S: f64 = 0.1;
 
 fn scene() -> String {
@@ -39,11 +39,11 @@ turn_deg_s = {TURN_DEG_S:?}
     )
 }
 
-/// A daemon with a headset, and the remote driver.
+/// A daemon with a headset and the remote driver.
 struct Flyer {
     daemon: Daemon,
     remote: Remote,
-    // Ends after the daemon.
+    // Declared last, so that it ends after the daemon.
     _service: Service,
 }
 
@@ -55,14 +55,14 @@ impl Flyer {
         Self { daemon, remote: service.connect_remote(), _service: service }
     }
 
-    /// Waits for frames that are begun after the call.
+    /// Waits for frames that begin after the call.
     fn wait_for_frames(&mut self, frames: u64) {
-        // One may have been begun before.
+        // One frame may have begun earlier.
         let until = self.daemon.headset().frames + frames + 1;
         self.daemon.wait_for_headset(|headset| headset.frames >= until);
     }
 
-    /// Waits until the camera has made so many steps.
+    /// Waits until the camera has made this number of steps.
     fn wait_for_steps(&mut self, steps: u64) -> Camera {
         let until = self.daemon.camera().revision + steps;
         let start = std::time::Instant::now();
@@ -71,14 +71,14 @@ impl Flyer {
             if camera.revision >= until {
                 return camera;
             }
-            assert!(start.elapsed() < LIMIT, "the camera does not fly: {camera:?}");
+            assert!(start.elapsed() < LIMIT, "the camera does not move: {camera:?}");
             std::thread::sleep(std::time::Duration::from_millis(10));
         }
     }
 
-    /// The camera at some moment of a flight and some steps later: controllers are as in `state`.
+    /// Returns the camera at some moment of a flight with the controllers in `state`, and some steps later.
     fn fly(&mut self, state: &RemoteState) -> [Camera; 2] {
-        // First the head: it steers from the frame after.
+        // Set the head first: it steers from the next frame on.
         self.rest(state.head);
         self.remote.send(state).unwrap();
         let cameras = [self.wait_for_steps(1), self.wait_for_steps(5)];
@@ -86,14 +86,14 @@ impl Flyer {
         cameras
     }
 
-    /// Lets go of the controllers.
+    /// Releases the controllers.
     fn rest(&mut self, head: Pose) {
         self.remote.send(&RemoteState { head, ..RemoteState::default() }).unwrap();
         self.wait_for_frames(2);
     }
 }
 
-/// A state with a head, thumbsticks (left, right) and triggers (left, right).
+/// Returns a state with a head, thumbsticks (left, right) and triggers (left, right).
 fn state(head: Pose, thumbsticks: [[f32; 2]; 2], triggers: [f32; 2]) -> RemoteState {
     let mut state = RemoteState { head, ..RemoteState::default() };
     for hand in 0..2 {
@@ -112,7 +112,7 @@ fn controllers_fly(monado: &'static Monado) {
     // Beyond a dead zone of 0.15, deflection grows from 0 to 1.
     let half = (0.5 - 0.15) / 0.85;
     let looks_down = DVec3::new(0.0, -0.5_f64.sin(), -0.5_f64.cos());
-    // What is done, where it goes, and how fast, in speeds.
+    // Name, state, expected direction, and expected speed as a multiple of the base speed.
     let cases = [
         ("forwards", state(level, [[0.0, 1.0], rest], rest), DVec3::NEG_Z, 1.0),
         ("right, half way", state(level, [[0.5, 0.0], rest], rest), DVec3::X, half),
@@ -125,7 +125,7 @@ fn controllers_fly(monado: &'static Monado) {
         ("up", state(level, [rest, [0.0, 1.0]], rest), DVec3::Y, 1.0),
         ("thrust", state(level, [rest, rest], [0.0, 1.0]), DVec3::NEG_Z, 1.0),
         ("thrust, boosted", state(level, [rest, rest], [1.0, 1.0]), DVec3::NEG_Z, 1000.0),
-        // A third of the way behind the dead zone: a decade of three.
+        // A third of the range beyond the dead zone: one decade of three.
         ("forwards, a third boosted", state(level, [[0.0, 1.0], rest], [0.15 + 0.85 / 3.0, 0.0]), DVec3::NEG_Z, 10.0),
         ("forwards, looking left", state(left, [[0.0, 1.0], rest], rest), DVec3::NEG_X, 1.0),
         ("right, looking left", state(left, [[1.0, 0.0], rest], rest), DVec3::NEG_Z, 1.0),
@@ -134,21 +134,21 @@ fn controllers_fly(monado: &'static Monado) {
     ];
     let step_range_s = 0.999 * REFRESH_S..1.000_001 * LONGEST_STEP_S;
     for (case, state, direction, speeds) in cases {
-        let at = CameraUpdate { position_m: Some([0.0; 3]), ..CameraUpdate::default() };
-        flyer.daemon.call(async |client| client.set_camera(&at).await).unwrap();
+        let origin = CameraUpdate { position_m: Some([0.0; 3]), ..CameraUpdate::default() };
+        flyer.daemon.call(async |client| client.set_camera(&origin).await).unwrap();
         let [before, after] = flyer.fly(&state);
         let way_m = after.position_m - before.position_m;
         let steps = (after.revision - before.revision) as f64;
         let step_s = way_m.length() / steps / (speeds * SPEED_M_S);
         println!("{case}: {way_m:.3?} m in {steps} steps, so {:.1} ms each", step_s * 1e3);
-        // The runtime's quaternions have f32's precision.
+        // The runtime's quaternions have the precision of f32.
         assert!((way_m.normalize() - direction).length() < 1e-6, "{case}: {way_m:?}");
         assert_eq!(after.world_from_camera, DQuat::IDENTITY, "{case}");
-        // Every step is the time between two frames, as the runtime tells it: one refresh or more.
+        // Every step is the time between two frames as reported by the runtime: one refresh or more.
         assert!(step_range_s.contains(&step_s), "{case}: {step_s}");
     }
 
-    // Turning goes about the head, which stays where it is. The local space is 1.6 m above the floor.
+    // The camera turns about the head, which keeps its place. The local space is 1.6 m above the floor.
     let [before, after] = flyer.fly(&state(left, [rest, [1.0, 0.0]], rest));
     let head_m = DVec3::new(0.3, 0.1, -0.2);
     let turned = after.world_from_camera * before.world_from_camera.conjugate();
@@ -161,28 +161,28 @@ fn controllers_fly(monado: &'static Monado) {
     );
     assert!((place(&after) - place(&before)).length() < 1e-6);
     assert!((turned * DVec3::Y - DVec3::Y).length() < 1e-9);
-    assert!((turned * DVec3::NEG_Z).x > 0.0, "to the right: {turned:?}");
+    assert!((turned * DVec3::NEG_Z).x > 0.0, "the turn is to the right: {turned:?}");
     let step_s = angle_deg / TURN_DEG_S / steps as f64;
     assert!(step_range_s.contains(&step_s), "{step_s}");
 
-    // Forwards is where the turned wearer looks.
+    // Forwards is the viewing direction of the turned wearer.
     let [before, after] = flyer.fly(&state(left, [[0.0, 1.0], rest], rest));
     let expected = before.world_from_camera * DVec3::NEG_X;
     assert!(((after.position_m - before.position_m).normalize() - expected).length() < 1e-6);
 
-    // A worn thumbstick does not move it.
+    // A worn thumbstick does not move the camera.
     let before = flyer.daemon.camera();
     flyer.remote.send(&state(level, [[0.14, -0.14], [-0.149, 0.1]], rest)).unwrap();
     flyer.wait_for_frames(10);
     assert_eq!(flyer.daemon.camera(), before);
-    // The same wait with one that is not worn does.
+    // A slightly larger deflection moves it within the same wait.
     flyer.remote.send(&state(level, [[0.16, 0.0], rest], rest)).unwrap();
     flyer.wait_for_frames(10);
     assert!(flyer.daemon.camera().revision > before.revision + 5);
     assert_eq!(flyer.daemon.terminate().code, Some(0));
 }
 
-/// A client sets the camera while a controller flies it: the client's place holds, and the flight goes on from there.
+/// A client sets the camera during a flight: the client's position applies, and the flight continues from there.
 fn flight_and_clients(monado: &'static Monado) {
     let mut flyer = Flyer::start(monado);
     let forwards = state(RemoteState::default().head, [[0.0, 1.0], [0.0; 2]], [0.0; 2]);
@@ -202,7 +202,7 @@ fn flight_and_clients(monado: &'static Monado) {
         assert_eq!([x_m, y_m], [place[0], place[1]]);
         let most_m = SPEED_M_S * LONGEST_STEP_S * (last.revision - set.revision) as f64;
         assert!((-most_m * 1.000_001..0.0).contains(&z_m), "{z_m}, {most_m}");
-        assert_eq!(last.velocity_c, DVec3::new(0.0, 0.1, 0.0), "what the client set stays");
+        assert_eq!(last.velocity_c, DVec3::new(0.0, 0.1, 0.0), "the velocity set by the client stays");
     }
     assert_eq!(flyer.daemon.terminate().code, Some(0));
 }

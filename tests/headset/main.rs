@@ -1,5 +1,5 @@
-//! The headset, on a real OpenXR runtime that needs none: Monado, with the null compositor. See `monado`.
-#![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+//! The headset on a real OpenXR runtime that needs no hardware: Monado with the null compositor. See `monado`.
+#![allow(clippy::unwrap_used, reason = "a failed precondition of a test may panic")]
 
 use testkit::figures;
 

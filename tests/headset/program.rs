@@ -1,4 +1,4 @@
-//! The program under test, started as a program of a service: what it says, how it ends, and `serve` with a client.
+//! The program under test, started as a program of a service: its output, its end, and `serve` with a client.
 
 use std::{
     fs::File,
@@ -18,18 +18,18 @@ use tokio::{runtime::Runtime, task::JoinHandle};
 
 use crate::monado::Service;
 
-/// How long a step of a program may take on a busy machine; most take less than a second.
+/// Maximum time of a step of a program on a busy machine; most take less than a second.
 pub const LIMIT: Duration = Duration::from_secs(60);
 
-/// The executable.
+/// Returns the executable.
 pub fn executable() -> &'static Path {
     Path::new(env!("CARGO_BIN_EXE_steradian"))
 }
 
-/// Asks until there is an answer.
+/// Repeats a query until it has a result.
 ///
 /// # Panics
-/// There is none in time: with the message of `why`.
+/// If there is no result in time, with the message of `why`.
 pub fn until<T>(mut ask: impl FnMut() -> Option<T>, why: impl FnOnce() -> String) -> T {
     let start = Instant::now();
     loop {
@@ -43,24 +43,24 @@ pub fn until<T>(mut ask: impl FnMut() -> Option<T>, why: impl FnOnce() -> String
     }
 }
 
-/// A running program; killed if its test ends early.
+/// A running program, killed on drop.
 pub struct Program {
     process: Child,
-    /// Its configuration and output are files in here.
+    /// Folder of its configuration and output.
     folder: TempDir,
 }
 
-/// How a program has ended.
+/// Result of a program.
 #[derive(Debug)]
 pub struct Ended {
-    /// Exit code; none after a signal.
+    /// Exit code; `None` after a signal.
     pub code: Option<i32>,
     pub out: String,
     pub err: String,
 }
 
 impl Program {
-    /// Starts `steradian` by a command that has its executable already: a subcommand, and a configuration.
+    /// Starts `steradian` with a command that already names its executable, a subcommand and a configuration.
     pub fn steradian(mut command: Command, arguments: &[&str], configuration: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("scene.toml");
@@ -85,20 +85,20 @@ impl Program {
         String::from_utf8_lossy(&std::fs::read(path).unwrap()).into_owned()
     }
 
-    /// What it has written to standard output so far.
+    /// Returns its standard output so far.
     pub fn out(&self) -> String {
         self.read("out")
     }
 
-    /// What it has written to standard error so far.
+    /// Returns its standard error so far.
     pub fn log(&self) -> String {
         self.read("err")
     }
 
-    /// Waits until its log holds a text so many times.
+    /// Waits until its log contains a text this number of times.
     ///
     /// # Panics
-    /// The program ends before, or takes too long.
+    /// If the program ends before, or takes too long.
     pub fn wait_for_log(&mut self, text: &str, times: usize) {
         let start = Instant::now();
         loop {
@@ -107,7 +107,7 @@ impl Program {
             if log.matches(text).count() >= times {
                 return;
             }
-            assert!(running && start.elapsed() < LIMIT, "the log does not hold `{text}` {times} times:\n{log}");
+            assert!(running && start.elapsed() < LIMIT, "the log does not contain `{text}` {times} times:\n{log}");
             std::thread::sleep(Duration::from_millis(10));
         }
     }
@@ -125,7 +125,7 @@ impl Program {
     /// Waits for its end.
     ///
     /// # Panics
-    /// It does not end.
+    /// If it does not end.
     pub fn wait(mut self) -> Ended {
         let start = Instant::now();
         let status = loop {
@@ -138,7 +138,7 @@ impl Program {
         Ended { code: status.code(), out: self.out(), err: self.log() }
     }
 
-    /// What it takes of the system now.
+    /// Returns its current use of resources.
     pub fn resources(&self) -> Resources {
         let folder = PathBuf::from(format!("/proc/{}", self.process.id()));
         let status = std::fs::read_to_string(folder.join("status")).unwrap();
@@ -161,7 +161,7 @@ impl Drop for Program {
     }
 }
 
-/// What a process takes of the system.
+/// Resources used by a process.
 #[derive(Clone, Copy, Debug)]
 pub struct Resources {
     /// Resident memory, KiB.
@@ -169,7 +169,7 @@ pub struct Resources {
     /// Open files.
     pub files: usize,
     pub threads: usize,
-    /// Areas of memory that are mapped.
+    /// Number of mapped memory areas.
     pub mappings: usize,
 }
 
@@ -180,22 +180,22 @@ pub struct Daemon {
     runtime: Runtime,
 }
 
-/// What a stream of frames has brought so far.
+/// State of a stream of frames.
 #[derive(Clone, Debug, Default)]
-pub struct Seen {
-    /// Frames.
+pub struct Received {
+    /// Number of frames.
     pub frames: usize,
-    /// When the pose of each was asked for, or its camera received.
+    /// Times at which the pose of each frame was queried, or its camera received.
     pub pose_times: Vec<SystemTime>,
-    /// The last one.
+    /// Last frame.
     pub last: Option<ReceivedFrame>,
-    /// How the stream has ended, if it has.
+    /// Reason why the stream ended, if it did.
     pub ended: Option<String>,
 }
 
-/// A stream of frames, read from now on.
+/// A stream of frames that is read in the background.
 pub struct Stream {
-    seen: Arc<Mutex<Seen>>,
+    received: Arc<Mutex<Received>>,
     reader: JoinHandle<()>,
 }
 
@@ -206,34 +206,34 @@ impl Drop for Stream {
 }
 
 impl Stream {
-    pub fn seen(&self) -> Seen {
-        self.seen.lock().unwrap().clone()
+    pub fn received(&self) -> Received {
+        self.received.lock().unwrap().clone()
     }
 
-    /// Frames so far.
+    /// Returns the number of frames so far.
     ///
     /// # Panics
-    /// It has ended.
+    /// If the stream has ended.
     pub fn count(&self) -> usize {
-        let seen = self.seen();
-        assert_eq!(seen.ended, None, "the stream has ended");
-        seen.frames
+        let received = self.received();
+        assert_eq!(received.ended, None, "the stream has ended");
+        received.frames
     }
 
-    /// Waits until there are more than so many frames.
+    /// Waits until there are more than `frames` frames.
     pub fn wait_beyond(&self, frames: usize) -> ReceivedFrame {
-        let more = || (self.count() > frames).then(|| self.seen().last).flatten();
-        until(more, || format!("no more than {frames} frames"))
+        let more = || (self.count() > frames).then(|| self.received().last).flatten();
+        until(more, || format!("at most {frames} frames arrived"))
     }
 }
 
 impl Daemon {
-    /// Starts `serve` as a program of a service, on a free port, and connects to it.
+    /// Starts `serve` as a program of a service on a free port, and connects to it.
     pub fn start(service: &Service, configuration: &str) -> Self {
         Self::of(service.command(executable()), configuration)
     }
 
-    /// The same by a command that has its program already.
+    /// Starts `serve` with a command that already names its program.
     pub fn of(command: Command, configuration: &str) -> Self {
         let mut program = Program::steradian(command, &["serve", "--listen", "127.0.0.1:0"], configuration);
         let start = Instant::now();
@@ -256,48 +256,48 @@ impl Daemon {
         self.runtime.block_on(async { tokio::time::timeout(LIMIT, call(client)).await.expect("the daemon answers") })
     }
 
-    /// Begins to read the frames of a view.
+    /// Starts to read the frames of a view.
     pub fn stream(&mut self, view: &str, encoding: Encoding, max_rate_hz: f64) -> Stream {
         let mut frames = self.call(async |client| client.stream_frames(view, encoding, max_rate_hz).await).unwrap();
-        let seen = Arc::new(Mutex::new(Seen::default()));
-        let known = Arc::clone(&seen);
+        let received = Arc::new(Mutex::new(Received::default()));
+        let known = Arc::clone(&received);
         let reader = self.runtime.spawn(async move {
             loop {
                 let next = frames.next().await;
-                let mut seen = known.lock().unwrap();
+                let mut received = known.lock().unwrap();
                 match next {
                     Ok(Some(frame)) => {
-                        seen.frames += 1;
-                        seen.pose_times.push(frame.pose_time);
-                        seen.last = Some(frame);
+                        received.frames += 1;
+                        received.pose_times.push(frame.pose_time);
+                        received.last = Some(frame);
                     }
                     end => {
-                        seen.ended = Some(format!("{end:?}"));
+                        received.ended = Some(format!("{end:?}"));
                         return;
                     }
                 }
             }
         });
-        Stream { seen, reader }
+        Stream { received, reader }
     }
 
-    /// A frame of a view.
+    /// Requests a frame of a view.
     pub fn frame(&mut self, view: &str, encoding: Encoding) -> Result<ReceivedFrame, ClientError> {
         self.call(async |client| client.render_frame(view, encoding).await)
     }
 
-    /// The camera now.
+    /// Returns the current camera.
     pub fn camera(&mut self) -> Camera {
         self.call(async |client| client.camera().await).unwrap()
     }
 
-    /// The figures of the headset now.
+    /// Returns the current statistics of the headset.
     pub fn headset(&mut self) -> ReceivedHeadset {
         let stats = self.call(async |client| client.watch_stats(None).await.unwrap().next().await);
         stats.unwrap().unwrap().headset.expect("the daemon drives a headset")
     }
 
-    /// Waits until the headset is as `is` says; returns its figures.
+    /// Waits until the headset satisfies `is`; returns its statistics.
     pub fn wait_for_headset(&mut self, is: impl Fn(&ReceivedHeadset) -> bool) -> ReceivedHeadset {
         let start = Instant::now();
         loop {
@@ -310,12 +310,12 @@ impl Daemon {
         }
     }
 
-    /// Waits until the session has the focus: it shows frames and takes what the controllers say.
+    /// Waits until the session has the focus: it shows frames and accepts input of the controllers.
     pub fn wait_for_focus(&mut self) -> ReceivedHeadset {
         self.wait_for_headset(|headset| matches!(&headset.status, HeadsetStatus::Connected { session_state, .. } if session_state == "focused"))
     }
 
-    /// Ends it in good order.
+    /// Ends the daemon in order.
     pub fn terminate(self) -> Ended {
         self.program.signal("TERM");
         self.program.wait()

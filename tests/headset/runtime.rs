@@ -1,4 +1,4 @@
-//! The runtime itself: that it is there, gives what it is sent, ends and comes back, and that its absence is told.
+//! The runtime itself: it starts, receives the test's state, ends and restarts, and its absence is reported.
 
 use std::{path::Path, time::Duration};
 
@@ -15,30 +15,30 @@ use crate::{
     wearer::Watcher,
 };
 
-/// How long an inner function may take; each takes less than a second on an idle machine.
+/// Maximum time of an inner function; each takes less than a second on an idle machine.
 const LIMIT: Duration = Duration::from_secs(120);
 
 pub const TESTS: &[Test] = &[
-    Test::WithMonado("runtime_answers", runtime_answers),
+    Test::WithMonado("runtime_reports_its_properties", runtime_reports_its_properties),
     Test::WithMonado("recentring_moves_the_local_space", recentring_moves_the_local_space),
-    Test::WithMonado("service_outlives_programs_and_comes_back_when_killed", service_outlives_programs),
-    Test::WithMonado("service_ends_with_its_program_if_asked_to", service_ends_with_its_program),
-    Test::WithMonado("validation_layer_complains_of_what_is_wrong_only", validation_layer_complains),
+    Test::WithMonado("service_survives_programs_and_restarts_when_killed", service_outlives_programs),
+    Test::WithMonado("service_ends_with_its_program_on_request", service_ends_with_its_program),
+    Test::WithMonado("validation_layer_reports_only_errors", validation_layer_complains),
     Test::WithMonado("failing_program_is_reported", failing_program_is_reported),
     Test::WithMonado("steradian_runs_with_the_driver_of_monado", steradian_runs_with_the_driver_of_monado),
     #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
-    Test::Anywhere("missing_runtime_is_shown", missing::runtime_is_shown),
+    Test::Anywhere("missing_runtime_is_reported", missing::missing_runtime_is_reported),
     #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
-    Test::Anywhere("script_says_what_is_missing", missing::script_says_what),
+    Test::Anywhere("script_reports_the_missing_part", missing::script_reports_the_reason),
 ];
 
 pub const INNERS: &[Inner] = &[
     ("describe_runtime", programs::describe_runtime),
-    ("ask_for_nonsense", programs::ask_for_nonsense),
+    ("call_with_invalid_argument", programs::call_with_invalid_argument),
     ("fail", programs::fail),
 ];
 
-/// What a program learns of the runtime before it draws.
+/// Properties of the runtime that a program reads before it draws.
 #[derive(Debug, Serialize, Deserialize)]
 struct Runtime {
     name: String,
@@ -53,8 +53,8 @@ fn describe(service: &Service) -> Runtime {
     serde_json::from_str(&service.run_inner("describe_runtime", LIMIT)).unwrap()
 }
 
-/// The runtime tells name, version and views, with each driver.
-fn runtime_answers(monado: &'static Monado) {
+/// The runtime reports name, version and views with each driver.
+fn runtime_reports_its_properties(monado: &'static Monado) {
     for (service, system) in [(Service::simulated(monado), "Simulated HMD"), (Service::remote(monado), "Remote HMD")] {
         let runtime = describe(&service);
         println!("{runtime:?}");
@@ -66,14 +66,17 @@ fn runtime_answers(monado: &'static Monado) {
     }
 }
 
-/// Poses are combined in f32, by the runtime and by the test.
-fn assert_close(seen: &[f64], sent: &[f32]) {
-    assert_eq!(seen.len(), sent.len());
-    assert!(seen.iter().zip(sent).all(|(seen, sent)| (seen - f64::from(*sent)).abs() < 1e-6), "{seen:?} for {sent:?}");
+/// Compares poses with a tolerance, because the runtime and the test combine them in f32.
+fn assert_close(received: &[f64], sent: &[f32]) {
+    assert_eq!(received.len(), sent.len());
+    assert!(
+        received.iter().zip(sent).all(|(received, sent)| (received - f64::from(*sent)).abs() < 1e-6),
+        "{received:?} for {sent:?}"
+    );
 }
 
-/// While a session runs, the local space follows the head's place and heading when the user recentres, and keeps its
-/// height, 1.6 m.
+/// During a session, the local space follows the position and heading of the head when the user recentres, and keeps
+/// its height of 1.6 m.
 fn recentring_moves_the_local_space(monado: &'static Monado) {
     let service = Service::remote(monado);
     let head = Pose::new(Quat::from_rotation_y(0.5), Vec3::new(0.25, 1.5, -0.75));
@@ -97,7 +100,7 @@ fn recentring_moves_the_local_space(monado: &'static Monado) {
     watcher.end();
 }
 
-/// Programs come and go; a killed service takes none until it is started again.
+/// Programs connect and disconnect; a killed service accepts none until it is restarted.
 fn service_outlives_programs(monado: &'static Monado) {
     let mut service = Service::remote(monado);
     describe(&service);
@@ -109,14 +112,14 @@ fn service_outlives_programs(monado: &'static Monado) {
         service.kill();
         assert!(!service.is_running());
         let alone = service.run(&mut service.inner("describe_runtime"), LIMIT);
-        assert!(alone.is_err(), "a program cannot do without the service: {alone:?}");
+        assert!(alone.is_err(), "a program must fail without the service: {alone:?}");
         service.restart();
         assert_ne!(service.process_id(), before);
         describe(&service);
     }
 }
 
-/// For tests of the end of a service that nobody kills.
+/// A service that is not killed ends with its program.
 fn service_ends_with_its_program(monado: &'static Monado) {
     let mut service = Service::start(monado, Driver::Simulated, Lifetime::UntilProgramLeaves);
     assert!(service.is_running());
@@ -130,7 +133,7 @@ fn service_ends_with_its_program(monado: &'static Monado) {
     assert!(!service.is_running());
 }
 
-/// The core validation layer is loaded and writes down what is wrong: else no complaint would mean nothing.
+/// The core validation layer is loaded and records errors: otherwise the absence of complaints would be meaningless.
 fn validation_layer_complains(monado: &'static Monado) {
     let service = Service::remote(monado);
     let folder = tempfile::tempdir().unwrap();
@@ -142,14 +145,14 @@ fn validation_layer_complains(monado: &'static Monado) {
     watcher.end();
     assert_eq!(Service::complaints(&log), Vec::<String>::new());
     let log = folder.path().join("nonsense");
-    service.run(service.validated(&mut service.inner("ask_for_nonsense"), &log), LIMIT).unwrap();
+    service.run(service.validated(&mut service.inner("call_with_invalid_argument"), &log), LIMIT).unwrap();
     let wrong = Service::complaints(&log);
     println!("{wrong:?}");
     assert_eq!(wrong.len(), 1, "{wrong:?}");
     assert!(wrong[0].contains("VUID-xrEnumerateViewConfigurationViews-viewConfigurationType-parameter"), "{wrong:?}");
 }
 
-/// A failure of an inner function is one of its test, and says why.
+/// A failure of an inner function fails its test and gives the reason.
 fn failing_program_is_reported(monado: &'static Monado) {
     let service = Service::simulated(monado);
     let failure = |name, limit| service.run(&mut service.inner(name), limit).unwrap_err();
@@ -161,7 +164,7 @@ fn failing_program_is_reported(monado: &'static Monado) {
     assert!(failure("describe_runtime", Duration::ZERO).contains("did not end in"));
 }
 
-/// The program itself runs through Monado's dynamic linker, and finds Monado's Vulkan driver and no other.
+/// The program itself runs through Monado's dynamic linker, and finds only Monado's Vulkan driver.
 fn steradian_runs_with_the_driver_of_monado(monado: &'static Monado) {
     let service = Service::simulated(monado);
     let mut command = service.command(Path::new(env!("CARGO_BIN_EXE_steradian")));
@@ -172,7 +175,7 @@ fn steradian_runs_with_the_driver_of_monado(monado: &'static Monado) {
     assert!(nowhere.as_ref().is_err_and(|error| error.contains("adapter")), "{nowhere:?}");
 }
 
-/// Where there is no Monado.
+/// Tests without Monado.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod missing {
     use std::{
@@ -182,10 +185,10 @@ mod missing {
 
     use crate::monado::harness::{INNER_VARIABLE, REQUIRE_VARIABLE};
 
-    /// Runs one test of this executable where Monado cannot be had, with the requirement set to a value.
+    /// Runs one test of this executable without Monado, with a value of the variable that requires it.
     fn without_monado(required: &str) -> Output {
         Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "runtime_answers"])
+            .args(["--exact", "runtime_reports_its_properties"])
             .env_remove(INNER_VARIABLE)
             .env("STERADIAN_MONADO_DIR", "/dev/null/monado")
             .env(REQUIRE_VARIABLE, required)
@@ -193,28 +196,28 @@ mod missing {
             .unwrap()
     }
 
-    /// Where there is no Monado, a test is shown as ignored with the reason, or fails with it if it is required.
-    pub fn runtime_is_shown() {
+    /// Without Monado a test is reported as ignored with the reason, or fails with it if Monado is required.
+    pub fn missing_runtime_is_reported() {
         let reason = "the folder for Monado cannot be made: /dev/null/monado";
         for required in ["", "0"] {
             let output = without_monado(required);
-            let shown = String::from_utf8_lossy(&output.stdout);
-            assert!(output.status.success(), "{shown}");
-            let line = shown.lines().find(|line| line.starts_with("test runtime_answers")).unwrap();
+            let report = String::from_utf8_lossy(&output.stdout);
+            assert!(output.status.success(), "{report}");
+            let line = report.lines().find(|line| line.starts_with("test runtime_reports_its_properties")).unwrap();
             assert!(line.contains("ignored") && line.contains(reason), "{line}");
-            assert!(shown.contains("0 passed; 0 failed; 1 ignored"), "{shown}");
+            assert!(report.contains("0 passed; 0 failed; 1 ignored"), "{report}");
         }
         let output = without_monado("1");
-        let shown = String::from_utf8_lossy(&output.stdout);
-        assert!(!output.status.success(), "{shown}");
-        assert!(shown.contains("0 passed; 1 failed; 0 ignored") && shown.contains(reason), "{shown}");
+        let report = String::from_utf8_lossy(&output.stdout);
+        assert!(!output.status.success(), "{report}");
+        assert!(report.contains("0 passed; 1 failed; 0 ignored") && report.contains(reason), "{report}");
     }
 
-    /// The script ends with code 69 and one clear line where it cannot fetch, and prints no folder.
-    pub fn script_says_what() {
+    /// If it cannot fetch Monado, the script exits with 69 and one clear line, and prints no folder.
+    pub fn script_reports_the_reason() {
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/monado.sh");
         let folder = tempfile::tempdir().unwrap();
-        // A system with the tools that any has, and none of Debian's.
+        // A system with common tools but without those of Debian.
         let tools = folder.path().join("tools");
         std::fs::create_dir(&tools).unwrap();
         for tool in ["bash", "dirname", "uname", "mkdir", "realpath", "grep", "ls"] {
@@ -225,7 +228,7 @@ mod missing {
             std::os::unix::fs::symlink(found, tools.join(tool)).unwrap();
         }
         let colon = folder.path().join("a:b");
-        // A folder that somebody else uses.
+        // A folder with files of another user.
         let foreign = folder.path().join("foreign");
         std::fs::create_dir_all(foreign.join("root")).unwrap();
         let path = std::env::var_os("PATH").unwrap();
@@ -241,11 +244,11 @@ mod missing {
             assert!(said.lines().next_back().unwrap().contains(reason), "{case}: {said}");
             assert!(output.stdout.is_empty(), "{case}: {output:?}");
         }
-        assert!(foreign.join("root").exists(), "what was there is left alone");
+        assert!(foreign.join("root").exists(), "the existing files are unchanged");
     }
 }
 
-/// What runs as a program of the runtime, in a process of its own.
+/// Inner functions that run as programs of the runtime.
 mod programs {
     use openxr::{ApplicationInfo, ExtensionSet, FormFactor, Instance, SystemId, Version, ViewConfigurationType};
     use steradian::xr::loader;
@@ -291,8 +294,8 @@ mod programs {
         println!("{}", serde_json::to_string(&runtime).unwrap());
     }
 
-    /// Calls the runtime with an argument that the specification has no meaning for.
-    pub fn ask_for_nonsense() {
+    /// Calls the runtime with an argument that the specification does not define.
+    pub fn call_with_invalid_argument() {
         drop(instance());
         let (instance, system) = instance();
         let nonsense = ViewConfigurationType::from_raw(77);

@@ -1,5 +1,5 @@
-//! Sessions: their states from beginning to end, what they are made of, and the runtime's loss, as `xr` and programs of
-//! their own see them.
+//! Sessions: their states from beginning to end, their properties, and the loss of the runtime, for `xr` and for
+//! separate programs.
 
 use steradian::{
     plan::settings::{HeadsetSettings, ReferenceSpace},
@@ -13,20 +13,20 @@ use crate::{
 };
 
 pub const TESTS: &[Test] = &[
-    Test::WithMonado("xr_shows_frames_and_tells_figures", xr_shows_frames),
-    Test::WithMonado("the_example_of_a_headset_is_shown", the_example_is_shown),
-    Test::WithMonado("scene_that_cannot_be_drawn_ends_xr_and_not_serve", scene_cannot_be_drawn),
-    Test::WithMonado("signals_end_xr_in_good_order", signals_end_xr),
-    Test::WithMonado("xr_comes_back_when_the_runtime_is_killed", xr_comes_back),
-    Test::WithMonado("session_that_is_asked_to_end_goes_through_all_states", exit_is_requested),
-    Test::WithMonado("settings_make_sessions_as_they_say", settings_make_sessions),
+    Test::WithMonado("xr_shows_frames_and_prints_statistics", xr_shows_frames),
+    Test::WithMonado("example_headset_scene_is_shown", example_is_shown),
+    Test::WithMonado("undrawable_scene_ends_xr_but_not_serve", scene_cannot_be_drawn),
+    Test::WithMonado("signals_end_xr_in_order", signals_end_xr),
+    Test::WithMonado("xr_reconnects_after_the_runtime_was_killed", xr_reconnects),
+    Test::WithMonado("requested_end_passes_through_all_states", exit_is_requested),
+    Test::WithMonado("settings_determine_the_session", settings_make_sessions),
     Test::WithMonado("spaces_have_their_origins", spaces_have_their_origins),
 ];
 
 /// Bright stars.
 const SCENE: &str = "[scene]\ncatalogues = ['builtin:bright']\n[headset]\nresolution_scale = 0.5\n";
 
-/// The counts that `xr` prints at its end.
+/// Counts that `xr` prints at its end.
 #[derive(Debug, PartialEq, Eq)]
 struct Figures {
     sessions: u64,
@@ -39,7 +39,7 @@ struct Figures {
     missed: u64,
 }
 
-/// Reads what `xr` prints, and prints it.
+/// Parses and prints the output of `xr`.
 fn figures(ended: &Ended) -> Figures {
     println!("{}", ended.out);
     let line = |name: &str| {
@@ -64,7 +64,7 @@ fn figures(ended: &Ended) -> Figures {
     }
 }
 
-/// States of the session, in the order in which the log tells them.
+/// Returns the states of the session in the order of the log.
 fn states(ended: &Ended) -> Vec<&str> {
     ended.err.lines().filter_map(|line| line.split_once("headset: the session is ")).map(|(_, state)| state).collect()
 }
@@ -72,8 +72,8 @@ fn states(ended: &Ended) -> Vec<&str> {
 const WHOLE_LIFE: [&str; 10] =
     ["idle", "ready", "synchronized", "visible", "focused", "visible", "synchronized", "stopping", "idle", "exiting"];
 
-/// The scene of the documentation: rocks above Mars, drawn without a frame left out.
-fn the_example_is_shown(monado: &'static Monado) {
+/// The scene of the documentation, rocks above Mars, is drawn without frames left out.
+fn example_is_shown(monado: &'static Monado) {
     let service = Service::simulated(monado);
     let example = include_str!("../../configs/headset.toml");
     let ended = Program::steradian(service.command(executable()), &["xr", "--frames", "5"], example).wait();
@@ -82,7 +82,8 @@ fn the_example_is_shown(monado: &'static Monado) {
     assert_eq!((figures.sessions, figures.rendered, figures.left_out), (1, 5, 0), "{figures:?}");
 }
 
-/// `xr` has nothing to wait for; a client of `serve` may mend the scene, and is told what is wrong with it meanwhile.
+/// `xr` fails if the scene cannot be drawn; `serve` reports the problem meanwhile, because a client may correct the
+/// scene.
 fn scene_cannot_be_drawn(monado: &'static Monado) {
     let service = Service::remote(monado);
     let scene = format!("{SCENE}enabled = true\n[stars]\nmethod = 'cell_sky'\n[glare]\nmethod = 'sky_cube'\n");
@@ -91,14 +92,14 @@ fn scene_cannot_be_drawn(monado: &'static Monado) {
     assert!(ended.err.contains("cell_sky"), "{}", ended.err);
 
     let mut daemon = Daemon::start(&service, &scene);
-    let told = daemon.wait_for_headset(|headset| headset.left_out > 3);
-    let HeadsetStatus::Connected { problem: Some(problem), .. } = &told.status else { panic!("{told:?}") };
-    assert!(problem.contains("cell_sky") && told.rendered == 0, "{told:?}");
-    println!("{problem}; {} frames left out", told.left_out);
+    let reported = daemon.wait_for_headset(|headset| headset.left_out > 3);
+    let HeadsetStatus::Connected { problem: Some(problem), .. } = &reported.status else { panic!("{reported:?}") };
+    assert!(problem.contains("cell_sky") && reported.rendered == 0, "{reported:?}");
+    println!("{problem}; {} frames left out", reported.left_out);
     assert_eq!(daemon.terminate().code, Some(0));
 }
 
-/// So many frames, then the session ends in good order and the figures agree.
+/// After the given number of frames the session ends in order and the counts agree.
 fn xr_shows_frames(monado: &'static Monado) {
     let service = Service::remote(monado);
     let ended = Program::steradian(service.command(executable()), &["xr", "--frames", "60"], SCENE).wait();
@@ -106,12 +107,12 @@ fn xr_shows_frames(monado: &'static Monado) {
     let figures = figures(&ended);
     assert_eq!((figures.sessions, figures.lost, figures.recentred, figures.rendered), (1, 0, 0, 60), "{figures:?}");
     assert_eq!(figures.frames, figures.rendered + figures.not_wanted, "{figures:?}");
-    // Before the session is visible the runtime paces the program, and wants nothing rendered.
+    // Before the session is visible the runtime paces the program and does not want frames rendered.
     assert!(figures.not_wanted > 0, "{figures:?}");
     assert_eq!(states(&ended), WHOLE_LIFE);
 }
 
-/// SIGTERM and SIGINT end the session as the runtime wants it, with the figures so far.
+/// SIGTERM and SIGINT end the session in order, with the statistics so far.
 fn signals_end_xr(monado: &'static Monado) {
     let service = Service::remote(monado);
     for signal in ["TERM", "INT"] {
@@ -125,8 +126,8 @@ fn signals_end_xr(monado: &'static Monado) {
     }
 }
 
-/// A killed runtime is told, and the same run goes on when it is back, counting what it counted before.
-fn xr_comes_back(monado: &'static Monado) {
+/// A killed runtime is reported, and the same run continues when it is back, with its counts.
+fn xr_reconnects(monado: &'static Monado) {
     let mut service = Service::remote(monado);
     let mut program = Program::steradian(service.command(executable()), &["xr", "--frames", "60"], SCENE);
     program.wait_for_log("the session is focused", 1);
@@ -143,11 +144,11 @@ fn xr_comes_back(monado: &'static Monado) {
     assert!(lost.contains("the XrInstance was lost"), "{lost}");
     let figures = figures(&ended);
     assert_eq!((figures.sessions, figures.lost, figures.rendered), (2, 1, 60), "{figures:?}");
-    // The one frame in which the runtime was lost is neither.
+    // The frame in which the runtime was lost is neither rendered nor unwanted.
     assert!(figures.frames - figures.rendered - figures.not_wanted <= 1, "{figures:?}");
 }
 
-/// A session that is asked to end goes through the runtime's states to its exit, and is a step of its own.
+/// A session whose end is requested passes through the runtime's states to its exit, which is a separate step.
 fn exit_is_requested(monado: &'static Monado) {
     let service = Service::remote(monado);
     let mut watcher = Watcher::start(&service, &HeadsetSettings::default());
@@ -166,16 +167,16 @@ fn exit_is_requested(monado: &'static Monado) {
     assert!(frames.windows(2).all(|two| two[0].display_time_ns < two[1].display_time_ns));
 }
 
-/// Every layout, format and scale gives a session that shows frames, and is what was asked for.
+/// Every layout, format and scale gives a session with the requested properties that shows frames.
 fn settings_make_sessions(monado: &'static Monado) {
     const MADE: &str = "llvmpipe (LLVM ";
     let service = Service::remote(monado);
     // The recommended size is 320 x 240 px.
     let cases = [
-        (vec![], "a swapchain of two layers of [[320, 240], [320, 240]] px, "),
+        (vec![], "a swapchain with two layers of [[320, 240], [320, 240]] px, "),
         (
             vec!["swapchains='array'", "format='rgba16f'"],
-            "a swapchain of two layers of [[320, 240], [320, 240]] px, Rgba16Float",
+            "a swapchain with two layers of [[320, 240], [320, 240]] px, Rgba16Float",
         ),
         (vec!["swapchains='two'", "format='rgba16f'"], "two swapchains of [[320, 240], [320, 240]] px, Rgba16Float"),
         (
@@ -203,7 +204,7 @@ fn settings_make_sessions(monado: &'static Monado) {
     }
 }
 
-/// The stage's origin is on the floor, the local space's where the head was.
+/// The stage's origin is on the floor, the local space's origin is at the initial position of the head.
 fn spaces_have_their_origins(monado: &'static Monado) {
     let service = Service::remote(monado);
     for (reference_space, floor_m) in [(ReferenceSpace::Stage, 0.0), (ReferenceSpace::Local, 1.6)] {

@@ -1,4 +1,4 @@
-//! Programs that step through a session themselves, and the test's side of them.
+//! Programs that step through a session themselves, and the test's interface to them.
 
 use std::{
     path::PathBuf,
@@ -28,34 +28,34 @@ pub const INNERS: &[Inner] = &[("watch", watch)];
 
 /// Settings of the headset, as JSON.
 const SETTINGS_VARIABLE: &str = "STERADIAN_TEST_HEADSET";
-/// The program asks for the session's end when there is a file of this name.
+/// Name of a file whose existence makes the program request the end of the session.
 const END_VARIABLE: &str = "STERADIAN_TEST_END";
 
-/// What the program writes, line by line.
+/// Output of the program, line by line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Line {
-    /// The session is there.
+    /// The session exists.
     Connected { runtime: String, system: String, sizes: [[u32; 2]; 2] },
     /// The state of the session has changed.
     State(String),
-    /// A frame was handed in.
+    /// A frame was submitted.
     Frame(SeenFrame),
-    /// The runtime has ended the session, or not.
+    /// Whether the runtime has ended the session.
     Exited(bool),
 }
 
-/// A frame as the program has made it.
+/// A frame of the program.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SeenFrame {
     pub display_time_ns: i64,
-    /// Left and right eye; none where the runtime did not want the frame.
+    /// Left and right eye; `None` if the runtime did not want the frame.
     pub eyes: Option<[SeenEye; 2]>,
     pub recentred: u64,
     pub rendered: u64,
     pub not_wanted: u64,
 }
 
-/// An eye as it was drawn.
+/// An eye as drawn.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SeenEye {
     pub size: [u32; 2],
@@ -64,7 +64,7 @@ pub struct SeenEye {
     pub position_m: [f64; 3],
 }
 
-/// Shows one star until it is told to end.
+/// Host that shows one star until its end is requested.
 #[derive(Default)]
 struct Wearer {
     ending: AtomicBool,
@@ -81,7 +81,7 @@ impl Host for Wearer {
     }
 
     fn fly(&self, flight: &Flight) {
-        panic!("nobody flies here: {flight:?}");
+        panic!("the controllers are not used: {flight:?}");
     }
 
     fn mirror(&self) -> Wanted {
@@ -147,19 +147,19 @@ fn watch() {
     say(&Line::Exited(false));
 }
 
-/// A program that watches, and what it has said.
+/// A program that watches a session, with its output.
 pub struct Watcher {
     program: Program,
     folder: tempfile::TempDir,
 }
 
 impl Watcher {
-    /// Starts one as a program of a service.
+    /// Starts the program as a program of a service.
     pub fn start(service: &Service, settings: &HeadsetSettings) -> Self {
         Self::of(service.inner("watch"), settings)
     }
 
-    /// The same by the command of the inner function.
+    /// Starts the program with the command of the inner function.
     pub fn of(mut command: Command, settings: &HeadsetSettings) -> Self {
         let folder = tempfile::tempdir().unwrap();
         command.env(SETTINGS_VARIABLE, serde_json::to_string(settings).unwrap());
@@ -167,18 +167,18 @@ impl Watcher {
         Self { program: Program::start(command), folder }
     }
 
-    /// Everything so far.
+    /// Returns all lines so far.
     pub fn lines(&self) -> Vec<Line> {
         let out = self.program.out();
-        // The last line may be written just now.
+        // The last line may be incomplete.
         let whole = out.rfind('\n').map_or("", |end| &out[..end]);
         lines(whole)
     }
 
-    /// Waits until what it has said holds an answer.
+    /// Waits until the lines contain an answer.
     ///
     /// # Panics
-    /// It ends before, or takes too long.
+    /// If the program ends before, or takes too long.
     pub fn until<T>(&mut self, answer: impl Fn(&[Line]) -> Option<T>) -> T {
         let start = Instant::now();
         loop {
@@ -200,14 +200,14 @@ impl Watcher {
         })
     }
 
-    /// Waits for a frame whose eyes are asked for after this call.
+    /// Waits for a frame whose eyes are queried after this call.
     pub fn next_frame(&mut self) -> SeenFrame {
-        // The one after these may have been begun before.
+        // The next frame may have begun earlier.
         let before = frames(&self.lines()).len() + 1;
         self.until(|lines| frames(lines).into_iter().skip(before).find(|frame| frame.eyes.is_some()))
     }
 
-    /// Tells it to ask for the end of the session, and waits for its own; returns everything that it has said.
+    /// Requests the end of the session and waits for the end of the program; returns all lines.
     pub fn end(self) -> Vec<Line> {
         std::fs::write(self.folder.path().join("end"), "").unwrap();
         let ended = self.program.wait();
@@ -220,7 +220,7 @@ fn lines(out: &str) -> Vec<Line> {
     out.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}"))).collect()
 }
 
-/// The frames among lines.
+/// Returns the frames among lines.
 pub fn frames(lines: &[Line]) -> Vec<SeenFrame> {
     let frame = |line: &Line| if let Line::Frame(frame) = line { Some(frame.clone()) } else { None };
     lines.iter().filter_map(frame).collect()

@@ -1,4 +1,4 @@
-//! The program as scripts see it: what it prints where, and its exit codes.
+//! The program as scripts see it: output streams and exit codes.
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -19,7 +19,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).unwrap()
 }
 
-/// Runs, checks the exit code, and returns standard output and standard error.
+/// Runs the program, checks the exit code, and returns standard output and standard error.
 #[track_caller]
 fn run(folder: &Path, arguments: &[&str], code: i32) -> (String, String) {
     let output = steradian(folder, arguments);
@@ -29,7 +29,7 @@ fn run(folder: &Path, arguments: &[&str], code: i32) -> (String, String) {
 }
 
 #[test]
-fn help_and_version_go_to_standard_output_with_examples() {
+fn help_with_examples_and_version_go_to_standard_output() {
     let folder = tempfile::tempdir().unwrap();
     for arguments in [
         &["--help"][..],
@@ -51,7 +51,7 @@ fn help_and_version_go_to_standard_output_with_examples() {
 }
 
 #[test]
-fn bad_usage_is_64() {
+fn bad_usage_exits_64() {
     let folder = tempfile::tempdir().unwrap();
     for arguments in [
         &[][..],
@@ -69,12 +69,12 @@ fn bad_usage_is_64() {
         assert!(!err.is_empty(), "{arguments:?}");
     }
     let (_, err) = run(folder.path(), &["catalogue", "synth", "--stars", "0", "--seed", "1", "--out", "x"], 64);
-    assert!(err.contains("--stars") && err.contains("from 1 to"), "{err}");
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is written");
+    assert!(err.contains("--stars") && err.contains("between 1 and"), "{err}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "no file is written");
 }
 
 #[test]
-fn bad_data_is_65_and_named_once() {
+fn bad_data_exits_65_with_one_error() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, content: &str| std::fs::write(folder.path().join(name), content).unwrap();
     file("broken.csv", "ra_deg,dec_deg,v_mag\nx,y,z\n1,2,\n");
@@ -101,7 +101,7 @@ fn bad_data_is_65_and_named_once() {
 }
 
 #[test]
-fn a_million_broken_rows_end_quickly_in_one_short_message() {
+fn million_broken_rows_give_one_short_message() {
     let folder = tempfile::tempdir().unwrap();
     let mut csv = String::from("ra_deg,dec_deg,v_mag\n");
     csv.push_str(&"junk,more junk,\n".repeat(1_000_000));
@@ -112,7 +112,7 @@ fn a_million_broken_rows_end_quickly_in_one_short_message() {
 }
 
 #[test]
-fn import_reports_bad_rows_and_info_tells_what_is_in_the_store() {
+fn import_reports_bad_rows_and_info_describes_the_store() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("two.csv"), CSV).unwrap();
     let (out, err) = run(folder.path(), &["catalogue", "import", "two.csv", "builtin:bright", "--out", "sky.stars"], 0);
@@ -131,13 +131,13 @@ fn import_reports_bad_rows_and_info_tells_what_is_in_the_store() {
     assert!(stars > 302, "{out}");
     let at_infinity: usize = value("at infinity").parse().unwrap();
     assert!(at_infinity >= 1 && at_infinity < stars, "{out}");
-    // Sirius is the brightest.
+    // The brightest star is Sirius.
     assert!(value("apparent V").starts_with("-1.4"), "{out}");
     assert!(out.contains("from              builtin:bright"), "{out}");
 }
 
 #[test]
-fn the_same_seed_gives_the_same_store_and_another_seed_another() {
+fn stores_depend_only_on_their_seed() {
     let folder = tempfile::tempdir().unwrap();
     let synth = |seed: &str, out: &str| {
         let arguments =
@@ -156,13 +156,13 @@ fn the_same_seed_gives_the_same_store_and_another_seed_another() {
     let brightest: f64 = range.split_whitespace().nth(2).unwrap().parse().unwrap();
     assert!((3.5..4.5).contains(&brightest), "{range}");
 
-    // Stores are catalogues, too: they add up.
+    // Stores are catalogues too, so they can be concatenated.
     let (out, _) = run(folder.path(), &["catalogue", "import", "a.stars", "c.stars", "--out", "both.stars"], 0);
     assert!(out.contains("wrote both.stars: 10000 stars"), "{out}");
 }
 
 #[test]
-fn a_store_that_cannot_be_written_is_a_failed_job() {
+fn unwritable_store_exits_1() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("two.csv"), CSV).unwrap();
     let (_, err) = run(folder.path(), &["catalogue", "import", "two.csv", "--out", "no/such/folder/x.stars"], 1);
@@ -170,7 +170,7 @@ fn a_store_that_cannot_be_written_is_a_failed_job() {
 }
 
 #[test]
-fn a_reader_that_leaves_is_no_failure() {
+fn closed_standard_output_is_not_a_failure() {
     let folder = tempfile::tempdir().unwrap();
     run(folder.path(), &["catalogue", "import", "builtin:bright", "--out", "b.stars"], 0);
     let (reader, writer) = std::io::pipe().unwrap();
@@ -190,9 +190,9 @@ const SCENE: &str = "[scene]\ncatalogues = ['builtin:bright']\n[[views]]\nname =
     size = [16, 16]\nipd_m = 0.06\nfov = { left_deg = -40, right_deg = 30, up_deg = 30, down_deg = -30 }\n";
 
 #[test]
-fn renders_have_the_same_bytes_whatever_the_threads() {
+fn render_bytes_do_not_depend_on_threads() {
     let folder = tempfile::tempdir().unwrap();
-    // As many stars and such an exposure that the frame reads a map of faint stars.
+    // With this number of stars and this exposure the frame reads a map of faint stars.
     let scene = "[scene]\ncatalogues = [{ galaxy = { stars = 300000, seed = 1, fainter_than = 3.5 } }]\n\
         [[views]]\nname = 'dome'\ntype = 'dome_master'\nsize = [256, 256]\n[exposure]\nmode = 'manual'\nev100 = -5.4\n";
     std::fs::write(folder.path().join("dome.toml"), scene).unwrap();
@@ -208,26 +208,26 @@ fn renders_have_the_same_bytes_whatever_the_threads() {
         let read = |name: &str| std::fs::read(folder.path().join(threads).join(name)).unwrap();
         let files = ["dome.png", "dome.exr", "manifest.json"].map(read).to_vec();
         let manifest: serde_json::Value = serde_json::from_slice(&files[2]).unwrap();
-        assert!(manifest["views"][0]["stars_in_map"].as_u64().unwrap() > 10_000, "the map is among them: {manifest}");
+        assert!(manifest["views"][0]["stars_in_map"].as_u64().unwrap() > 10_000, "the frame uses the map: {manifest}");
         assert!(first.get_or_insert_with(|| files.clone()) == &files, "{threads} threads");
     }
-    // Nor does it matter which other files are written.
+    // The other written files do not matter either.
     let both = first.unwrap();
     for (kind, file, absent, expected) in
         [("png", "dome.png", "dome.exr", &both[0]), ("exr", "dome.exr", "dome.png", &both[1])]
     {
         run(folder.path(), &["render", "--config", "dome.toml", "--out", kind, "--files", kind], 0);
         assert!(&std::fs::read(folder.path().join(kind).join(file)).unwrap() == expected, "{file} alone");
-        assert!(!folder.path().join(kind).join(absent).exists(), "{absent} was not asked for");
+        assert!(!folder.path().join(kind).join(absent).exists(), "{absent} was not requested");
     }
     let (_, error) = run(folder.path(), &["render", "--config", "dome.toml", "--out", "c", "--files", "gif"], 64);
     assert!(error.contains("gif") && error.contains("png") && error.contains("exr"), "{error}");
 }
 
 #[test]
-fn explain_tells_bounds_of_display_and_hdr_images() {
+fn explain_prints_bounds_of_display_and_hdr_images() {
     let folder = tempfile::tempdir().unwrap();
-    // Pixels of less than 0.7 degrees: display images have a budget of their own.
+    // Pixels of less than 0.7 degrees, so that display images have a separate budget.
     let scene =
         "[scene]\ncatalogues = ['builtin:bright']\n[[views]]\nname = 'all'\ntype = 'dome_master'\nsize = [300, 300]\n";
     std::fs::write(folder.path().join("sky.toml"), scene).unwrap();
@@ -245,7 +245,7 @@ fn explain_tells_bounds_of_display_and_hdr_images() {
 }
 
 #[test]
-fn render_writes_every_image_and_the_manifest_and_repeats_itself() {
+fn render_writes_all_images_and_the_manifest_deterministically() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("sky.toml"), SCENE).unwrap();
     let (out, _) = run(folder.path(), &["render", "--config", "sky.toml", "--out", "a"], 0);
@@ -264,7 +264,7 @@ fn render_writes_every_image_and_the_manifest_and_repeats_itself() {
     let views = manifest["views"].as_array().unwrap();
     assert_eq!(views.iter().map(|view| view["name"].as_str().unwrap()).collect::<Vec<_>>(), ["all", "cube", "eyes"]);
     assert_eq!(views[1]["files"].as_array().unwrap().len(), 4);
-    assert!(views[0]["stars_drawn"].as_u64().unwrap() > 300, "every star is in the full sphere: {manifest}");
+    assert!(views[0]["stars_drawn"].as_u64().unwrap() > 300, "the full sphere shows every star: {manifest}");
 
     run(folder.path(), &["render", "--config", "sky.toml", "--out", "b"], 0);
     for stem in expected {
@@ -273,7 +273,7 @@ fn render_writes_every_image_and_the_manifest_and_repeats_itself() {
             assert_eq!(read("a"), read("b"), "{stem}.{extension}");
         }
     }
-    // An override reaches the picture.
+    // An override affects the picture.
     run(folder.path(), &["render", "--config", "sky.toml", "--out", "c", "--set", "views.all.size=[32, 16]"], 0);
     let size = |out: &str| {
         let png = std::fs::File::open(folder.path().join(format!("{out}/all.png"))).unwrap();
@@ -283,7 +283,7 @@ fn render_writes_every_image_and_the_manifest_and_repeats_itself() {
 }
 
 #[test]
-fn the_manifest_names_the_exposure_of_each_view_and_explain_that_of_each_frame() {
+fn manifest_has_exposure_per_view_and_explain_per_frame() {
     let folder = tempfile::tempdir().unwrap();
     let own = "[exposure]\nlimiting_magnitude = 5.0\n[[views]]\nname = 'manual'\ntype = 'equirectangular'\nsize = [64, 32]\n\
                exposure = { mode = 'manual', ev100 = -7.5 }\n[[views]]\nname = 'plain'\ntype = 'equirectangular'\nsize = [64, 32]\n\
@@ -300,13 +300,13 @@ fn the_manifest_names_the_exposure_of_each_view_and_explain_that_of_each_frame()
     );
     let ev100 = |value: &serde_json::Value| value["exposure_ev100"].as_f64().unwrap();
     assert_eq!(ev100(&views[0]), -7.5);
-    // The general exposure, which the other two share: that of the first of them.
+    // The manifest has the general exposure, which the other two views share: that of the first of them.
     assert_eq!([ev100(&views[1]), ev100(&views[2])], [ev100(&manifest); 2]);
     assert!((views[1]["limiting_magnitude"].as_f64().unwrap() - 5.0).abs() < 1e-3, "{manifest}");
     assert_eq!(views[2]["plan"]["glare"].as_str().unwrap(), "none");
     let read = |name: &str| std::fs::read(folder.path().join("a").join(name)).unwrap();
     assert!(read("plain.png") != read("clear.png") && read("manual.png") != read("plain.png"));
-    // Alone, under its settings, a view has the same files.
+    // Alone, with the same settings, a view has the same files.
     let alone = "[[views]]\nname = 'manual'\ntype = 'equirectangular'\nsize = [64, 32]\n[exposure]\nmode = 'manual'\nev100 = -7.5\n";
     std::fs::write(folder.path().join("alone.toml"), alone).unwrap();
     run(folder.path(), &["render", "--config", "alone.toml", "--out", "b"], 0);
@@ -319,7 +319,7 @@ fn the_manifest_names_the_exposure_of_each_view_and_explain_that_of_each_frame()
 }
 
 #[test]
-fn render_refuses_bad_configurations_with_64_bad_catalogues_with_65_and_unknown_adapters_with_69() {
+fn render_exits_64_for_configuration_65_for_catalogues_69_for_adapters() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, content: &str| std::fs::write(folder.path().join(name), content).unwrap();
     file("sky.toml", SCENE);
@@ -341,13 +341,13 @@ fn render_refuses_bad_configurations_with_64_bad_catalogues_with_65_and_unknown_
         assert_eq!(err.matches("error:").count(), 1, "{err}");
     }
     assert!(!folder.path().join("out").exists());
-    file("out", "a file where the folder should be");
+    file("out", "a file at the path of the folder");
     let (_, err) = run(folder.path(), &["render", "--out", "out", "--config", "sky.toml"], 1);
     assert!(err.contains("cannot write out"), "{err}");
 }
 
 #[test]
-fn info_tells_the_adapter_as_text_and_as_json() {
+fn info_prints_the_adapter_as_text_and_json() {
     let folder = tempfile::tempdir().unwrap();
     let (out, _) = run(folder.path(), &["info"], 0);
     assert!(out.contains("adapter") && out.contains("fallbacks"), "{out}");
@@ -360,19 +360,19 @@ fn info_tells_the_adapter_as_text_and_as_json() {
     assert!(out.is_empty() && err.contains("no such adapter"), "{err}");
 }
 
-/// The daemon; killed if a test ends early.
+/// The daemon, killed on drop.
 struct Daemon(std::process::Child);
 
 impl Drop for Daemon {
     fn drop(&mut self) {
-        // It may have ended already, which is what most tests are about.
+        // It may have ended already, as in most tests.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
 #[test]
-fn a_token_comes_with_the_lines_that_let_its_holder_in() {
+fn token_is_printed_with_its_configuration_lines() {
     let folder = tempfile::tempdir().unwrap();
     let (out, _) = run(folder.path(), &["token", "--name", "desk \"1\"", "--role", "steer"], 0);
     let (token, lines) = out.split_once("\n\n").unwrap();
@@ -387,7 +387,7 @@ fn a_token_comes_with_the_lines_that_let_its_holder_in() {
 }
 
 #[test]
-fn serve_does_not_start_where_everybody_could_steer() {
+fn serve_refuses_to_start_without_access_control() {
     let folder = tempfile::tempdir().unwrap();
     for (set, part) in [
         ("server.listen=\"0.0.0.0:0\"", "[server.tls]"),
@@ -401,7 +401,7 @@ fn serve_does_not_start_where_everybody_could_steer() {
 
 #[cfg(unix)]
 #[test]
-fn serve_says_where_it_listens_and_ends_with_0_on_sigterm_and_sigint() {
+fn serve_prints_its_address_and_exits_0_on_sigterm_and_sigint() {
     use std::io::{BufRead, BufReader, Read};
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("sky.toml"), SCENE).unwrap();
@@ -429,7 +429,7 @@ fn serve_says_where_it_listens_and_ends_with_0_on_sigterm_and_sigint() {
 }
 
 #[test]
-fn serve_refuses_what_it_cannot_do() {
+fn serve_refuses_invalid_arguments() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("sky.toml"), SCENE).unwrap();
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
@@ -448,7 +448,7 @@ fn serve_refuses_what_it_cannot_do() {
 }
 
 #[test]
-fn a_published_method_and_a_moving_camera_are_bad_configuration() {
+fn published_method_with_moving_camera_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("sky.toml"), SCENE).unwrap();
     let render = |method: &str, code: i32| {
@@ -462,7 +462,7 @@ fn a_published_method_and_a_moving_camera_are_bad_configuration() {
 }
 
 #[test]
-fn a_point_spread_function_that_cannot_be_had_is_named() {
+fn unusable_point_spread_function_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, content: &str| std::fs::write(folder.path().join(name), content).unwrap();
     file("broken.exr", "not a picture");
@@ -479,7 +479,7 @@ fn a_point_spread_function_that_cannot_be_had_is_named() {
     let (_, err) = render("stars.psf_texture.aperture=square", 64);
     assert!(err.contains("aperture") && err.contains("hexagon"), "{err}");
     assert!(!folder.path().join("out").exists());
-    // One that we made ourselves is drawn.
+    // A generated point-spread function is drawn.
     let make = ["psf", "--aperture", "circle", "--diameter-mm", "1", "--size", "32", "--out", "star.exr"];
     run(folder.path(), &make, 0);
     render("stars.psf_texture.file=star.exr", 0);
@@ -487,9 +487,9 @@ fn a_point_spread_function_that_cannot_be_had_is_named() {
 }
 
 #[test]
-fn an_audited_render_says_what_it_compared_and_changes_no_picture() {
+fn audit_reports_its_comparison_and_changes_no_picture() {
     let folder = tempfile::tempdir().unwrap();
-    // Pixels of a degree and less, as audits are for.
+    // Pixels of at most a degree, as audits require.
     let finer = SCENE.replace("size = [64, 32]", "size = [384, 192]").replace("face_size = 16", "face_size = 96");
     std::fs::write(folder.path().join("sky.toml"), finer.replace("size = [16, 16]", "size = [96, 96]")).unwrap();
     let audited = ["render", "--config", "sky.toml", "--out", "a", "--explain", "--set", "accuracy.audit=true"];
@@ -507,7 +507,7 @@ fn an_audited_render_says_what_it_compared_and_changes_no_picture() {
         "--set",
         "views.all.size=[64,32]",
     ];
-    // Whatever becomes of the others, the coarse one is told.
+    // Regardless of the other views, the coarse one is reported.
     let output = steradian(folder.path(), &coarse);
     assert!(text(&output.stdout).contains("not audited: view all: pixels of 5.6 degrees"), "{}", text(&output.stdout));
     let manifest = std::fs::read(folder.path().join("a/manifest.json")).unwrap();
@@ -520,7 +520,7 @@ fn an_audited_render_says_what_it_compared_and_changes_no_picture() {
         let read = |out: &str| std::fs::read(folder.path().join(out).join(name)).unwrap();
         assert_eq!(read("a"), read("b"), "{name}");
     }
-    // A published method keeps no budget, and nobody says that it does.
+    // A published method has no budget, so none is reported.
     let published = [
         "render",
         "--config",
@@ -538,9 +538,9 @@ fn an_audited_render_says_what_it_compared_and_changes_no_picture() {
     run(folder.path(), &["render", "--config", "sky.toml", "--out", "d", "--set", "accuracy.frame_ms=0"], 64);
 }
 
-/// Whatever a picture was made of is told, and is enough to make it again; what is not what it was is refused by name.
+/// The manifest records all inputs of a picture and is sufficient to make it again; a changed file is refused by name.
 #[test]
-fn a_manifest_is_the_same_in_two_runs_and_makes_the_frame_again() {
+fn manifest_is_deterministic_and_reproduces_the_frame() {
     let folder = tempfile::tempdir().unwrap();
     let place = |name: &str| folder.path().join(name);
     std::fs::create_dir(place("skies")).unwrap();
@@ -552,19 +552,19 @@ fn a_manifest_is_the_same_in_two_runs_and_makes_the_frame_again() {
         SCENE.split_once("[[views]]").map(|(_, views)| format!("[[views]]{views}")).unwrap()
     );
     std::fs::write(place("skies/sky.toml"), scene).unwrap();
-    let (given, from) =
+    let (from_configuration, from) =
         (["--config", "skies/sky.toml", "--set", "views.all.size=[32, 16]"], ["--from", "a/manifest.json"]);
     let render = |out: &str, arguments: &[&str], code: i32| {
         run(folder.path(), &[&["render", "--out", out], arguments].concat(), code)
     };
     for out in ["a", "b"] {
-        render(out, &given, 0);
+        render(out, &from_configuration, 0);
     }
     render("again", &from, 0);
-    // From anywhere, and where the files have gone elsewhere.
+    // The manifest works from any folder, and after the files were moved.
     std::fs::rename(place("skies"), place("moved")).unwrap();
-    let (_, told) = render("elsewhere", &from, 65);
-    assert!(told.contains("eye.csv"), "{told}");
+    let (_, err) = render("elsewhere", &from, 65);
+    assert!(err.contains("eye.csv"), "{err}");
     render("moved-again", &[&from[..], &["--folder", "moved"]].concat(), 0);
     let written = std::fs::read_dir(place("a")).unwrap().map(|entry| entry.unwrap().file_name());
     let written: Vec<String> = written.map(|name| name.into_string().unwrap()).collect();
@@ -590,15 +590,17 @@ fn a_manifest_is_the_same_in_two_runs_and_makes_the_frame_again() {
     assert!(!manifest["driver"].as_str().unwrap().is_empty());
 
     std::fs::write(place("moved/stars.csv"), CSV.replace("3.0", "3.1")).unwrap();
-    let (_, told) = render("changed", &[&from[..], &["--folder", "moved"]].concat(), 65);
-    assert!(told.contains("stars.csv") && told.contains("SHA-256") && told.contains("manifest.json"), "{told}");
-    assert!(!place("changed").exists(), "nothing is written");
+    let (_, err) = render("changed", &[&from[..], &["--folder", "moved"]].concat(), 65);
+    assert!(err.contains("stars.csv") && err.contains("SHA-256") && err.contains("manifest.json"), "{err}");
+    assert!(!place("changed").exists(), "no file is written");
     std::fs::write(place("a/manifest.json"), "{ \"version\": 3 }").unwrap();
-    let (_, told) = render("broken", &from, 65);
-    assert!(told.contains("a/manifest.json"), "{told}");
-    for arguments in
-        [&[][..], &[&from[..], &given[..2]].concat()[..], &["--config", "skies/sky.toml", "--folder", "moved"]]
-    {
+    let (_, err) = render("broken", &from, 65);
+    assert!(err.contains("a/manifest.json"), "{err}");
+    for arguments in [
+        &[][..],
+        &[&from[..], &from_configuration[..2]].concat()[..],
+        &["--config", "skies/sky.toml", "--folder", "moved"],
+    ] {
         render("none", arguments, 64);
     }
 }

@@ -1,9 +1,10 @@
-//! Proves that `docs/configuration.md` and `docs/steradian.schema.json` are what the types say, and that the schema and the
-//! parser agree: about every configuration in `configs/`, about both sides of every bound of every range, and about mistakes.
+//! Tests that `docs/configuration.md` and `docs/steradian.schema.json` match the types, and that the schema and the
+//! parser agree about every configuration in `configs/`, about both sides of every bound of every range, and about
+//! mistakes.
 //!
-//! `STERADIAN_WRITE_REFERENCE=1 cargo test --release --test program configuration_reference` writes both files anew.
+//! `STERADIAN_WRITE_REFERENCE=1 cargo test --release --test program configuration_reference` regenerates both files.
 
-#![allow(clippy::unwrap_used, reason = "a test: what it unwraps is there, or it fails")]
+#![allow(clippy::unwrap_used, reason = "a test: a missing value fails it")]
 
 use std::{collections::BTreeSet, fs, path::Path};
 
@@ -18,7 +19,7 @@ fn repository() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The JSON that an editor makes of TOML.
+/// Returns the JSON that an editor derives from TOML.
 fn json_of(value: &toml::Value) -> Value {
     match value {
         toml::Value::Array(values) => values.iter().map(json_of).collect(),
@@ -35,15 +36,15 @@ fn validator() -> jsonschema::Validator {
     jsonschema::draft7::new(&reference::schema()).unwrap()
 }
 
-/// Whether the schema and whether the parser take a text.
-fn taken(validator: &jsonschema::Validator, text: &str) -> [bool; 2] {
+/// Whether the schema and whether the parser accept a text.
+fn accepted(validator: &jsonschema::Validator, text: &str) -> [bool; 2] {
     let document = json_of(&toml::Value::Table(text.parse().unwrap_or_else(|error| panic!("{error} in\n{text}"))));
     [validator.is_valid(&document), Config::from_text(text, "test.toml", Path::new("/sky"), &[]).is_ok()]
 }
 
-/// The generated files differ from the committed ones in nothing.
+/// The generated files are identical to the committed ones.
 #[test]
-fn the_page_and_the_schema_are_those_of_the_types() {
+fn page_and_schema_match_the_types() {
     let schema = format!("{}\n", serde_json::to_string_pretty(&reference::schema()).unwrap());
     let write = std::env::var_os("STERADIAN_WRITE_REFERENCE").is_some();
     for (file, generated) in [("docs/configuration.md", reference::page()), ("docs/steradian.schema.json", schema)] {
@@ -55,14 +56,14 @@ fn the_page_and_the_schema_are_those_of_the_types() {
         let differs = committed.lines().zip(generated.lines()).position(|(old, new)| old != new);
         assert!(
             committed == generated,
-            "{file} is not what the types say (line {:?}): STERADIAN_WRITE_REFERENCE=1 writes it anew",
+            "{file} does not match the types (line {:?}): STERADIAN_WRITE_REFERENCE=1 regenerates it",
             differs.map(|line| line + 1)
         );
     }
 }
 
 #[test]
-fn every_configuration_fits_the_schema_and_names_it() {
+fn configurations_are_valid_and_name_the_schema() {
     let validator = validator();
     for file in fs::read_dir(repository().join("configs")).unwrap() {
         let path = file.unwrap().path();
@@ -75,7 +76,7 @@ fn every_configuration_fits_the_schema_and_names_it() {
     }
 }
 
-/// The least that a view, a body or a field needs, with the keys that `rest` gives in place of these.
+/// Returns the minimal keys of a view, a body or a field.
 fn listed(list: &str, type_or_shape: &str) -> Map<String, Value> {
     let value = match (list, type_or_shape) {
         ("views", "perspective") => json!({ "size": [8, 8], "fov_y_deg": 60.0 }),
@@ -118,7 +119,7 @@ fn edges() -> Value {
     json!({ "left_deg": -89.0, "right_deg": 89.0, "up_deg": 89.0, "down_deg": -89.0 })
 }
 
-/// Complete documents that have the key of a range, as JSON whose place of the key is to be filled.
+/// Returns complete documents that contain the key of a range, as JSON in which the key's value is to be replaced.
 fn documents(range: &Range) -> Vec<Value> {
     let list = range.key.split("[]").next().unwrap();
     let kinds: &[&str] = match list {
@@ -150,7 +151,7 @@ fn documents(range: &Range) -> Vec<Value> {
             return labels.into_iter().map(|label| json!({ "overlay": { "labels": [label] } })).collect();
         }
         _ => {
-            // What a bound needs of other keys.
+            // Other keys that a bound requires.
             let others = match range.key {
                 key if key.starts_with("scene.observer.") => {
                     json!({ "scene": { "observer": { "latitude_deg": 0.0, "longitude_deg": 0.0 } } })
@@ -170,7 +171,7 @@ fn documents(range: &Range) -> Vec<Value> {
                 "stars.gaussian_psf.saturation_magnitude" => {
                     json!({ "stars": { "gaussian_psf": { "limiting_magnitude": 100.0 } } })
                 }
-                // What they have an effect with.
+                // Other keys without which the key has no effect.
                 "exposure.ev100" => json!({ "exposure": { "mode": "manual" } }),
                 "exposure.key" => json!({ "exposure": { "metering": "mean" } }),
                 "exposure.spot_deg" => json!({ "exposure": { "metering": "spot" } }),
@@ -181,7 +182,7 @@ fn documents(range: &Range) -> Vec<Value> {
             return vec![others];
         }
     };
-    // Of the lists, the kinds that have the key.
+    // The kinds of list entries that have the key.
     let keys: Vec<&str> = range.key.split("[].").nth(1).unwrap().split('.').collect();
     let all = kinds.iter().map(|kind| listed(list, kind));
     let has = |table: &Map<String, Value>| match keys.as_slice() {
@@ -194,7 +195,7 @@ fn documents(range: &Range) -> Vec<Value> {
     all.filter(has).map(|table| json!({ list: [table] })).collect()
 }
 
-/// Puts a number where a key is; into a list of numbers, as its first element, or as all of them.
+/// Sets a key to a number; in a list of numbers its first element, or all elements.
 fn put(document: &Value, key: &str, number: Value, whole_list: bool) -> Value {
     let mut document = document.clone();
     let mut place = &mut document;
@@ -217,10 +218,10 @@ fn put(document: &Value, key: &str, number: Value, whole_list: bool) -> Value {
     document
 }
 
-/// Bounds that no configuration reaches, since another rule refuses it before: the key, whether it is the upper bound, and a
-/// value near it that is taken.
+/// Bounds that no configuration reaches because another rule refuses it first: the key, whether it is the upper bound,
+/// and a nearby value that is accepted.
 const UNREACHED: &[(&str, bool, f64)] = &[
-    // Two keys must differ, and the other one has the same bound.
+    // The two keys must differ, and the other one has the same bound.
     ("stars.billboard.brightest_magnitude", true, 99.9),
     ("stars.billboard.faintest_magnitude", false, -99.9),
     ("stars.gaussian_psf.saturation_magnitude", true, 99.9),
@@ -230,39 +231,40 @@ const UNREACHED: &[(&str, bool, f64)] = &[
     ("right_deg", false, -88.9),
     ("up_deg", false, -88.9),
     ("down_deg", true, 88.9),
-    // The luminance would be above what is allowed.
+    // The luminance would exceed its limit.
     ("bodies[].emission.absolute_magnitude", false, -10.0),
 ];
 
-/// A bound, or, where none reaches it, a value near it.
+/// Returns a bound, or a nearby value if no configuration reaches it.
 fn reached(key: &str, upper: bool, bound: f64) -> f64 {
     let matches = |entry: &str| if entry.contains('.') { entry == key } else { key.rsplit('.').next() == Some(entry) };
     UNREACHED.iter().find(|(entry, of_upper, _)| matches(entry) && *of_upper == upper).map_or(bound, |entry| entry.2)
 }
 
-/// The next number in a direction that the kind of the key can tell from the bound.
+/// Returns the next value beyond a bound that the type of the key can distinguish from it.
 fn beyond(bound: f64, upwards: bool, whole: bool, angle: bool) -> f64 {
     let sign = if upwards { 1.0 } else { -1.0 };
     if whole {
         bound + sign
     } else if angle {
-        // Degrees are compared in radians, with a slack for their rounding.
+        // Degrees are compared in radians with a tolerance for rounding.
         bound + sign * 1e-6
     } else {
         bound + sign * (bound.abs() * 1e-9).max(1e-12)
     }
 }
 
-/// Where the parser or the schema does not take a bound of a range, or takes what lies just beyond; and how often they were asked.
+/// Lists bounds of a range that the parser or the schema refuses, and values just beyond that one of them accepts; also
+/// returns the number of checks.
 fn disagreements(validator: &jsonschema::Validator, range: &Range) -> (Vec<String>, usize) {
     let documents = documents(range);
-    assert!(!documents.is_empty(), "{}: nothing has this key", range.key);
+    assert!(!documents.is_empty(), "{}: no document has this key", range.key);
     let name = range.key.rsplit('.').next().unwrap();
     let whole =
         ["cells", "layers", "stars", "size", "position", "face_size", "instances", "tiles", "tile_px", "samples"]
             .contains(&name);
     let angle = range.key.starts_with("views") && name.ends_with("_deg");
-    // Values, and whether they are allowed.
+    // Values, and whether they are valid.
     let mut values = vec![(beyond(range.least, false, whole, angle), false)];
     if range.above {
         values.extend([(range.least, false), (beyond(range.least, true, whole, angle), true)]);
@@ -279,30 +281,33 @@ fn disagreements(validator: &jsonschema::Validator, range: &Range) -> (Vec<Strin
         let both: Vec<[bool; 2]> = documents
             .iter()
             .flat_map(|document| [false, true].map(|whole_list| put(document, range.key, number.clone(), whole_list)))
-            .map(|document| taken(validator, &toml::to_string(&document).unwrap()))
+            .map(|document| accepted(validator, &toml::to_string(&document).unwrap()))
             .collect();
         asked += both.len();
-        // Other rules may refuse an allowed value in some combinations; in one of them it is taken.
-        let agree =
-            if allowed { both.contains(&[true, true]) } else { both.iter().all(|taken| *taken == [false, false]) };
+        // Other rules may refuse a valid value in some combinations; at least one combination must accept it.
+        let agree = if allowed {
+            both.contains(&[true, true])
+        } else {
+            both.iter().all(|accepted| *accepted == [false, false])
+        };
         if !agree {
-            found.push(format!("{} = {value}, allowed: {allowed}, taken by [schema, parser]: {both:?}", range.key));
+            found.push(format!("{} = {value}, valid: {allowed}, accepted by [schema, parser]: {both:?}", range.key));
         }
     }
     (found, asked)
 }
 
 #[test]
-fn schema_and_parser_agree_about_both_sides_of_every_bound() {
+fn schema_and_parser_agree_on_both_sides_of_every_bound() {
     let validator = validator();
     let (found, asked): (Vec<_>, Vec<_>) = ranges::all().map(|range| disagreements(&validator, range)).unzip();
     let found = found.concat();
     assert!(found.is_empty(), "{found:#?}");
-    assert!(asked.iter().sum::<usize>() > 300, "asked only {asked:?} times");
+    assert!(asked.iter().sum::<usize>() > 300, "only {asked:?} checks");
 }
 
 #[test]
-fn a_wrong_bound_is_noticed() {
+fn wrong_bound_is_detected() {
     let validator = validator();
     for key in
         ["accuracy.flux", "views[].fov_y_deg", "bodies[].radii_m", "asteroid_fields[].size_index", "asteroids.samples"]
@@ -326,7 +331,7 @@ fn schema_and_parser_refuse_the_same_mistakes() {
     let own =
         format!("{map}exposure_group = 'g'\nexposure = {{ limiting_magnitude = 8 }}\n[views.glare]\nfraction = 0.5");
     for good in ["", &own, "[stars]\nmethod = 'tent'", map, "[scene]\ntime = 2026-01-01T00:00:00Z"] {
-        assert_eq!(taken(&validator, good), [true, true], "{good}");
+        assert_eq!(accepted(&validator, good), [true, true], "{good}");
     }
     for wrong in [
         "[moons]",
@@ -359,7 +364,7 @@ fn schema_and_parser_refuse_the_same_mistakes() {
         "[headset]\nformat = 'rgb565'",
         "[server]\nport = 7143",
     ] {
-        assert_eq!(taken(&validator, wrong), [false, false], "[schema, parser] {wrong}");
+        assert_eq!(accepted(&validator, wrong), [false, false], "[schema, parser] {wrong}");
     }
 }
 
@@ -379,13 +384,13 @@ fn keys(schema: &Value, path: &str, visit: &mut dyn FnMut(&str, &Value)) {
 }
 
 #[test]
-fn every_key_stands_on_the_page_with_a_text_and_every_range_has_its_key() {
+fn every_key_is_documented_and_every_range_has_its_key() {
     let (schema, page) = (reference::schema(), reference::page());
     let mut known = BTreeSet::new();
     keys(&schema, "", &mut |path, inner| {
         known.insert(path.to_owned());
         let top = !path.contains('.');
-        assert!(top || inner["description"].as_str().is_some_and(|text| !text.is_empty()), "{path} has no text");
+        assert!(top || inner["description"].as_str().is_some_and(|text| !text.is_empty()), "{path} has no description");
         let key = path.rsplit('.').next().unwrap();
         let found = if top { page.contains(&format!("[{key}]")) } else { page.contains(&format!("| `{key}` |")) };
         let is_kind = ["scene.catalogues[].galaxy", "scene.catalogues[].light"].contains(&path);
@@ -393,6 +398,6 @@ fn every_key_stands_on_the_page_with_a_text_and_every_range_has_its_key() {
     });
     assert!(known.len() > 100, "only {} keys", known.len());
     for range in ranges::all() {
-        assert!(known.contains(range.key), "there is a range for {}, but no such key", range.key);
+        assert!(known.contains(range.key), "there is a range for {}, but the key does not exist", range.key);
     }
 }

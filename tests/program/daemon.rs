@@ -1,4 +1,4 @@
-//! The program as a daemon: the real renderer, over a real socket, ended by real signals.
+//! The program as a daemon: the real renderer over a real socket, ended by real signals.
 
 use std::{
     io::{BufRead, BufReader, Read},
@@ -20,7 +20,7 @@ use tonic::Code;
 
 const SIZE: [u32; 2] = [128, 64];
 
-/// A running daemon; killed if its test ends early.
+/// A running daemon, killed on drop.
 pub(super) struct Daemon {
     process: Child,
     out: BufReader<ChildStdout>,
@@ -29,7 +29,7 @@ pub(super) struct Daemon {
 
 impl Drop for Daemon {
     fn drop(&mut self) {
-        // It may have ended already, which is what the tests are about.
+        // It may have ended already, as in most tests.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
@@ -44,7 +44,7 @@ impl Daemon {
         Self::start_with_views(folder, catalogue, "", arguments)
     }
 
-    /// With further tables of `[[views]]`.
+    /// Starts a daemon with additional `[[views]]` tables.
     fn start_with_views(folder: &Path, catalogue: &str, views: &str, arguments: &[&str]) -> Self {
         let scene = format!(
             "[scene]\ncatalogues = ['{catalogue}']\n[[views]]\nname = 'all'\ntype = 'equirectangular'\nsize = {SIZE:?}\n{views}"
@@ -79,7 +79,7 @@ impl Daemon {
         }
     }
 
-    /// SIGTERM; returns the exit code and what else came on standard output and in the log.
+    /// Sends SIGTERM; returns the exit code and the remaining standard output and log.
     pub(super) fn terminate(mut self) -> (Option<i32>, String, String) {
         let kill = Command::new("kill").args(["-TERM", &self.process.id().to_string()]).status().unwrap();
         assert!(kill.success());
@@ -90,7 +90,7 @@ impl Daemon {
     }
 }
 
-/// Illuminance in lux of all pixels together, and the brightest pixel.
+/// Returns the illuminance of all pixels, lux, and the brightest pixel.
 fn light(frame: &ReceivedFrame, view: &View) -> (f64, [u32; 2]) {
     let image = &frame.images[0];
     assert_eq!([image.width, image.height], SIZE);
@@ -110,7 +110,7 @@ fn light(frame: &ReceivedFrame, view: &View) -> (f64, [u32; 2]) {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_client_gets_the_light_of_the_stars_wherever_the_camera_turns_and_after_refusals() {
+async fn frames_have_the_light_of_the_stars_for_any_camera_and_after_refusals() {
     let folder = tempfile::tempdir().unwrap();
     let mut daemon = Daemon::start(folder.path(), "builtin:bright");
     let address = daemon.address();
@@ -141,21 +141,21 @@ async fn a_client_gets_the_light_of_the_stars_wherever_the_camera_turns_and_afte
         let error = seen_lx / expected_lx - 1.0;
         println!("{seen_lx:.6e} lx, relative error {error:.1e}; brightest pixel {brightest:?}");
         assert!(error.abs() < 1e-3, "{seen_lx} lx instead of {expected_lx} lx");
-        let seen = image.projection.mapping();
+        let mapping = image.projection.mapping();
         let centre = glam::DVec2::new(f64::from(brightest[0]) + 0.5, f64::from(brightest[1]) + 0.5);
-        let direction = turn * (image.camera_from_view * seen.direction_from_pixel(centre).unwrap());
+        let direction = turn * (image.camera_from_view * mapping.direction_from_pixel(centre).unwrap());
         // Pixels are 2.8 degrees wide.
         assert!(direction.angle_between(sirius).to_degrees() < 3.0, "the brightest pixel is not Sirius");
         places.push(brightest);
     }
-    assert_ne!(places[0], places[1], "the picture turned");
+    assert_ne!(places[0], places[1], "the picture did not turn");
     drop(client);
     let (code, out, err) = daemon.terminate();
     assert_eq!((code, out.as_str()), (Some(0), ""), "{err}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_view_is_exposed_as_a_client_asks_and_what_the_adapter_cannot_draw_is_refused() {
+async fn view_exposure_follows_the_client_and_undrawable_settings_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let mut daemon = Daemon::start(folder.path(), "builtin:bright");
     let mut client = Client::connect(&format!("http://{}", daemon.address())).await.unwrap();
@@ -179,7 +179,7 @@ async fn a_view_is_exposed_as_a_client_asks_and_what_the_adapter_cannot_draw_is_
                 break frame;
             }
         };
-        // The first frame after the change has it, and one that is asked for by itself.
+        // The first frame after the change has the new exposure, and so has a frame requested separately.
         let single = client.render_frame("all", Encoding::Rgba8).await.unwrap();
         for frame in [&frame, &single] {
             let off = frame.exposure_ev100 - expected_ev100.unwrap_or(frame.exposure_ev100);
@@ -192,7 +192,7 @@ async fn a_view_is_exposed_as_a_client_asks_and_what_the_adapter_cannot_draw_is_
         assert!(frame.images[0].data != last.images[0].data || text.starts_with("metering = 'spot'"), "{text}");
         last = frame;
     }
-    assert_eq!(last.images[0].data, before.images[0].data, "everything is as it was");
+    assert_eq!(last.images[0].data, before.images[0].data, "the original settings are restored");
     let sky_cube =
         ViewUpdate { glare: TableChange::All("method = 'sky_cube'".parse().unwrap()), ..ViewUpdate::default() };
     let cell_sky = SceneUpdate { star_method: Some(StarMethod::CellSky), ..SceneUpdate::default() };
@@ -206,9 +206,9 @@ async fn a_view_is_exposed_as_a_client_asks_and_what_the_adapter_cannot_draw_is_
 }
 
 #[test]
-fn sigterm_while_stars_are_loading_is_an_orderly_end() {
+fn sigterm_during_loading_exits_cleanly() {
     let folder = tempfile::tempdir().unwrap();
-    // A pipe that nobody writes to: loading it does not come to an end.
+    // A pipe without a writer: loading it never ends.
     assert!(Command::new("mkfifo").arg(folder.path().join("endless.csv")).status().unwrap().success());
     let mut daemon = Daemon::start(folder.path(), "endless.csv");
     daemon.wait_for_log("loading endless.csv");
@@ -217,9 +217,9 @@ fn sigterm_while_stars_are_loading_is_an_orderly_end() {
     assert!(err.contains("SIGTERM"), "{err}");
 }
 
-/// Killed in the middle of changes, the daemon comes back with all that was acknowledged.
+/// A daemon killed during changes restores all acknowledged changes.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_daemon_that_is_killed_goes_on_with_what_was_acknowledged() {
+async fn killed_daemon_restores_acknowledged_changes() {
     let folder = tempfile::tempdir().unwrap();
     let (mut revision, mut limit) = (0, 0.0);
     for kill in 0..3 {
@@ -240,7 +240,7 @@ async fn a_daemon_that_is_killed_goes_on_with_what_was_acknowledged() {
             }
         });
         loop {
-            // Both or none.
+            // Either both changes apply or none.
             let next = limit + 0.001;
             let quality = Some(next / 2.0);
             let update = SceneUpdate { magnitude_limit: Some(next), quality, ..SceneUpdate::default() };
@@ -253,14 +253,14 @@ async fn a_daemon_that_is_killed_goes_on_with_what_was_acknowledged() {
     let address = daemon.address();
     let scene = Client::connect(&format!("http://{address}")).await.unwrap().scene().await.unwrap();
     println!("{} changes", scene.revision);
-    // One that was not acknowledged may be there.
+    // One unacknowledged change may have been stored.
     assert!(scene.revision - revision <= 1 && scene.magnitude_limit - limit < 0.0011, "{scene:?}");
     assert!((scene.quality - scene.magnitude_limit / 2.0).abs() < 1e-12);
     let (code, ..) = daemon.terminate();
     assert_eq!(code, Some(0));
 }
 
-/// Views of several types, with settings of their own and without.
+/// Views of several types, with and without separate settings.
 const VIEWS: [&str; 3] = [
     "name = 'dome'\ntype = 'fisheye'\nsize = [96, 96]\nfov_deg = 200.0\nmapping = 'equisolid'\norientation = [0.0, 0.6, 0.0, 0.8]",
     "name = 'eyes'\ntype = 'stereo'\nsize = [48, 40]\nipd_m = 0.064\n\
@@ -278,9 +278,9 @@ async fn pictures(client: &mut Client) -> Vec<Vec<u8>> {
     pictures
 }
 
-/// A view that a client makes shows what the same table in a configuration shows, to the byte, also after the daemon was killed.
+/// A view made by a client shows the same bytes as the same table in a configuration, also after the daemon was killed.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_view_that_a_client_makes_is_that_of_the_same_table_in_a_configuration() {
+async fn view_made_by_a_client_equals_the_configured_view() {
     let folder = tempfile::tempdir().unwrap();
     let tables: String = VIEWS.iter().map(|table| format!("[[views]]\n{table}\n")).collect();
     let mut daemon = Daemon::start_with_views(folder.path(), "builtin:bright", &tables, &[]);
@@ -289,10 +289,7 @@ async fn a_view_that_a_client_makes_is_that_of_the_same_table_in_a_configuration
     let defined: Vec<_> = client.views().await.unwrap().into_iter().map(|view| view.definition.unwrap()).collect();
     drop(client);
     assert_eq!(daemon.terminate().0, Some(0));
-    assert!(
-        expected.iter().enumerate().all(|(i, one)| !expected[..i].contains(one)),
-        "pictures differ from each other"
-    );
+    assert!(expected.iter().enumerate().all(|(i, one)| !expected[..i].contains(one)), "the pictures are all different");
 
     let arguments = ["--state", "state.redb"];
     let mut daemon = Daemon::start_with(folder.path(), "builtin:bright", &arguments);
@@ -300,10 +297,10 @@ async fn a_view_that_a_client_makes_is_that_of_the_same_table_in_a_configuration
     for table in VIEWS {
         client.create_view(&table.parse().unwrap(), None).await.unwrap();
     }
-    assert!(pictures(&mut client).await == expected, "the pictures of views that a client has made are others");
+    assert!(pictures(&mut client).await == expected, "the pictures of views made by a client differ");
     let kept = client.views().await.unwrap();
     assert_eq!(kept.iter().map(|view| view.definition.clone().unwrap()).collect::<Vec<_>>(), defined);
-    // A comparison of other pictures fails.
+    // The comparison detects a different picture.
     let turned = ViewUpdate {
         definition: TableChange::Keys(vec![("fov_deg".to_owned(), Some(190.0.into()))]),
         ..ViewUpdate::default()
@@ -315,7 +312,7 @@ async fn a_view_that_a_client_makes_is_that_of_the_same_table_in_a_configuration
         ..ViewUpdate::default()
     };
     let revision = client.update_view("dome", &back, None).await.unwrap().revision;
-    // Killed.
+    // Kill the daemon.
     daemon.process.kill().unwrap();
     daemon.process.wait().unwrap();
     let mut daemon = Daemon::start_with(folder.path(), "builtin:bright", &arguments);
@@ -323,7 +320,7 @@ async fn a_view_that_a_client_makes_is_that_of_the_same_table_in_a_configuration
     let again = client.views().await.unwrap();
     assert!(again.iter().all(|view| view.revision == revision));
     assert_eq!(again.iter().map(|view| view.definition.clone().unwrap()).collect::<Vec<_>>(), defined);
-    assert!(pictures(&mut client).await == expected, "the pictures after the daemon was killed are others");
+    assert!(pictures(&mut client).await == expected, "the pictures differ after the daemon was killed");
     drop(client);
     assert_eq!(daemon.terminate().0, Some(0));
 }

@@ -1,15 +1,16 @@
-//! Proves that the documentation is true: the commands of README.md and of every page in `docs/` work as they stand there, every
-//! example runs, every link leads to a file and a heading, and every path that a page names exists. Measured figures: `measured`.
+//! Tests the documentation: the commands of README.md and of every page in `docs/` work as written, every example runs,
+//! every link leads to a file and a heading, and every named path exists. Measured figures: see `measured`.
 //!
-//! Commands are the lines of the fenced blocks marked `sh`. Those of a page run one after the other by `sh`, in a folder that has
-//! the repository's configurations, with the built program in PATH:
+//! Commands are the lines of the fenced blocks marked `sh`. The commands of a page run one after the other by `sh`, in
+//! a folder with the repository's configurations and with the built program in PATH:
 //!
-//! - `cargo run --release --example NAME -- ARGUMENTS` runs the example as `cargo test` has built it,
-//! - `steradian serve` goes on in the background, on a free port, and is stopped by SIGTERM after the last command,
-//! - `steradian show` draws three frames, or says by exit code 69 that there is no display,
-//! - `steradian xr` draws one frame, or says by exit code 69 what of OpenXR is missing here,
-//! - programs in Python are run by `python/tests/test_documents.py`, where Python has what they need; here their file must have their options,
-//! - commands in [`EXCUSED`] are not run; what they name is checked instead.
+//! - `cargo run --release --example NAME -- ARGUMENTS` runs the example built by `cargo test`,
+//! - `steradian serve` runs in the background on a free port and is stopped by SIGTERM after the last command,
+//! - `steradian show` draws three frames, or exits with 69 if there is no display,
+//! - `steradian xr` draws one frame, or exits with 69 and the missing part of OpenXR,
+//! - Python programs are run by `python/tests/test_documents.py` if Python has their dependencies; here their files
+//!   must have the named options,
+//! - commands in [`EXCUSED`] are not run; a substitute check is made.
 
 use std::{
     collections::BTreeSet,
@@ -23,36 +24,36 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Address of the daemon in the documentation; commands get a free port in its place.
+/// Address of the daemon in the documentation; commands get a free port instead.
 const DOCUMENTED_ADDRESS: &str = "127.0.0.1:7143";
-/// Commands that are not run, by how they begin, and why. The check is what is done in place of running.
+/// Commands that are not run: their beginning, the reason, and the substitute check.
 const EXCUSED: &[(&str, &str, Check)] = &[
     ("make ", "runs these tests, or installs packages; the Makefile must have the target", check_make),
-    ("grpcurl ", "may not be installed; the protocol must have the method that is called", check_grpcurl),
+    ("grpcurl ", "may not be installed; the protocol must have the called method", check_grpcurl),
     ("PYTHONPATH=", "python/tests/test_documents.py runs it; the file must have the options", check_python),
     ("scripts/", "installs packages; the script must exist", check_script),
 ];
 
-/// What is checked of a command that is not run.
+/// Check of a command that is not run.
 type Check = fn(&str) -> Result<(), String>;
 
-/// Paths in code spans that are no files of the repository, by how they begin, and why.
+/// Paths in code spans that are not files of the repository: their beginning and the reason.
 const NO_FILES: &[(&str, &str)] = &[
-    ("out/", "what commands of the documentation write"),
-    ("target/", "what Cargo builds"),
+    ("out/", "written by commands of the documentation"),
+    ("target/", "built by Cargo"),
     ("~/", "a folder of the user"),
     ("/", "a path of the system"),
     ("openxr", "files of an OpenXR runtime"),
     ("libopenxr1-", "a Debian package"),
-    ("chart.csv", "what `chart` writes"),
-    ("index.html", "what `chart` writes"),
-    ("manifest.json", "what `render` writes"),
-    ("film.json", "what `film` writes"),
-    ("timings.json", "what `render` writes"),
+    ("chart.csv", "written by `chart`"),
+    ("index.html", "written by `chart`"),
+    ("manifest.json", "written by `render`"),
+    ("film.json", "written by `film`"),
+    ("timings.json", "written by `render`"),
     ("http", "an address"),
 ];
 
-/// Far longer than a daemon needs to start or to end.
+/// Timeout far above the time that a daemon needs to start or end.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 fn repository() -> &'static Path {
@@ -63,7 +64,7 @@ fn read(path: &str) -> String {
     fs::read_to_string(repository().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
-/// The commands in the blocks marked `sh`. Comments and blank lines are left out, continued lines joined.
+/// Returns the commands in the blocks marked `sh`, without comments and blank lines and with continued lines joined.
 fn commands(document: &str) -> Vec<String> {
     let mut found: Vec<String> = Vec::new();
     let (mut inside, mut continued) = (false, false);
@@ -89,7 +90,7 @@ fn commands(document: &str) -> Vec<String> {
     found
 }
 
-/// Name of the example that a command runs, and what follows `--`.
+/// Returns the name of the example that a command runs, and its arguments after `--`.
 fn example_of(command: &str) -> Option<(&str, &str)> {
     let rest = command.strip_prefix("cargo run --release --example ")?;
     Some(rest.split_once(" -- ").unwrap_or((rest, "")))
@@ -99,7 +100,7 @@ fn has_target(makefile: &str, target: &str) -> bool {
     makefile.lines().any(|line| line.starts_with(&format!("{target}:")))
 }
 
-/// Whether a call like `steradian.v1.ViewService/ListViews` is in the protocol.
+/// Whether the protocol contains a call such as `steradian.v1.ViewService/ListViews`.
 fn has_call(call: &str) -> bool {
     let Some((service, method)) = call.strip_prefix("steradian.v1.").and_then(|name| name.split_once('/')) else {
         return false;
@@ -113,7 +114,7 @@ fn has_call(call: &str) -> bool {
     })
 }
 
-/// README.md and the pages in `docs/`.
+/// Returns README.md and the pages in `docs/`.
 fn documents() -> Vec<String> {
     let pages = fs::read_dir(repository().join("docs")).unwrap().map(|entry| entry.unwrap().file_name());
     let pages = pages.map(|name| format!("docs/{}", name.to_str().unwrap())).filter(|name| name.ends_with(".md"));
@@ -125,10 +126,10 @@ fn documents() -> Vec<String> {
 /// Checks a `make` command by its target.
 fn check_make(command: &str) -> Result<(), String> {
     let found = command.strip_prefix("make ").is_some_and(|target| has_target(&read("Makefile"), target));
-    if found { Ok(()) } else { Err(format!("`{command}`: the Makefile has no such target")) }
+    if found { Ok(()) } else { Err(format!("`{command}`: the Makefile does not have this target")) }
 }
 
-/// Checks a `grpcurl` command by the calls it names.
+/// Checks a `grpcurl` command by its calls.
 fn check_grpcurl(command: &str) -> Result<(), String> {
     let mut calls = command.split_whitespace().filter(|word| word.contains('/') && word.starts_with("steradian"));
     match calls.find(|call| !has_call(call)) {
@@ -137,7 +138,7 @@ fn check_grpcurl(command: &str) -> Result<(), String> {
     }
 }
 
-/// Checks a program in Python by its file and options.
+/// Checks a Python program by its file and options.
 fn check_python(command: &str) -> Result<(), String> {
     let words: Vec<&str> = command.split_whitespace().collect();
     let ["PYTHONPATH=python/src", "python3", script, arguments @ ..] = &words[..] else {
@@ -154,10 +155,10 @@ fn check_python(command: &str) -> Result<(), String> {
 /// Checks a script by its file.
 fn check_script(command: &str) -> Result<(), String> {
     let script = command.split_whitespace().next().unwrap_or_default();
-    if repository().join(script).is_file() { Ok(()) } else { Err(format!("`{command}`: there is no {script}")) }
+    if repository().join(script).is_file() { Ok(()) } else { Err(format!("`{command}`: {script} does not exist")) }
 }
 
-/// Runs the commands of a document in a folder of its own.
+/// Runs the commands of a document in a temporary folder.
 struct Reader {
     folder: tempfile::TempDir,
     daemon: Option<Child>,
@@ -174,13 +175,13 @@ impl Reader {
                 fs::copy(file.path(), folder.path().join(examples).join(file.file_name())).unwrap();
             }
         }
-        // A port that nobody listens on. Another process may take it in between; then the daemon's error says so.
+        // A free port. If another process takes it in the meantime, the daemon's error reports that.
         let free = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = free.local_addr().unwrap().to_string();
         Self { folder, daemon: None, address }
     }
 
-    /// `sh` for a command, with the program in PATH.
+    /// Returns an `sh` process for a command, with the program in PATH.
     fn shell(&self, command: &str) -> Command {
         let program = Path::new(env!("CARGO_BIN_EXE_steradian"));
         let mut path = program.parent().unwrap().as_os_str().to_owned();
@@ -207,7 +208,7 @@ impl Reader {
             let example = example(name);
             if !example.is_file() {
                 return Err(format!(
-                    "{}: not built: `cargo test` builds all examples, or there is none",
+                    "{}: not built (`cargo test` builds all examples) or not an example",
                     example.display()
                 ));
             }
@@ -252,16 +253,20 @@ impl Reader {
             format!("`{command}`: prints nothing: {error}\n{logged}")
         })?;
         let listening = line.strip_prefix("listening on ").is_some_and(|address| address == self.address);
-        if listening { Ok(()) } else { Err(format!("`{command}`: prints `{line}`, listens not on {}", self.address)) }
+        if listening {
+            Ok(())
+        } else {
+            Err(format!("`{command}`: prints `{line}` and does not listen on {}", self.address))
+        }
     }
 
-    /// Stops the daemon, if one runs, as a service manager does.
+    /// Stops the daemon with SIGTERM if one runs, as a service manager does.
     fn stop(&mut self) -> Result<(), String> {
         let Some(mut daemon) = self.daemon.take() else { return Ok(()) };
-        let told = Command::new("kill").arg("-TERM").arg(daemon.id().to_string()).status();
-        if !told.is_ok_and(|status| status.success()) {
+        let signalled = Command::new("kill").arg("-TERM").arg(daemon.id().to_string()).status();
+        if !signalled.is_ok_and(|status| status.success()) {
             let _ = daemon.kill();
-            return Err("the daemon could not be told to end".to_owned());
+            return Err("SIGTERM could not be sent to the daemon".to_owned());
         }
         let deadline = Instant::now() + PATIENCE;
         loop {
@@ -277,7 +282,7 @@ impl Reader {
         }
     }
 
-    /// Runs everything that a document tells its reader to do.
+    /// Runs all commands of a document and returns their number.
     fn follow(mut self, document: &str) -> Result<usize, String> {
         let commands = commands(document);
         for command in &commands {
@@ -297,20 +302,20 @@ impl Drop for Reader {
     }
 }
 
-/// Where `cargo test` puts the example of that name.
+/// Returns the path at which `cargo test` builds an example.
 fn example(name: &str) -> PathBuf {
     Path::new(env!("CARGO_BIN_EXE_steradian")).with_file_name("examples").join(name)
 }
 
 #[test]
-fn the_commands_of_the_readme_work() {
+fn readme_commands_work() {
     let count = Reader::new().follow(&read("README.md")).unwrap();
     assert!(count >= 10, "README.md has only {count} commands: were they found?");
 }
 
 #[test]
 #[ignore = "long: make test-all"]
-fn the_commands_of_the_pages_work() {
+fn page_commands_work() {
     let pages = documents().into_iter().filter(|document| document != "README.md");
     let failed =
         pages.filter_map(|page| Reader::new().follow(&read(&page)).err().map(|problem| format!("{page}: {problem}")));
@@ -319,15 +324,15 @@ fn the_commands_of_the_pages_work() {
 }
 
 #[test]
-fn every_excuse_is_needed() {
+fn excused_commands_are_used() {
     let commands: Vec<String> = documents().iter().flat_map(|document| commands(&read(document))).collect();
     for (beginning, reason, _) in EXCUSED {
-        assert!(commands.iter().any(|command| command.starts_with(beginning)), "no page has `{beginning}` ({reason})");
+        assert!(commands.iter().any(|command| command.starts_with(beginning)), "no page uses `{beginning}` ({reason})");
     }
 }
 
 #[test]
-fn a_wrong_command_is_noticed() {
+fn wrong_commands_are_detected() {
     for wrong in [
         "steradian rendr --config configs/demo.toml --out out",
         "steradian render --config configs/no-such.toml --out out",
@@ -350,13 +355,13 @@ fn a_wrong_command_is_noticed() {
 }
 
 #[test]
-fn commands_are_found_in_marked_blocks_alone() {
+fn commands_come_only_from_marked_blocks() {
     let document = "make a\n```sh\n# no\nmake b \\\n  c\n\nmake d\n```\n```toml\nmake e\n```\n```\nmake f\n```\n";
     assert_eq!(commands(document), ["make b c", "make d"]);
 }
 
 #[test]
-fn the_documents_run_every_example_and_the_readme_names_both_make_commands() {
+fn documents_run_all_examples_and_readme_names_make_commands() {
     let commands: Vec<String> = documents().iter().flat_map(|document| commands(&read(document))).collect();
     let named: BTreeSet<&str> =
         commands.iter().filter_map(|command| example_of(command)).map(|(name, _)| name).collect();
@@ -370,7 +375,8 @@ fn the_documents_run_every_example_and_the_readme_names_both_make_commands() {
     }
 }
 
-/// Relative targets of the links and pictures of a document: a file, or nothing for the document itself, and a heading.
+/// Returns the relative targets of the links and pictures of a document: a file (empty for the document itself) and a
+/// heading.
 fn links(document: &str) -> Vec<(String, Option<String>)> {
     let targets = document.split("](").skip(1).filter_map(|rest| rest.split(')').next());
     let targets = targets.filter(|target| !target.contains("://"));
@@ -382,7 +388,7 @@ fn links(document: &str) -> Vec<(String, Option<String>)> {
         .collect()
 }
 
-/// Names by which headings of a document are linked to.
+/// Returns the anchors of a document's headings.
 fn anchors(document: &str) -> BTreeSet<String> {
     let headings =
         document.lines().filter(|line| line.starts_with('#')).map(|line| line.trim_start_matches('#').trim());
@@ -411,7 +417,7 @@ fn links_lead_to_files_and_headings() {
     }
 }
 
-/// The code spans of a document, those in fenced blocks left out.
+/// Returns the code spans of a document, except those in fenced blocks.
 fn code_spans(document: &str) -> Vec<String> {
     let mut inside = false;
     let prose = document.lines().filter(|line| {
@@ -423,14 +429,14 @@ fn code_spans(document: &str) -> Vec<String> {
     prose.join("\n").split('`').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
-/// What `a/{b,c}.rs` stands for: `a/b.rs` and `a/c.rs`.
+/// Expands `a/{b,c}.rs` to `a/b.rs` and `a/c.rs`.
 fn expanded(path: &str) -> Vec<String> {
     let Some((before, rest)) = path.split_once('{') else { return vec![path.to_owned()] };
     let Some((choices, after)) = rest.split_once('}') else { return vec![path.to_owned()] };
     choices.split(',').map(|choice| format!("{before}{}{after}", choice.trim())).collect()
 }
 
-/// All files under a folder.
+/// Collects all files below a folder.
 fn files_below(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
@@ -438,7 +444,8 @@ fn files_below(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// Whether a code span looks like the path of a source file: it ends as one, or it is of folders with lower-case names.
+/// Whether a code span looks like a path of the repository: it ends like a source file, or consists of lower-case
+/// folder names.
 fn is_path(span: &str) -> bool {
     let plain = |c: char| c.is_ascii_alphanumeric() || "_./{},-*~".contains(c);
     let named = [".rs", ".wgsl", ".toml", ".proto", ".sh", ".md", ".svg", ".png", ".json"];
@@ -447,8 +454,8 @@ fn is_path(span: &str) -> bool {
     !code && span.chars().all(plain) && (folders || named.iter().any(|ending| span.ends_with(ending)))
 }
 
-/// Whether a path exists: from the root, below `src/`, or, without a folder, as the name of a source file or shader. What has no
-/// ending may be a folder or a module. `*` stands for any text in a name.
+/// Whether a path exists: from the root, below `src/`, or, without a folder, as the name of a source file or shader. A
+/// path without an extension may be a folder or a module. `*` matches any text in a name.
 fn exists(path: &str, sources: &[PathBuf]) -> bool {
     let whole = |root: &str| {
         let path = repository().join(root).join(path);
@@ -469,7 +476,7 @@ fn exists(path: &str, sources: &[PathBuf]) -> bool {
     whole("") || whole("src") || by_name()
 }
 
-/// Paths that a document names and that do not exist.
+/// Returns the paths that a document names and that do not exist.
 fn missing_paths(document: &str) -> Vec<String> {
     let mut sources = Vec::new();
     for folder in ["src", "shaders", "tests", "benches", "examples", "configs", "scripts", "proto", "python"] {
@@ -481,7 +488,7 @@ fn missing_paths(document: &str) -> Vec<String> {
 }
 
 #[test]
-fn paths_that_documents_name_exist() {
+fn named_paths_exist() {
     let mut problems = Vec::new();
     for document in documents().into_iter().chain(["CONTRIBUTING.md".to_owned()]) {
         problems.extend(missing_paths(&read(&document)).into_iter().map(|path| format!("{document}: {path}")));
@@ -490,7 +497,7 @@ fn paths_that_documents_name_exist() {
 }
 
 #[test]
-fn a_path_that_does_not_exist_is_noticed() {
+fn missing_paths_are_detected() {
     let good = "`src/plan/mod.rs` `plan/` `plan/tiles.rs` `tiles.rs` `src/plan/{limits,tiles}.rs` `plan/tiles` `crates/testkit/src/`\n\
                 ```\n`src/none.rs`\n```\n`SceneService/UpdateScene` `out/dome.png` `a.b` `L = E / A` `--set a.b=c`\n";
     assert_eq!(missing_paths(good), Vec::<String>::new());

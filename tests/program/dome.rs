@@ -1,4 +1,4 @@
-//! Projectors end to end: calibrations as files, their light in OpenEXR and PNG, and what `dome check` says.
+//! Projectors end to end: calibration files, light in OpenEXR and PNG, and the results of `dome check`.
 
 use std::{
     f64::consts::PI,
@@ -13,51 +13,53 @@ use steradian::units::illuminance_lx_from_magnitude;
 use crate::exr_file::channels;
 
 const SIZE: [usize; 2] = [110, 200];
-/// Samples of the grids.
+/// Samples along a side of the grids.
 const SAMPLES: usize = 49;
 const STARS: usize = 40;
 
-/// Halves of a dome of 120 degrees around -z that overlap by 10 degrees: direction at a point of the raster of the left or right one (0 to 1).
+/// The halves of a dome of 120 degrees around -z overlap by 10 degrees. Returns the direction at a point of the left or
+/// right raster (0 to 1).
 fn direction(right: bool, [u, v]: [f64; 2]) -> DVec3 {
     let across = (70.0 * u - if right { 5.0 } else { 65.0 }).to_radians();
     let along = (65.0 - 130.0 * v).to_radians();
-    // Smooth, and no formula that the program knows.
+    // A smooth distortion that is not a formula known to the program.
     let along = along + 0.03 * (2.0 * across).sin() * along.cos();
     DVec3::new(across.sin() * along.cos(), along.sin(), -across.cos() * along.cos())
 }
 
-/// Solid angle of a pixel, from the closed form.
+/// Solid angle of a pixel in closed form.
 fn pixel_sr(right: bool, x: usize, y: usize) -> f64 {
-    let at = |dx: f64, dy: f64| {
+    let ray_direction = |dx: f64, dy: f64| {
         let place = [(x as f64 + 0.5 + dx) / SIZE[0] as f64, (y as f64 + 0.5 + dy) / SIZE[1] as f64];
         direction(right, place)
     };
     let h = 1e-3;
-    (at(h, 0.0) - at(-h, 0.0)).cross(at(0.0, h) - at(0.0, -h)).length() / (4.0 * h * h)
+    (ray_direction(h, 0.0) - ray_direction(-h, 0.0)).cross(ray_direction(0.0, h) - ray_direction(0.0, -h)).length()
+        / (4.0 * h * h)
 }
 
-/// Directions as PFM, the bottom row first as Netpbm has it, or the top one.
+/// Encodes directions as PFM, with the bottom row first as in Netpbm, or the top row.
 fn pfm(right: bool, bottom_first: bool) -> Vec<u8> {
     let mut bytes = format!("PF\n{SAMPLES} {SAMPLES}\n-1.0\n").into_bytes();
     let rows: Vec<usize> = if bottom_first { (0..SAMPLES).rev().collect() } else { (0..SAMPLES).collect() };
     for (row, column) in rows.into_iter().flat_map(|row| (0..SAMPLES).map(move |column| (row, column))) {
-        let place = [column, row].map(|at| (at as f64 + 0.5) / SAMPLES as f64);
+        let place = [column, row].map(|index| (index as f64 + 0.5) / SAMPLES as f64);
         let towards = direction(right, place);
         bytes.extend(towards.as_vec3().to_array().iter().flat_map(|value| value.to_le_bytes()));
     }
     bytes
 }
 
-/// Stars in the part that both halves show without their borders, and the light of each, lx.
+/// Returns stars in the common part of both halves without their borders, and the light of each, lx.
 fn catalogue() -> (String, Vec<f64>) {
     let mut text = "x,y,z,v_mag,teff_k\n".to_owned();
     let mut light = Vec::new();
     for star in 0..STARS {
         let [u, v] = [7.0_f64, 13.0].map(|prime| (star as f64 * prime.sqrt()).fract());
         let [across, along] = [(100.0 * u - 50.0).to_radians(), (100.0 * v - 50.0).to_radians()];
-        let at = DVec3::new(across.sin() * along.cos(), along.sin(), -across.cos() * along.cos()) * 1e4;
+        let position = DVec3::new(across.sin() * along.cos(), along.sin(), -across.cos() * along.cos()) * 1e4;
         let magnitude = 1.0 + 3.0 * u;
-        text += &format!("{},{},{},{magnitude},6500\n", at.x, at.y, at.z);
+        text += &format!("{},{},{},{magnitude},6500\n", position.x, position.y, position.z);
         light.push(illuminance_lx_from_magnitude(magnitude));
     }
     (text, light)
@@ -93,13 +95,14 @@ fn folder() -> (tempfile::TempDir, Vec<f64>) {
     (folder, light)
 }
 
-/// The light of stars over both rasters, weighed with solid angles of the closed form, and shared where both show a star.
+/// The light of stars over both rasters is complete, weighted with closed-form solid angles and with the shares of
+/// stars shown by both.
 #[test]
-fn the_light_of_stars_is_whole_in_the_pixels_of_projectors() {
+fn projectors_show_the_complete_light_of_stars() {
     let (folder, light) = folder();
     let (code, _, log) = run(folder.path(), &["render", "--config", "dome.toml", "--out", "out", "--files", "exr"]);
     assert_eq!(code, 0, "{log}");
-    let (mut sum, mut given, mut twice) = (0.0, 0.0, 0.0);
+    let (mut sum, mut covered_sr, mut twice) = (0.0, 0.0, 0.0);
     for right in [false, true] {
         let name = if right { "right" } else { "left" };
         let bytes = fs::read(folder.path().join(format!("out/{name}.exr"))).unwrap();
@@ -109,23 +112,23 @@ fn the_light_of_stars_is_whole_in_the_pixels_of_projectors() {
                 0.2126 * f64::from(red[pixel]) + 0.7152 * f64::from(green[pixel]) + 0.0722 * f64::from(blue[pixel]);
             let exact = pixel_sr(right, pixel % SIZE[0], pixel / SIZE[0]);
             sum += luminance * exact;
-            given += f64::from(omega[pixel]);
+            covered_sr += f64::from(omega[pixel]);
             twice += exact;
         }
     }
-    assert!((given / twice - 1.0).abs() < 1e-4 && twice < 4.0 * PI, "{given} {twice}");
-    // Stars that both show count twice: their shares come from blends, of which PFM has none.
+    assert!((covered_sr / twice - 1.0).abs() < 1e-4 && twice < 4.0 * PI, "{covered_sr} {twice}");
+    // Stars shown by both projectors count twice: blends would share them, but PFM has no blends.
     let both = |star: usize| {
         let u = (star as f64 * 7.0_f64.sqrt()).fract();
         (100.0 * u - 50.0).abs() < 5.0
     };
     let whole: f64 = light.iter().enumerate().map(|(star, lx)| if both(star) { 2.0 * lx } else { *lx }).sum();
-    println!("light of {STARS} stars: {:.1e} off", sum / whole - 1.0);
+    println!("light of {STARS} stars: relative error {:.1e}", sum / whole - 1.0);
     assert!((sum / whole - 1.0).abs() < 1e-3, "{sum} {whole}");
 }
 
 #[test]
-fn dome_check_names_what_is_wrong_and_ends_with_1() {
+fn dome_check_reports_faults_and_exits_1() {
     let (folder, _) = folder();
     let check = |more: &[&str]| {
         let dome = ["--dome-fov-deg", "110", "--dome-tilt-deg", "90"];
@@ -140,7 +143,7 @@ fn dome_check_names_what_is_wrong_and_ends_with_1() {
             .map(|line| line.split(' ').next().unwrap().to_owned())
             .collect::<Vec<_>>()
     };
-    // Nothing but the masks, of which there are none.
+    // Only the blend masks are missing.
     assert_eq!(failed(&lines), ["blend"], "{lines}");
     assert!(lines.contains("no projector has a blend mask") && lines.contains("right"), "{lines}");
     let json: serde_json::Value =
@@ -150,12 +153,12 @@ fn dome_check_names_what_is_wrong_and_ends_with_1() {
         "{json}"
     );
     let page = fs::read_to_string(folder.path().join("dome.html")).unwrap();
-    assert!(page.matches("<img").count() == 3 && page.contains("class=FAIL"), "a page with three maps");
+    assert!(page.matches("<img").count() == 3 && page.contains("class=FAIL"), "the page has three maps");
 
     fs::write(folder.path().join("right.pfm"), pfm(true, false)).unwrap();
     let (code, lines, _) = check(&[]);
     assert!(code == 1 && lines.contains("rows upside down"), "{lines}");
-    // Which is mended by a key.
+    // A key corrects this.
     let (_, lines, _) = check(&["--set", "views.right.rows=top_first"]);
     assert_eq!(failed(&lines), ["blend"], "{lines}");
     let one = configuration("").replace("right.pfm", "left.pfm");
@@ -165,7 +168,7 @@ fn dome_check_names_what_is_wrong_and_ends_with_1() {
 }
 
 #[test]
-fn what_cannot_be_a_projector_is_refused_with_file_and_key() {
+fn invalid_projectors_are_refused_with_file_and_key() {
     let (folder, _) = folder();
     let refused = |configuration: String, parts: &[&str]| {
         fs::write(folder.path().join("dome.toml"), configuration).unwrap();
@@ -188,22 +191,22 @@ fn what_cannot_be_a_projector_is_refused_with_file_and_key() {
     let mut folded = pfm(true, true);
     let header = folded.len() - 12 * SAMPLES * SAMPLES;
     let (first, rest) = folded[header..].split_at_mut(12 * SAMPLES * (SAMPLES - 6));
-    // The last rows come back.
+    // Repeat the last rows, so that the warp folds.
     for row in 0..6 {
         let from = first.len() - 12 * SAMPLES * (row + 2);
         rest[12 * SAMPLES * row..][..12 * SAMPLES].copy_from_slice(&first[from..][..12 * SAMPLES]);
     }
     fs::write(folder.path().join("right.pfm"), folded).unwrap();
     refused(right.clone(), &["right", "right.pfm", "folds", "pixel ("]);
-    // The check goes on, and names it.
+    // `dome check` continues and reports it.
     fs::write(folder.path().join("dome.toml"), right).unwrap();
     let (code, lines, _) = run(folder.path(), &["dome", "check", "--config", "dome.toml"]);
     assert!(code == 1 && lines.contains("folds      FAIL right") && lines.contains("coverage"), "{lines}");
 }
 
-/// Installers' files become a configuration that can be drawn and judged, with blends of its own.
+/// Installers' files are converted to a configuration that can be drawn and checked, with computed blends.
 #[test]
-fn import_writes_a_configuration_with_every_projector() {
+fn import_writes_a_configuration_with_all_projectors() {
     let (folder, light) = folder();
     let import = |more: &[&str]| {
         let files = ["projectors", "import", "left.pfm", "right.pfm", "--out", "imported.toml"];
@@ -218,7 +221,7 @@ fn import_writes_a_configuration_with_every_projector() {
     let dome = ["--dome-fov-deg", "110", "--dome-tilt-deg", "90"];
     let (code, lines, _) = run(folder.path(), &[&["dome", "check", "--config", "imported.toml"], &dome[..]].concat());
     assert_eq!(code, 0, "{lines}");
-    // The shares of its blends carry the light of all stars once.
+    // The shares of the computed blends carry the light of all stars once.
     let set = ["--set", "scene.catalogues=['stars.csv']", "--set", "glare.method=none"];
     let render = ["render", "--config", "imported.toml", "--out", "out", "--files", "exr"];
     let (code, _, log) = run(folder.path(), &[&render[..], &set].concat());
@@ -235,7 +238,7 @@ fn import_writes_a_configuration_with_every_projector() {
         }
     }
     let whole: f64 = light.iter().sum();
-    println!("light of {STARS} stars through computed blends: {:.1e} off", sum / whole - 1.0);
+    println!("light of {STARS} stars through computed blends: relative error {:.1e}", sum / whole - 1.0);
     assert!((sum / whole - 1.0).abs() < 4e-4, "{sum} {whole}");
 
     fs::remove_file(folder.path().join("right.pfm")).unwrap();

@@ -1,9 +1,9 @@
-//! The features of the library: what is compiled without them.
+//! The features of the library and their dependencies.
 
 use std::{path::Path, process::Command};
 
-/// What each feature brings: crates that are compiled with it and with no other one.
-const BROUGHT: &[(&str, &[&str])] = &[
+/// Crates that each feature adds and that no other feature adds.
+const FEATURE_CRATES: &[(&str, &[&str])] = &[
     ("service", &["prost", "tokio", "tonic"]),
     ("windows", &["winit", "x11-dl", "x11rb"]),
     ("xr", &["openxr"]),
@@ -11,7 +11,7 @@ const BROUGHT: &[(&str, &[&str])] = &[
     ("cli", &["clap", "indicatif", "tracing-subscriber"]),
 ];
 
-/// Names of all crates that are linked into the library with these features.
+/// Returns the names of all crates linked into the library with these features.
 fn crates(features: &str) -> Vec<String> {
     let output = Command::new(env!("CARGO"))
         .args(["tree", "--offline", "--locked", "--edges", "normal", "--prefix", "none", "--format", "{lib}"])
@@ -21,25 +21,26 @@ fn crates(features: &str) -> Vec<String> {
         .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let names: Vec<String> = String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect();
-    assert!(names.iter().any(|name| name == "wgpu"), "a tree without wgpu is not this library's: {names:?}");
+    assert!(names.iter().any(|name| name == "wgpu"), "the tree of this library must contain wgpu: {names:?}");
     names
 }
 
-/// The crates of `BROUGHT` that are there with these features.
-fn brought_by(features: &str) -> Vec<&'static str> {
+/// Returns the crates of `FEATURE_CRATES` that are present with these features.
+fn crates_added_by(features: &str) -> Vec<&'static str> {
     let names = crates(features);
-    let all = BROUGHT.iter().flat_map(|(_, brought)| brought.iter().copied());
-    all.filter(|brought| names.contains(&brought.replace('-', "_"))).collect()
+    let all = FEATURE_CRATES.iter().flat_map(|(_, crates_of_feature)| crates_of_feature.iter().copied());
+    all.filter(|crates_of_feature| names.contains(&crates_of_feature.replace('-', "_"))).collect()
 }
 
 #[test]
-fn each_feature_brings_its_crates_and_no_others() {
-    assert_eq!(brought_by(""), [""; 0]);
-    for (feature, brought) in BROUGHT.iter().filter(|(feature, _)| *feature != "cli") {
-        assert_eq!(&brought_by(feature), brought, "{feature}");
+fn features_add_only_their_crates() {
+    assert_eq!(crates_added_by(""), [""; 0]);
+    for (feature, crates_of_feature) in FEATURE_CRATES.iter().filter(|(feature, _)| *feature != "cli") {
+        assert_eq!(&crates_added_by(feature), crates_of_feature, "{feature}");
     }
-    // The program has all of its subcommands.
-    let all: Vec<&str> = BROUGHT.iter().flat_map(|(_, brought)| brought.iter().copied()).collect();
-    assert_eq!(brought_by("cli"), all);
-    assert_eq!(brought_by("default"), all);
+    // The program has all subcommands, so it needs all crates.
+    let all: Vec<&str> =
+        FEATURE_CRATES.iter().flat_map(|(_, crates_of_feature)| crates_of_feature.iter().copied()).collect();
+    assert_eq!(crates_added_by("cli"), all);
+    assert_eq!(crates_added_by("default"), all);
 }

@@ -1,4 +1,4 @@
-//! `film`: frames that depend on their number alone, folders that are gone on with, and what is refused.
+//! `film`: frames that depend only on their number, continued films, and refused arguments.
 
 use std::fs;
 use std::path::Path;
@@ -19,7 +19,7 @@ fn command(folder: &Path, arguments: &[&str]) -> Command {
     command
 }
 
-/// Runs, checks the exit code, and returns standard error.
+/// Runs the program, checks the exit code, and returns standard error.
 #[track_caller]
 fn film(folder: &Path, arguments: &[&str], code: i32) -> String {
     let Output { status, stderr, stdout } = command(folder, arguments).output().unwrap();
@@ -35,7 +35,7 @@ fn folder_with(scene: &str, path: &str) -> tempfile::TempDir {
     folder
 }
 
-/// Names and bytes of the images in a folder.
+/// Returns names and bytes of the images in a folder.
 fn images(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let mut names: Vec<String> =
         fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
@@ -45,21 +45,21 @@ fn images(folder: &Path) -> Vec<(String, Vec<u8>)> {
 }
 
 #[test]
-fn a_frame_has_the_same_bytes_in_one_run_in_shards_and_alone() {
+fn frame_bytes_do_not_depend_on_runs_or_shards() {
     let folder = folder_with(SCENE, PATH);
-    let at = |name: &str| folder.path().join(name);
+    let path_of = |name: &str| folder.path().join(name);
     for format in ["png8", "exr16"] {
         let run = |frames: &str, out: &str, more: &[&str]| {
             let out = format!("{format}/{out}");
             let arguments = [&["--frames", frames, "--out", &out, "--format", format], more].concat();
             film(folder.path(), &arguments, 0)
         };
-        let told = run("0..6", "whole", &[]);
-        assert!(told.contains("6 frames") && told.contains("3 images"), "{told}");
+        let log = run("0..6", "whole", &[]);
+        assert!(log.contains("6 frames") && log.contains("3 images"), "{log}");
         run("0..6", "shards", &["--shard", "2/2"]);
         run("0..6", "shards", &["--shard", "1/2"]);
         run("4..5", "alone", &[]);
-        let [whole, shards, alone] = ["whole", "shards", "alone"].map(|out| images(&at(format).join(out)));
+        let [whole, shards, alone] = ["whole", "shards", "alone"].map(|out| images(&path_of(format).join(out)));
         let extension = &format[..3];
         assert_eq!(whole.len(), 18);
         assert_eq!(whole[0].0, format!("cube.front_00000.{extension}"));
@@ -68,13 +68,13 @@ fn a_frame_has_the_same_bytes_in_one_run_in_shards_and_alone() {
         let expected = ["cube.front", "cube.up", "dome"].map(|stem| format!("{stem}_00004.{extension}"));
         assert_eq!(names, expected);
         assert!(alone.iter().all(|image| whole.contains(image)), "{format}");
-        // Frames differ, or nothing would be shown.
+        // Frames differ, so the comparison is meaningful.
         assert!(whole[2].1 != whole[3].1, "{format}");
     }
 }
 
 #[test]
-fn the_first_frame_is_what_render_writes_and_16_bits_are_the_same_picture() {
+fn first_frame_equals_render_and_png16_shows_the_same_picture() {
     let exact = format!("{SCENE}[accuracy]\ndisplay_codes = 0\n[tone_map]\ndither = false\n");
     let folder = folder_with(&exact, "[[keyframes]]\nframe = 0\nmagnitude_limit = 99\n");
     film(folder.path(), &["--frames", "0..1", "--out", "film"], 0);
@@ -107,7 +107,7 @@ fn the_first_frame_is_what_render_writes_and_16_bits_are_the_same_picture() {
 }
 
 #[test]
-fn what_is_missing_is_drawn_and_nothing_else() {
+fn only_missing_frames_are_drawn() {
     let folder = folder_with(SCENE, PATH);
     let arguments = ["--frames", "0..3", "--out", "film"];
     film(folder.path(), &arguments, 0);
@@ -116,33 +116,33 @@ fn what_is_missing_is_drawn_and_nothing_else() {
     let modified = |name: &str| fs::metadata(film_folder.join(name)).unwrap().modified().unwrap();
     let kept = modified("dome_00002.png");
     fs::remove_file(film_folder.join("cube.up_00001.png")).unwrap();
-    let told = film(folder.path(), &arguments, 0);
-    assert!(told.contains("1 of them to draw"), "{told}");
+    let log = film(folder.path(), &arguments, 0);
+    assert!(log.contains("1 of them to draw"), "{log}");
     assert!(images(&film_folder) == before);
     assert_eq!(modified("dome_00002.png"), kept);
-    let told = film(folder.path(), &arguments, 0);
-    assert!(told.contains("0 of them to draw") && !told.contains("loading"), "{told}");
+    let log = film(folder.path(), &arguments, 0);
+    assert!(log.contains("0 of them to draw") && !log.contains("loading"), "{log}");
 }
 
 #[test]
-fn a_folder_of_another_film_is_refused_until_it_is_to_be_replaced() {
+fn folder_of_another_film_is_refused_without_overwrite() {
     let folder = folder_with(SCENE, PATH);
     film(folder.path(), &["--frames", "0..2", "--out", "film"], 0);
     let before = images(&folder.path().join("film"));
     let brighter = ["--frames", "0..1", "--out", "film", "--set", "exposure.limiting_magnitude=8"];
     for arguments in [&brighter[..], &["--frames", "0..1", "--out", "film", "--format", "png16"]] {
-        let told = film(folder.path(), arguments, 64);
-        assert!(told.contains("film:") && told.contains("another folder") && told.contains("--overwrite"), "{told}");
+        let log = film(folder.path(), arguments, 64);
+        assert!(log.contains("film:") && log.contains("another folder") && log.contains("--overwrite"), "{log}");
     }
-    assert!(images(&folder.path().join("film")) == before, "nothing has changed");
+    assert!(images(&folder.path().join("film")) == before, "the images are unchanged");
     film(folder.path(), &[&brighter[..], &["--overwrite"]].concat(), 0);
     let after = images(&folder.path().join("film"));
-    assert_eq!(after.len(), 3, "frames of the other film are gone");
+    assert_eq!(after.len(), 3, "frames of the other film are removed");
     assert!(after[0].1 != before[0].1);
 }
 
 #[test]
-fn film_json_tells_what_the_frames_are_of_and_a_changed_catalogue_is_another_film() {
+fn film_json_has_the_provenance_and_a_changed_catalogue_is_another_film() {
     let scene = SCENE.replace("catalogues = [", "catalogues = ['stars.csv', ");
     let folder = folder_with(&scene, PATH);
     let stars = |magnitude: f64| {
@@ -155,19 +155,19 @@ fn film_json_tells_what_the_frames_are_of_and_a_changed_catalogue_is_another_fil
     let first = read();
     film(folder.path(), &["--frames", "0..2", "--out", "film", "--shard", "1/2"], 0);
     film(folder.path(), &["--frames", "0..2", "--out", "film"], 0);
-    assert_eq!(read(), first, "the same for every run");
-    let told: serde_json::Value = serde_json::from_str(&first).unwrap();
-    assert_eq!(told["catalogues"][0]["rejected_rows"], 1);
-    assert_eq!((&told["files"][0]["file"], &told["files"][0]["bytes"]), (&"stars.csv".into(), &37.into()));
-    assert!(told["configuration"]["toml"].as_str().unwrap().contains("dome_master"));
-    assert!(told["path_toml"].as_str().unwrap().contains("magnitude_limit"));
+    assert_eq!(read(), first, "film.json is the same for every run");
+    let record: serde_json::Value = serde_json::from_str(&first).unwrap();
+    assert_eq!(record["catalogues"][0]["rejected_rows"], 1);
+    assert_eq!((&record["files"][0]["file"], &record["files"][0]["bytes"]), (&"stars.csv".into(), &37.into()));
+    assert!(record["configuration"]["toml"].as_str().unwrap().contains("dome_master"));
+    assert!(record["path_toml"].as_str().unwrap().contains("magnitude_limit"));
     stars(2.0);
-    let told = film(folder.path(), &["--frames", "0..2", "--out", "film"], 64);
-    assert!(told.contains("the contents of stars.csv") && told.contains("--overwrite"), "{told}");
+    let log = film(folder.path(), &["--frames", "0..2", "--out", "film"], 64);
+    assert!(log.contains("the contents of stars.csv") && log.contains("--overwrite"), "{log}");
 }
 
 #[test]
-fn bad_paths_ranges_and_shards_are_64_with_file_and_key() {
+fn bad_paths_ranges_and_shards_exit_64_with_file_and_key() {
     let folder = folder_with(SCENE, PATH);
     let path = |text: &str| fs::write(folder.path().join("path.toml"), text).unwrap();
     for (text, part) in [
@@ -179,8 +179,8 @@ fn bad_paths_ranges_and_shards_are_64_with_file_and_key() {
         ("[[keyframes]]\nframe = 0\nvelocity_c = [1, 1, 0]\n", "velocity_c"),
     ] {
         path(text);
-        let told = film(folder.path(), &["--frames", "0..2", "--out", "film"], 64);
-        assert!(told.contains("path.toml") && told.contains(part), "{told}");
+        let log = film(folder.path(), &["--frames", "0..2", "--out", "film"], 64);
+        assert!(log.contains("path.toml") && log.contains(part), "{log}");
     }
     path(PATH);
     for arguments in [
@@ -195,20 +195,20 @@ fn bad_paths_ranges_and_shards_are_64_with_file_and_key() {
     ] {
         film(folder.path(), &[arguments, &["--out", "film"]].concat(), 64);
     }
-    assert!(!folder.path().join("film").exists(), "nothing is written");
+    assert!(!folder.path().join("film").exists(), "no file is written");
 }
 
 #[cfg(unix)]
 #[test]
-fn a_video_without_ffmpeg_ends_before_anything_is_drawn() {
+fn video_without_ffmpeg_fails_before_drawing() {
     use std::os::unix::fs::PermissionsExt;
     let folder = folder_with(SCENE, PATH);
     let arguments = ["--frames", "0..2", "--out", "film", "--video", "a.mp4", "--video-view", "dome"];
     let output = command(folder.path(), &arguments).env("PATH", folder.path()).output().unwrap();
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(69), "{told}");
-    assert!(told.contains("apt install ffmpeg") && !folder.path().join("film").exists(), "{told}");
-    // One that lists the encoder and then writes what it was asked for.
+    let log = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(69), "{log}");
+    assert!(log.contains("apt install ffmpeg") && !folder.path().join("film").exists(), "{log}");
+    // A fake ffmpeg that lists the encoder and then writes its arguments to the output file.
     let script = "#!/bin/sh\ncase \"$*\" in *-encoders*) echo libx264;; *) for last; do :; done; echo \"$*\" > \"$last\";; esac\n";
     fs::create_dir(folder.path().join("bin")).unwrap();
     let ffmpeg = folder.path().join("bin/ffmpeg");
@@ -225,7 +225,7 @@ fn a_video_without_ffmpeg_ends_before_anything_is_drawn() {
 
 #[cfg(unix)]
 #[test]
-fn an_interrupted_film_leaves_whole_files_and_goes_on() {
+fn interrupted_film_leaves_complete_frames_and_continues() {
     use std::time::{Duration, Instant};
     let folder = folder_with(SCENE, PATH);
     let arguments = ["--frames", "0..100000", "--out", "film"];
@@ -240,8 +240,8 @@ fn an_interrupted_film_leaves_whole_files_and_goes_on() {
     assert!(kill.success());
     assert_eq!(child.wait().unwrap().code(), Some(1));
     let found = images(&out);
-    assert_eq!(found.len() % 3, 0, "whole frames");
+    assert_eq!(found.len() % 3, 0, "only complete frames are written");
     assert!(found.iter().all(|(_, bytes)| bytes.ends_with(b"IEND\xaeB`\x82")));
     let names: Vec<_> = fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-    assert_eq!(names.len(), found.len() + 2, "film.json and the lock, no temporary files: {names:?}");
+    assert_eq!(names.len(), found.len() + 2, "besides images only film.json and the lock exist: {names:?}");
 }

@@ -1,4 +1,4 @@
-//! `film record`: the path of a camera that a client moves, against the curve that it was moved along.
+//! `film record`: compares the recorded path of a camera with the curve along which a client moved it.
 
 use std::f64::consts::TAU;
 use std::fs;
@@ -14,7 +14,7 @@ use steradian::service::{CameraUpdate, Client, SceneUpdate};
 
 use super::daemon::Daemon;
 
-/// Around this place the camera is moved, m, at this distance and rate.
+/// Centre, m, radius, m, and rate of the camera's movement.
 const CENTRE_M: DVec3 = DVec3::new(4e9, -2e9, 1e9);
 const RADIUS_M: f64 = 1e9;
 const RATE_RAD_S: f64 = 0.5;
@@ -33,7 +33,7 @@ fn record(folder: &Path, address: &str, arguments: &[&str]) -> Child {
         .unwrap();
     let mut line = String::new();
     let mut byte = [0];
-    // One byte after the other: what follows is for whoever waits for the end.
+    // Read byte by byte, so that the rest of the output is left for the caller.
     let out = process.stdout.as_mut().unwrap();
     while !line.ends_with('\n') && out.read(&mut byte).unwrap() == 1 {
         line.push(char::from(byte[0]));
@@ -47,7 +47,7 @@ fn pose(angle_rad: f64) -> (DVec3, DQuat) {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_recorded_path_is_the_curve_that_the_camera_was_moved_along() {
+async fn recorded_path_follows_the_curve_of_the_camera() {
     let folder = tempfile::tempdir().unwrap();
     let mut daemon = Daemon::start(folder.path(), "builtin:bright");
     let address = daemon.address();
@@ -67,12 +67,12 @@ async fn a_recorded_path_is_the_curve_that_the_camera_was_moved_along() {
         tokio::time::sleep(Duration::from_millis(8)).await;
     }
     let ended = recording.wait_with_output().unwrap();
-    let told = String::from_utf8(ended.stderr).unwrap();
-    assert_eq!(ended.status.code(), Some(0), "{told}");
+    let log = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(0), "{log}");
     let path = FilmPath::load(&folder.path().join("path.toml")).unwrap();
     assert_eq!(path.fps, FPS);
     let tracks = FilmTracks::new(&path);
-    // The camera is moved between 0.2 and 3.4 s of the recording, whenever exactly it began.
+    // The camera moves at least between 0.2 and 3.4 s of the recording, whatever its exact start.
     let (mut out_of_circle, mut turned) = (0.0_f64, 0.0_f64);
     let mut angles_rad = Vec::new();
     for frame in 12..78 {
@@ -89,13 +89,13 @@ async fn a_recorded_path_is_the_curve_that_the_camera_was_moved_along() {
         "{} keyframes: distance {out_of_circle:.1e}, orientation {turned:.1e} rad, time {off_s:.4} s at most",
         path.keyframes.len()
     );
-    // Measured: 1.2e-4, 1.8e-6 rad. Times are those of arrival: within 10 ms.
+    // Measured: 1.2e-4, 1.8e-6 rad. Times are times of arrival: within 10 ms.
     assert!(out_of_circle < 5e-4 && turned < 1e-5, "{out_of_circle} {turned}");
     assert!(off_s < 0.2, "{off_s} s");
     let limits: Vec<f64> = (0..96).map(|frame| tracks.at(frame).magnitude_limit.unwrap()).collect();
     assert!(limits[20] > 5.5 && limits[70] == 5.5, "{limits:?}");
 
-    // What is there stays, unless it is to be replaced; the end of the daemon leaves what was recorded.
+    // An existing file is kept unless it is to be replaced; a recording that the daemon ends is written.
     let refused = |arguments: &[&str], part: &str| {
         let output = Command::new(env!("CARGO_BIN_EXE_steradian"))
             .args(["film", "record", "--address", &address])
@@ -103,12 +103,12 @@ async fn a_recorded_path_is_the_curve_that_the_camera_was_moved_along() {
             .current_dir(folder.path())
             .output()
             .unwrap();
-        let told = String::from_utf8(output.stderr).unwrap();
-        assert!(output.status.code() == Some(64) && told.contains(part), "{:?} {told}", output.status);
+        let log = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(64) && log.contains(part), "{:?} {log}", output.status);
     };
     refused(&["--out", "path.toml"], "--overwrite");
-    refused(&["--out", "none/path.toml"], "no folder");
-    refused(&["--out", "a.toml", "--view", "nobody"], "`nobody`: all");
+    refused(&["--out", "none/path.toml"], "does not exist");
+    refused(&["--out", "a.toml", "--view", "nobody"], "`nobody`, valid names: all");
     refused(&["--out", "a.toml", "--keyframes-per-second", "60"], "--fps");
     let recording = record(folder.path(), &address, &["--overwrite"]);
     tokio::time::sleep(Duration::from_millis(300)).await;
@@ -116,14 +116,14 @@ async fn a_recorded_path_is_the_curve_that_the_camera_was_moved_along() {
     let (code, ..) = daemon.terminate();
     assert_eq!(code, Some(0));
     let ended = recording.wait_with_output().unwrap();
-    let told = String::from_utf8(ended.stderr).unwrap();
-    assert!(ended.status.code() == Some(0) && told.contains("shut down"), "{told}");
+    let log = String::from_utf8(ended.stderr).unwrap();
+    assert!(ended.status.code() == Some(0) && log.contains("shut down"), "{log}");
     let rests = FilmPath::load(&folder.path().join("path.toml")).unwrap();
-    assert_eq!(rests.keyframes.len(), 1, "the camera has not moved: {rests:?}");
+    assert_eq!(rests.keyframes.len(), 1, "the camera did not move: {rests:?}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_connection_that_breaks_ends_the_recording_with_what_there_is() {
+async fn broken_connection_ends_and_writes_the_recording() {
     let folder = tempfile::tempdir().unwrap();
     let mut daemon = Daemon::start(folder.path(), "builtin:bright");
     let address = daemon.address();
@@ -135,12 +135,12 @@ async fn a_connection_that_breaks_ends_the_recording_with_what_there_is() {
         client.set_camera(&update).await.unwrap();
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
-    // Without a word to anybody.
+    // Kill the daemon without a shutdown.
     drop(daemon);
     let ended = recording.wait_with_output().unwrap();
-    let told = String::from_utf8(ended.stderr).unwrap();
-    assert_eq!(ended.status.code(), Some(1), "{told}");
-    assert!(told.contains("connection was lost after"), "{told}");
+    let log = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(1), "{log}");
+    assert!(log.contains("connection was lost after"), "{log}");
     let path = FilmPath::load(&folder.path().join("path.toml")).unwrap();
     assert!(path.keyframes.len() > 2, "{path:?}");
     let unreachable = Command::new(env!("CARGO_BIN_EXE_steradian"))

@@ -1,5 +1,5 @@
-//! The built program as people and scripts see it, and the documentation that tells of it.
-#![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+//! The built program as users and scripts see it, and its documentation.
+#![allow(clippy::unwrap_used, reason = "a failed precondition of a test may panic")]
 
 use testkit::exr_file;
 use testkit::figures;

@@ -1,5 +1,6 @@
-//! Proves that the table *Measured* of `README.md`, the figures in `crates/testkit/src/figures.rs` and the tests that assert them are one:
-//! the same figures, bounds close to them, and tests that exist and use them. Times have a table of their own, and no test.
+//! Tests that the table *Measured* of `README.md`, the figures in `crates/testkit/src/figures.rs` and the tests that assert
+//! them agree: the same figures, bounds close to them, and tests that exist and use them. Times have a separate table
+//! and no tests.
 
 use std::{fs, path::Path};
 
@@ -9,42 +10,46 @@ use crate::figures::{FIGURES, Figure};
 
 /// The first line of the table.
 const HEAD: &str = "| property | figure | test |";
-/// How many times the figure a bound may be, without a note.
+/// Allowed ratio of a bound to its figure, without a note.
 const RATIO: std::ops::RangeInclusive<f64> = 2.0..=6.0;
 
 fn repository() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The cells of the rows of the table.
+/// Returns the cells of the rows of the table.
 fn rows(document: &str) -> Vec<Vec<String>> {
     let table = document.lines().skip_while(|line| *line != HEAD).skip(2).take_while(|line| line.starts_with('|'));
     let cells = |line: &str| line.trim_matches('|').split('|').map(|cell| cell.trim().to_owned()).collect();
     table.map(cells).collect()
 }
 
-/// What is wrong with a bound.
+/// Describes the problem of a bound, if any.
 fn problem_of_bound(figure: &Figure) -> Option<String> {
     let Figure { property, measured, bound, note, .. } = *figure;
     if !(measured.is_finite() && measured >= 0.0 && bound.is_finite() && bound >= measured) {
         return Some(format!("{property}: a bound of {bound:e} for {measured:e}"));
     }
-    // What is exact has no room.
+    // An exact figure has no tolerance.
     let close = if measured == 0.0 { bound == 0.0 } else { RATIO.contains(&(bound / measured)) };
     let ratio = bound / measured;
     match (close, note.is_empty()) {
-        (false, true) => Some(format!("{property}: the bound is {ratio:.1} times the figure, and no note says why")),
-        (true, false) => Some(format!("{property}: the bound is {ratio:.1} times the figure and needs no note")),
+        (false, true) => {
+            Some(format!("{property}: the bound is {ratio:.1} times the figure, and no note gives the reason"))
+        }
+        (true, false) => {
+            Some(format!("{property}: the bound is {ratio:.1} times the figure so the note is unnecessary"))
+        }
         _ => None,
     }
 }
 
-/// What is wrong between the table of a document, figures, and the text of the tests, which `test` finds.
+/// Lists the problems between the table of a document, the figures, and the text of the tests, which `test` finds.
 fn problems(document: &str, figures: &[Figure], test: &dyn Fn(&str) -> Result<String, String>) -> Vec<String> {
     let rows = rows(document);
     let mut problems = Vec::new();
     if rows.is_empty() {
-        problems.push(format!("there is no table with the head `{HEAD}`"));
+        problems.push(format!("the table with the head `{HEAD}` is missing"));
     }
     for row in &rows {
         let [property, figure, test] = row.as_slice() else {
@@ -80,21 +85,21 @@ fn problems(document: &str, figures: &[Figure], test: &dyn Fn(&str) -> Result<St
     problems
 }
 
-/// The text of a function of a source file, if it is a test: it has the attribute, or `table`, the list of tests of a binary with a
-/// harness of its own, has its name in quotes.
+/// Returns the text of a function of a source file if it is a test: it has the attribute, or its name is quoted in
+/// `table`, the list of tests of a binary with a custom harness.
 fn test_in(source: &str, name: &str, table: &str) -> Result<String, String> {
     let lines: Vec<&str> = source.lines().collect();
     let declared = |line: &&str| line.trim_start_matches("pub ").starts_with(&format!("fn {name}("));
-    let start = lines.iter().position(declared).ok_or_else(|| format!("there is no function {name}"))?;
+    let start = lines.iter().position(declared).ok_or_else(|| format!("the function {name} does not exist"))?;
     let end = lines[start..].iter().position(|line| *line == "}").ok_or_else(|| format!("{name} does not end"))?;
     let attributes: Vec<&str> = lines[..start].iter().rev().take_while(|line| line.starts_with('#')).copied().collect();
     if !attributes.contains(&"#[test]") && !table.contains(&format!("\"{name}\"")) {
-        return Err(format!("{name} is no test"));
+        return Err(format!("{name} is not a test"));
     }
     Ok(lines[start..start + end].join("\n"))
 }
 
-/// The text of a test by its path, `gpu::stars::light::name`.
+/// Returns the text of a test by its path, such as `gpu::stars::light::name`.
 fn test_by_path(path: &str) -> Result<String, String> {
     let segments: Vec<&str> = path.split("::").collect();
     let [binary, modules @ .., name] = segments.as_slice() else {
@@ -103,20 +108,20 @@ fn test_by_path(path: &str) -> Result<String, String> {
     let folder = repository().join("tests").join(binary);
     let module = modules.iter().fold(folder, |folder, module| folder.join(module));
     let read = |path: &Path| fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()));
-    // The list of tests of a harness stands in the module above.
+    // The list of tests of a harness is in the module above.
     let list = module.with_file_name("mod.rs");
     let table = if list.is_file() { read(&list)? } else { String::new() };
     test_in(&read(&module.with_extension("rs"))?, name, &table)
 }
 
 #[test]
-fn every_measured_figure_is_asserted_by_a_test_with_a_bound_close_to_it() {
+fn measured_figures_are_asserted_by_tests_with_close_bounds() {
     let readme = fs::read_to_string(repository().join("README.md")).unwrap();
     let problems = problems(&readme, FIGURES, &test_by_path);
     assert!(problems.is_empty(), "{}", problems.join("\n"));
 }
 
-/// The number between two texts of a document, which may be broken into lines anywhere.
+/// Returns the number between two texts of a document, which may have line breaks anywhere.
 fn number_between(document: &str, before: &str, after: &str) -> Option<usize> {
     let text = document.split_whitespace().collect::<Vec<_>>().join(" ");
     let (_, rest) = text.split_once(before)?;
@@ -124,7 +129,7 @@ fn number_between(document: &str, before: &str, after: &str) -> Option<usize> {
 }
 
 #[test]
-fn the_readme_counts_checks_and_methods_as_the_program_does() {
+fn readme_counts_match_the_program() {
     let readme = fs::read_to_string(repository().join("README.md")).unwrap();
     assert_eq!(number_between(&readme, "`verify` runs ", " checks"), Some(verify::checks().len()));
     let ours = number_between(&readme, "(docs/catalogues.md)); ", " methods of our own").unwrap();
@@ -134,7 +139,7 @@ fn the_readme_counts_checks_and_methods_as_the_program_does() {
     assert_eq!(number_between("a few b", "a ", " b"), None);
 }
 
-/// A figure that is as it should be.
+/// A correct figure.
 const GOOD: Figure = Figure {
     name: "GOOD",
     property: "flux of a star, relative",
@@ -154,7 +159,7 @@ fn table_of(rows: &str) -> String {
 }
 
 #[test]
-fn a_wrong_figure_a_wide_bound_and_a_missing_row_are_noticed() {
+fn wrong_figures_wide_bounds_and_missing_rows_are_detected() {
     const USED: Result<&str, &str> = Ok("fn good() {\n    figures::GOOD.check(1.0);");
     let good = table_of(ROW);
     assert_eq!(found(&good, &[GOOD], USED), Vec::<String>::new());
@@ -190,14 +195,14 @@ fn a_wrong_figure_a_wide_bound_and_a_missing_row_are_noticed() {
     }
     let room_for_the_exact = Figure { measured: 0.0, bound: 1e-9, ..GOOD };
     assert!(!found(&good.replace("1.8e-5", "0"), &[room_for_the_exact], USED).is_empty());
-    assert!(!found(&good, &[GOOD, GOOD], USED).is_empty(), "two figures for a row");
-    assert!(!found(&good, &[], USED).is_empty(), "a row without a figure");
-    assert!(!found(&good, &[GOOD], Ok("fn good() {")).is_empty(), "a test that does not use its figure");
-    assert!(!found(&good, &[GOOD], Err("there is no function good")).is_empty());
+    assert!(!found(&good, &[GOOD, GOOD], USED).is_empty(), "two figures for a row pass");
+    assert!(!found(&good, &[], USED).is_empty(), "a row without a figure passes");
+    assert!(!found(&good, &[GOOD], Ok("fn good() {")).is_empty(), "a test that does not use its figure passes");
+    assert!(!found(&good, &[GOOD], Err("the function good does not exist")).is_empty());
 }
 
 #[test]
-fn a_figure_fails_above_its_bound_and_where_nothing_was_measured() {
+fn figures_fail_above_their_bound_and_without_a_measurement() {
     for measured in [0.0, 1e-5, -7e-5] {
         GOOD.check(measured);
     }
@@ -211,12 +216,12 @@ fn a_figure_fails_above_its_bound_and_where_nothing_was_measured() {
 }
 
 #[test]
-fn tests_are_found_in_sources_by_attribute_or_list() {
+fn tests_are_found_by_attribute_or_list() {
     let source = "/// Text.\n#[test]\nfn a() {\n    one();\n}\n\npub fn b(of: u8) {\n    two();\n}\n\nfn ab() {\n    three();\n}\n";
     assert_eq!(test_in(source, "a", "").unwrap(), "fn a() {\n    one();");
     assert_eq!(test_in(source, "b", "(\"b\", b)").unwrap(), "pub fn b(of: u8) {\n    two();");
-    assert!(test_in(source, "b", "(\"ab\", ab)").is_err(), "no test");
-    assert!(test_in(source, "c", "\"c\"").is_err(), "no such function");
+    assert!(test_in(source, "b", "(\"ab\", ab)").is_err(), "`b` is not listed as a test");
+    assert!(test_in(source, "c", "\"c\"").is_err(), "`c` does not exist");
     assert!(test_by_path("gpu::stars::light::no_such_test").is_err());
     assert!(test_by_path("gpu::no_such_file::every_magnitude_has_its_light_in_every_projection").is_err());
     assert!(test_by_path("gpu").is_err());

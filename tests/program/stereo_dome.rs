@@ -1,4 +1,4 @@
-//! Omni-directional stereo of domes: where near bodies are seen, what they hide, the light of stars, and packing.
+//! Omni-directional stereo of domes: directions of near bodies, occlusion, light of stars, and packing.
 
 use std::f64::consts::PI;
 use std::fs;
@@ -21,18 +21,19 @@ const PLACES: [[f64; 3]; 5] =
 fn steradian(folder: &Path, arguments: &[&str], code: i32) -> String {
     let mut command = Command::new(env!("CARGO_BIN_EXE_steradian"));
     let output = command.args(arguments).current_dir(folder).output().unwrap();
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {told}");
-    told
+    let log = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {log}");
+    log
 }
 
-/// World axes are those of the dome before its tilt: +y zenith, -z front.
-fn place(at: [f64; 3]) -> DVec3 {
-    let [azimuth, zenith] = [at[0], at[1]].map(f64::to_radians);
-    DVec3::new(zenith.sin() * azimuth.sin(), zenith.cos(), -zenith.sin() * azimuth.cos()) * at[2]
+/// World axes are the axes of the dome before its tilt: +y zenith, -z front.
+fn place(polar: [f64; 3]) -> DVec3 {
+    let [azimuth, zenith] = [polar[0], polar[1]].map(f64::to_radians);
+    DVec3::new(zenith.sin() * azimuth.sin(), zenith.cos(), -zenith.sin() * azimuth.cos()) * polar[2]
 }
 
-/// The direction whose eye, across it on the circle, sees a place. `side`: -1 left, 1 right.
+/// Returns the viewing direction, perpendicular to the eye's position on the circle, in which a place is seen. `side`:
+/// -1 left, 1 right.
 fn seen_in(place_m: DVec3, side: f64) -> DVec3 {
     let mut direction = place_m.normalize();
     for _ in 0..60 {
@@ -41,24 +42,24 @@ fn seen_in(place_m: DVec3, side: f64) -> DVec3 {
     direction
 }
 
-/// The picture's axes: its middle is the zenith, its bottom the front.
+/// Converts to the picture's axes: its centre is the zenith, its bottom the front.
 fn in_picture(world: DVec3) -> DVec3 {
     DVec3::new(world.x, world.z, -world.y)
 }
 
-/// Pixels of an OpenEXR file: luminance, cd/m^2, and solid angle, sr.
+/// Returns the pixels of an OpenEXR file: luminance, cd/m^2, and solid angle, sr.
 fn pixels(file: &Path) -> Vec<[f64; 2]> {
     let [red, green, blue, omega_sr] = channels(&fs::read(file).unwrap(), ["R", "G", "B", "omega"]);
-    let light = |at: usize| luminance([red[at], green[at], blue[at]].map(f64::from));
-    (0..omega_sr.len()).map(|at| [light(at), f64::from(omega_sr[at])]).collect()
+    let light = |index: usize| luminance([red[index], green[index], blue[index]].map(f64::from));
+    (0..omega_sr.len()).map(|index| [light(index), f64::from(omega_sr[index])]).collect()
 }
 
-/// Direction of the mean light within some degrees of one, in the picture's axes, and that light, lx.
+/// Returns the direction of the mean light within an angle of a direction, in the picture's axes, and that light, lx.
 fn mean_direction(pixels: &[[f64; 2]], around: DVec3, radius_deg: f64) -> (DVec3, f64) {
     let mapping = Fisheye::new([SIDE; 2], FisheyeMapping::Equidistant, PI).unwrap();
     let (mut sum, mut total_lx) = (DVec3::ZERO, 0.0);
-    for (at, [light, omega_sr]) in pixels.iter().enumerate().filter(|(_, [light, _])| *light > 0.0) {
-        let direction = mapping.direction_from_pixel(pixel_centre(at as u32 % SIDE, at as u32 / SIDE)).unwrap();
+    for (index, [light, omega_sr]) in pixels.iter().enumerate().filter(|(_, [light, _])| *light > 0.0) {
+        let direction = mapping.direction_from_pixel(pixel_centre(index as u32 % SIDE, index as u32 / SIDE)).unwrap();
         if direction.angle_between(around) < radius_deg.to_radians() {
             sum += direction * (light * omega_sr);
             total_lx += light * omega_sr;
@@ -83,39 +84,42 @@ fn body(number: usize, place_m: DVec3, radius_m: f64, more: &str) -> String {
 }
 
 #[test]
-fn near_bodies_are_where_the_eyes_on_the_circle_see_them_at_every_azimuth() {
+fn near_bodies_have_the_directions_of_the_eye_circle_at_every_azimuth() {
     let folder = tempfile::tempdir().unwrap();
     // On the horizon the angle between both eyes has a closed form.
     let ahead = DVec3::new(0.0, 0.0, -2.0);
     let apart_rad = seen_in(ahead, -1.0).angle_between(seen_in(ahead, 1.0));
     assert!((apart_rad - 2.0 * (RADIUS_M / 2.0).asin()).abs() < 1e-12);
     let pixel_rad = PI / f64::from(SIDE);
-    // Discs of some ten pixels, and points of light.
+    // Discs of about ten pixels, and points of light.
     for (kind, radius_m) in [("discs", 0.03), ("points", 0.0015)] {
         let lit = "emission = { absolute_magnitude = 50, temperature_k = 6000 }";
-        let bodies: String =
-            PLACES.into_iter().enumerate().map(|(number, at)| body(number, place(at), radius_m * at[2], lit)).collect();
+        let bodies: String = PLACES
+            .into_iter()
+            .enumerate()
+            .map(|(number, polar)| body(number, place(polar), radius_m * polar[2], lit))
+            .collect();
         write_scene(folder.path(), "[]", "ipd_m = 0.064", &bodies);
         steradian(folder.path(), &["render", "--config", "dome.toml", "--out", kind, "--files", "exr"], 0);
         let [left, right] = ["left", "right"].map(|eye| pixels(&folder.path().join(format!("{kind}/dome.{eye}.exr"))));
         let mut worst_px = 0.0_f64;
-        for at in PLACES {
-            let expected = [-1.0, 1.0].map(|side| in_picture(seen_in(place(at), side)));
-            let found = [&left, &right].map(|eye| mean_direction(eye, in_picture(place(at).normalize()), 8.0).0);
+        for polar in PLACES {
+            let expected = [-1.0, 1.0].map(|side| in_picture(seen_in(place(polar), side)));
+            let found = [&left, &right].map(|eye| mean_direction(eye, in_picture(place(polar).normalize()), 8.0).0);
             let disparity_px = expected[0].angle_between(expected[1]) / pixel_rad;
-            assert!(disparity_px > 0.8, "{at:?}: {disparity_px}");
+            assert!(disparity_px > 0.8, "{polar:?}: {disparity_px}");
             for (found, expected) in found.into_iter().zip(expected) {
                 worst_px = worst_px.max(found.angle_between(expected) / pixel_rad);
             }
         }
-        println!("{kind}: {worst_px:.1e} pixels from where they should be");
+        println!("{kind}: error of position {worst_px:.1e} pixels");
         // Measured: 3.1e-3 of discs.
         assert!(worst_px < 0.012, "{kind}: {worst_px}");
     }
 }
 
 #[test]
-fn stars_are_those_of_a_dome_for_one_eye_and_near_bodies_hide_them_from_one_eye() {
+fn stars_equal_those_of_a_mono_dome_and_near_bodies_hide_them_from_one_eye() {
     let folder = tempfile::tempdir().unwrap();
     let render = |out: &str| {
         steradian(folder.path(), &["render", "--config", "dome.toml", "--out", out, "--files", "exr"], 0);
@@ -126,14 +130,15 @@ fn stars_are_those_of_a_dome_for_one_eye_and_near_bodies_hide_them_from_one_eye(
     render("two");
     let read = |name: &str| pixels(&folder.path().join(name));
     let one = read("one/dome.exr");
-    assert!(read("two/dome.left.exr") == one && read("two/dome.right.exr") == one, "no seam anywhere");
+    assert!(read("two/dome.left.exr") == one && read("two/dome.right.exr") == one, "a picture has a seam");
 
-    // Stars where the left eye sees the middles of black bodies, of some four pixels each.
-    let places = PLACES.into_iter().filter(|at| at[2] <= 3.0);
-    let places: Vec<([f64; 3], DVec3)> = places.map(|at| (at, seen_in(place(at), -1.0))).collect();
+    // Stars where the left eye sees the centres of black bodies, of some four pixels each.
+    let places = PLACES.into_iter().filter(|polar| polar[2] <= 3.0);
+    let places: Vec<([f64; 3], DVec3)> = places.map(|polar| (polar, seen_in(place(polar), -1.0))).collect();
     let mut stars = "ra_deg,dec_deg,v_mag\n".to_owned();
-    for (_, seen) in &places {
-        let (ra_deg, dec_deg) = (seen.y.atan2(seen.x).to_degrees().rem_euclid(360.0), seen.z.asin().to_degrees());
+    for (_, direction) in &places {
+        let (ra_deg, dec_deg) =
+            (direction.y.atan2(direction.x).to_degrees().rem_euclid(360.0), direction.z.asin().to_degrees());
         stars.push_str(&format!("{ra_deg},{dec_deg},2.0\n"));
     }
     fs::write(folder.path().join("stars.csv"), stars).unwrap();
@@ -141,21 +146,22 @@ fn stars_are_those_of_a_dome_for_one_eye_and_near_bodies_hide_them_from_one_eye(
         write_scene(folder.path(), "['stars.csv']", "ipd_m = 0.064", bodies);
         render("stars");
         let eyes = ["left", "right"].map(|eye| read(&format!("stars/dome.{eye}.exr")));
-        let of_star = |seen: DVec3| [0, 1].map(|eye| mean_direction(&eyes[eye], in_picture(seen), 3.0).1);
-        places.iter().map(|(_, seen)| of_star(*seen)).collect()
+        let of_star = |direction: DVec3| [0, 1].map(|eye| mean_direction(&eyes[eye], in_picture(direction), 3.0).1);
+        places.iter().map(|(_, direction)| of_star(*direction)).collect()
     };
     let open = lights("");
     let bodies = places.iter().enumerate();
-    let covered =
-        lights(&bodies.map(|(number, (at, _))| body(number, place(*at), 0.0127 * at[2], "")).collect::<String>());
-    for (((at, _), open), covered) in places.iter().zip(open).zip(covered) {
+    let covered = lights(
+        &bodies.map(|(number, (polar, _))| body(number, place(*polar), 0.0127 * polar[2], "")).collect::<String>(),
+    );
+    for (((polar, _), open), covered) in places.iter().zip(open).zip(covered) {
         assert!(open[0] > 0.0 && open[0] == open[1]);
-        assert!(covered[0] == 0.0 && (covered[1] / open[1] - 1.0).abs() < 1e-3, "{at:?}: {covered:?} {open:?}");
+        assert!(covered[0] == 0.0 && (covered[1] / open[1] - 1.0).abs() < 1e-3, "{polar:?}: {covered:?} {open:?}");
     }
 }
 
 #[test]
-fn eyes_are_packed_in_files_of_render_and_film_and_other_views_are_refused() {
+fn eyes_are_packed_by_render_and_film_and_other_views_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let out = |name: &str| folder.path().join(name);
     let size = |name: &str| {
@@ -172,7 +178,7 @@ fn eyes_are_packed_in_files_of_render_and_film_and_other_views_are_refused() {
     let film = ["film", "--config", "dome.toml", "--path", "path.toml", "--frames", "0..1", "--out", "film"];
     steradian(folder.path(), &film, 0);
     assert_eq!((size("film/dome_00000.png"), size("film/eyes_00000.png")), ((SIDE, 2 * SIDE), (120, 40)));
-    // The halves are the eyes.
+    // The halves of the packed picture are the eyes.
     let packed = pixels(&out("render/eyes.exr"));
     let scene = fs::read_to_string(out("dome.toml")).unwrap();
     fs::write(out("dome.toml"), scene.replace("packing = 'side_by_side'\n", "")).unwrap();
@@ -182,9 +188,9 @@ fn eyes_are_packed_in_files_of_render_and_film_and_other_views_are_refused() {
         assert!(row[..60] == *left && row[60..] == *right);
     }
     write_scene(folder.path(), "['builtin:bright']", "packing = 'top_bottom'", "");
-    let told = steradian(folder.path(), &["render", "--config", "dome.toml", "--out", "none"], 64);
-    assert!(told.contains("packing") && told.contains("ipd_m"), "{told}");
+    let log = steradian(folder.path(), &["render", "--config", "dome.toml", "--out", "none"], 64);
+    assert!(log.contains("packing") && log.contains("ipd_m"), "{log}");
     write_scene(folder.path(), "['builtin:bright']", "ipd_m = -1.0", "");
-    let told = steradian(folder.path(), &["render", "--config", "dome.toml", "--out", "none"], 64);
-    assert!(told.contains("ipd_m"), "{told}");
+    let log = steradian(folder.path(), &["render", "--config", "dome.toml", "--out", "none"], 64);
+    assert!(log.contains("ipd_m"), "{log}");
 }

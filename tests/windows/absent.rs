@@ -1,18 +1,18 @@
-//! What is missing and what is wrong is told. These need no X server.
+//! Messages for a missing display and for wrong configurations. These tests need no X server.
 
 use steradian::service::Client;
 
 use crate::{
     Test,
     desktop::Desktop,
-    program::{Scene, steradian, told},
+    program::{Scene, describe, steradian},
 };
 
 pub const TESTS: &[Test] = &[
-    ("absent::show_says_that_there_is_no_display", no_display),
-    ("absent::serve_goes_on_without_a_display", serve_without),
-    ("absent::a_daemon_outlives_its_display", outlives),
-    ("absent::wrong_windows_are_refused_with_key_and_what_is_allowed", wrong_windows),
+    ("absent::show_reports_a_missing_display", no_display),
+    ("absent::serve_runs_without_a_display", serve_without),
+    ("absent::daemon_survives_the_end_of_its_display", outlives),
+    ("absent::wrong_windows_are_refused_with_key_and_valid_values", wrong_windows),
 ];
 
 const SCENE: &str = r#"
@@ -40,7 +40,7 @@ fn no_display() -> Result<(), String> {
     ] {
         for arguments in [&["show", "--config", &path][..], &["show", "--monitors"]] {
             let output = steradian(arguments, display).output().unwrap();
-            assert_eq!(output.status.code(), Some(69), "{}", told(&output));
+            assert_eq!(output.status.code(), Some(69), "{}", describe(&output));
             let errors = String::from_utf8(output.stderr).unwrap();
             assert_eq!(errors.lines().count(), 1, "{errors}");
             assert!(errors.starts_with("error: no display: ") && errors.contains(expected), "{errors}");
@@ -69,7 +69,7 @@ fn serve_without() -> Result<(), String> {
     Ok(())
 }
 
-/// The X server is killed under a daemon.
+/// The daemon survives when its X server is killed.
 fn outlives() -> Result<(), String> {
     let desktop = Desktop::virtual_frame_buffer()?;
     let scene = Scene::new(&format!("{SCENE}[[windows]]\nview = 'ahead'\n"));
@@ -92,7 +92,7 @@ fn outlives() -> Result<(), String> {
 }
 
 fn wrong_windows() -> Result<(), String> {
-    for (window, key, allowed) in [
+    for (window, key, expected) in [
         ("view = 'astern'", "windows[0].view", "allowed are ahead, pair"),
         ("view = 'pair'", "windows[0].part", "needed is one of left, right"),
         ("view = 'pair'\npart = 'middle'", "windows[0].part", "allowed are left, right"),
@@ -119,7 +119,7 @@ fn wrong_windows() -> Result<(), String> {
         let output = steradian(&["show", "--config", &scene.path()], None).output().unwrap();
         let errors = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(64), "{window}: {errors}");
-        assert!(errors.contains(key) && errors.contains(allowed), "{window}: {errors}");
+        assert!(errors.contains(key) && errors.contains(expected), "{window}: {errors}");
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! An X server of a test: its pixels, its keyboard, its monitors.
+//! An X server for a test: its pixels, its keyboard, its monitors.
 
 use std::{
     io::{BufRead, BufReader},
@@ -18,22 +18,23 @@ use x11rb::{
     wrapper::ConnectionExt as _,
 };
 
-/// Far longer than a server or a program needs for anything here.
+/// Timeout far above the time that a server or a program needs.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Looks until there is something, or fails with what `told` says.
-pub fn until<T>(mut look: impl FnMut() -> Option<T>, told: impl Fn() -> String) -> T {
+/// Repeats a query until it has a result, or fails with the message of `message`.
+pub fn until<T>(mut look: impl FnMut() -> Option<T>, message: impl Fn() -> String) -> T {
     let deadline = Instant::now() + PATIENCE;
     loop {
         if let Some(found) = look() {
             return found;
         }
-        assert!(Instant::now() < deadline, "{}", told());
+        assert!(Instant::now() < deadline, "{}", message());
         thread::sleep(Duration::from_millis(30));
     }
 }
 
-/// Monitors of Xorg's dummy driver as its configuration file has them: a first one of 1024 x 768 pixels, others that are not connected.
+/// Monitors of Xorg's dummy driver in its configuration file: the first has 1024 x 768 pixels, the others are not
+/// connected.
 const DUMMY: &str = r#"
 Section "ServerFlags"
     Option "AutoAddDevices" "false"
@@ -69,7 +70,7 @@ pub struct Pixels {
 }
 
 impl Pixels {
-    /// A PNG that the program has written.
+    /// Reads a PNG written by the program.
     pub fn of_png(path: &std::path::Path) -> Self {
         let decoder = png::Decoder::new(BufReader::new(std::fs::File::open(path).unwrap()));
         let mut reader = decoder.read_info().unwrap();
@@ -80,7 +81,8 @@ impl Pixels {
         Self { size: [info.width as usize, info.height as usize], codes }
     }
 
-    /// Pixels that differ from those of another image of the same size, and by how many codes at most.
+    /// Returns the number of pixels that differ from another image of the same size, and the largest difference in
+    /// codes.
     pub fn differences(&self, other: &Self) -> (usize, u8) {
         assert_eq!(self.size, other.size);
         let both = self.codes.iter().zip(&other.codes);
@@ -102,7 +104,7 @@ impl Pixels {
 /// A running X server.
 pub struct Desktop {
     server: Child,
-    /// As `DISPLAY` has it.
+    /// Value of `DISPLAY`.
     pub display: String,
     pub connection: RustConnection,
     root: u32,
@@ -117,14 +119,15 @@ impl Drop for Desktop {
 }
 
 impl Desktop {
-    /// Xvfb with one monitor, `screen`. The error: it is not installed.
+    /// Starts Xvfb with one monitor, `screen`. Returns an error if it is not installed.
     pub fn virtual_frame_buffer() -> Result<Self, String> {
         let mut command = Command::new("Xvfb");
         command.args(["-displayfd", "1", "-screen", "0", "1600x900x24", "-ac", "+extension", "RANDR", "-noreset"]);
         Self::start(command, tempfile::tempdir().unwrap(), "Xvfb", "xvfb")
     }
 
-    /// Xorg with monitors that can be taken away, the first of which is there: `DUMMY0`. The error: it is not installed.
+    /// Starts Xorg with removable monitors, of which the first is connected: `DUMMY0`. Returns an error if it is not
+    /// installed.
     pub fn dummy_monitors() -> Result<Self, String> {
         let folder = tempfile::tempdir().unwrap();
         let configuration = folder.path().join("xorg.conf");
@@ -154,7 +157,7 @@ impl Desktop {
         Ok(Self { server, display, connection, root, _configuration: folder })
     }
 
-    /// What is seen of a part of the desktop.
+    /// Returns the visible pixels of a part of the desktop.
     pub fn pixels(&self, [x, y]: [i16; 2], [width, height]: [u16; 2]) -> Pixels {
         let image = self.connection.get_image(ImageFormat::Z_PIXMAP, self.root, x, y, width, height, u32::MAX).unwrap();
         let image = image.reply().unwrap();
@@ -163,13 +166,13 @@ impl Desktop {
         Pixels { size: [width, height].map(usize::from), codes }
     }
 
-    /// Waits until a part of the desktop looks like that.
-    pub fn until_seen(&self, at: [i16; 2], expected: &Pixels, what: &str) {
+    /// Waits until a part of the desktop has the expected pixels.
+    pub fn until_seen(&self, corner: [i16; 2], expected: &Pixels, context: &str) {
         let size = expected.size.map(|side| side as u16);
-        let differences = || self.pixels(at, size).differences(expected);
+        let differences = || self.pixels(corner, size).differences(expected);
         until(
             || (differences().0 == 0).then_some(()),
-            || format!("{what}: [pixels, codes] differ: {:?}", differences()),
+            || format!("{context}: [pixels, codes] differ: {:?}", differences()),
         );
     }
 
@@ -192,7 +195,7 @@ impl Desktop {
         self.press('\u{ff1b}');
     }
 
-    /// Whether a window has the keyboard.
+    /// Whether a window has the keyboard focus.
     pub fn has_focus(&self) -> bool {
         let focus = self.connection.get_input_focus().unwrap().reply().unwrap().focus;
         focus > 1 && focus != self.root
@@ -215,13 +218,13 @@ impl Desktop {
     pub fn connect_second(&self) {
         let (output, resources) = (self.output("DUMMY1"), self.resources());
         let mode = resources.modes.iter().find(|mode| (mode.width, mode.height) == (1024, 768)).unwrap().id;
-        // It is connected when it has a mode.
+        // The output is connected when it has a mode.
         self.connection.randr_add_output_mode(output, mode).unwrap().check().unwrap();
         self.connection.randr_set_screen_size(self.root, 2048, 768, 542, 203).unwrap().check().unwrap();
         self.set_crtc(self.resources().crtcs[1], 1024, mode, &[output]);
     }
 
-    /// Takes it away.
+    /// Disconnects the second monitor.
     pub fn disconnect_second(&self) {
         self.set_crtc(self.resources().crtcs[1], 0, 0, &[]);
     }
@@ -241,7 +244,7 @@ impl Desktop {
         assert_eq!(set.unwrap().reply().unwrap().status, randr::SetConfig::SUCCESS);
     }
 
-    /// Gives a monitor an EDID of a vendor, product and serial number.
+    /// Gives a monitor an EDID.
     pub fn set_edid(&self, output: &str, edid: &[u8]) {
         let output = self.output(output);
         let atom = self.connection.intern_atom(false, b"EDID").unwrap().reply().unwrap().atom;

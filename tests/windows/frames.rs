@@ -1,4 +1,4 @@
-//! Windows of one frame show the same frame.
+//! All windows show the same frame at the same time.
 
 use std::collections::HashMap;
 
@@ -12,11 +12,11 @@ use crate::{
 };
 
 pub const TESTS: &[Test] = &[
-    ("frames::three_windows_show_the_same_frames_all_the_time", three_windows),
-    ("frames::windows_of_a_daemon_follow_its_camera_together_and_tell_their_figures", of_a_daemon),
+    ("frames::three_windows_always_show_the_same_frames", three_windows),
+    ("frames::daemon_windows_follow_the_camera_together_and_report_statistics", of_a_daemon),
 ];
 
-/// A flat view, a dome, and a projector of two that share the light.
+/// A flat view, a dome, and one of two projectors that share the light.
 pub const THREE: &str = r#"
 [scene]
 catalogues = ["builtin:bright"]
@@ -45,7 +45,7 @@ view = "projector"
 position = [400, 0]
 "#;
 
-/// The mesh of a projector; its share of the light falls from left to right.
+/// Returns the mesh of a projector; its share of the light decreases from left to right.
 fn mesh() -> String {
     let shares = |column: usize, _| 1.0 - 0.1 * column as f64;
     theatre::bourke(&theatre::projectors()[0], 9, 7, shares)
@@ -53,11 +53,12 @@ fn mesh() -> String {
 
 const FRAMES: usize = 300;
 
-/// Numbers of frames as they were presented: for each frame its numbers by windows.
+/// Returns the numbers of presented frames: for each frame its number in each window.
 fn presented(log: &str) -> Vec<HashMap<String, u64>> {
     let of_line = |line: &str| {
-        let (_, told) = line.split_once("TRACE ")?;
-        told.split(", ")
+        let (_, numbers) = line.split_once("TRACE ")?;
+        numbers
+            .split(", ")
             .map(|one| {
                 one.rsplit_once(' ').and_then(|(name, number)| Some((name.trim().to_owned(), number.parse().ok()?)))
             })
@@ -66,7 +67,7 @@ fn presented(log: &str) -> Vec<HashMap<String, u64>> {
     log.lines().filter_map(of_line).collect()
 }
 
-/// Where windows did not show the same frame at the same time, each with a new frame.
+/// Lists the presentations in which windows did not show the same new frame.
 fn breaches(presented: &[HashMap<String, u64>], windows: usize) -> Vec<String> {
     let mut found = Vec::new();
     let mut last = 0;
@@ -87,24 +88,24 @@ fn three_windows() -> Result<(), String> {
     let out = scene.render(&[]);
     desktop.park_pointer([1500, 850]);
     let mut show = scene.show(&desktop.display, &["--frames", &FRAMES.to_string()]);
-    // The projector's share of the light is in its window.
+    // The window shows the projector's share of the light.
     desktop.until_seen([400, 0], &Pixels::of_png(&out.join("projector.png")), "projector");
     assert!(show.wait().success(), "{}", show.log());
     let presented = presented(&show.log());
     assert_eq!(presented.len(), FRAMES, "{}", show.log());
     assert_eq!(breaches(&presented, 3), [""; 0]);
-    // What is not the same is found.
+    // An error is detected.
     let mut wrong = presented.clone();
     *wrong[7].get_mut("dome").unwrap() += 1;
     wrong[9].remove("ahead");
-    // One number too many may be that of the next frame too.
+    // An additional number may be mistaken for that of the next frame.
     assert!(breaches(&wrong, 3).len() >= 2);
     let report = show.out();
     assert!(report.lines().all(|line| line.contains(": 300 frames")), "{report}");
     Ok(())
 }
 
-/// A daemon, its client, and a runtime for that.
+/// A daemon with its client and a runtime.
 struct Controlled {
     serve: Running,
     client: Client,
@@ -133,7 +134,7 @@ fn of_a_daemon() -> Result<(), String> {
     scene.write("projector.data", &mesh());
     let mut daemon = Controlled::new(scene.serve(Some(&desktop.display)));
     until(|| daemon.stats().windows.iter().all(|window| window.frames > 0).then_some(()), || "no frames".to_owned());
-    // A camera that moves: every frame is another one.
+    // The camera moves, so every frame is different.
     for step in 1..=100 {
         let angle = f64::from(step) * 0.01;
         let update = CameraUpdate {
@@ -143,24 +144,28 @@ fn of_a_daemon() -> Result<(), String> {
         daemon.runtime.block_on(daemon.client.set_camera(&update)).unwrap();
         std::thread::sleep(std::time::Duration::from_millis(10));
     }
-    let shown = |daemon: &Controlled| presented(&daemon.serve.log());
-    let before = shown(&daemon).len();
-    assert!(before >= 10, "{before} frames of a camera that moves");
-    assert_eq!(breaches(&shown(&daemon), 3), [""; 0]);
+    let presented_frames = |daemon: &Controlled| presented(&daemon.serve.log());
+    let before = presented_frames(&daemon).len();
+    assert!(before >= 10, "only {before} frames of a moving camera");
+    assert_eq!(breaches(&presented_frames(&daemon), 3), [""; 0]);
     let stats = daemon.stats();
     let names: Vec<&str> = stats.windows.iter().map(|window| window.name.as_str()).collect();
     assert_eq!(names, ["ahead", "dome", "projector"]);
     for window in &stats.windows {
         assert_eq!((window.state.as_str(), window.monitor.as_str()), ("shown", "screen"), "{window:?}");
         assert!(window.frames >= 10 && window.intervals.is_some(), "{window:?}");
-        // This server tells no refresh rate, so none is missed.
+        // This server reports no refresh rate, so no missed refreshes are counted.
         assert_eq!((window.refresh_hz, window.missed), (None, None), "{window:?}");
     }
-    // A scene that rests is drawn once a second at most.
+    // A scene at rest is drawn at most once a second.
     std::thread::sleep(std::time::Duration::from_secs(1));
-    let rested = shown(&daemon).len();
+    let rested = presented_frames(&daemon).len();
     std::thread::sleep(std::time::Duration::from_secs(2));
-    assert!(shown(&daemon).len() <= rested + 4, "{} frames in two seconds of rest", shown(&daemon).len() - rested);
+    assert!(
+        presented_frames(&daemon).len() <= rested + 4,
+        "{} frames in two seconds at rest",
+        presented_frames(&daemon).len() - rested
+    );
     assert!(daemon.serve.terminate().success(), "{}", daemon.serve.log());
     Ok(())
 }

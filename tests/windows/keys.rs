@@ -1,4 +1,4 @@
-//! Keys, pressed by the X server.
+//! Keys pressed through the X server.
 
 use steradian::service::Client;
 
@@ -9,8 +9,8 @@ use crate::{
 };
 
 pub const TESTS: &[Test] = &[
-    ("keys::blackout_test_pattern_and_names_come_and_go", all_of_show),
-    ("keys::keys_of_a_daemon_end_nothing_and_its_clients_see_no_blackout", of_serve),
+    ("keys::blackout_test_pattern_and_names_toggle", all_of_show),
+    ("keys::daemon_keys_do_not_quit_and_blackout_does_not_affect_clients", of_serve),
 ];
 
 const SCENE: &str = r#"
@@ -28,7 +28,7 @@ position = [0, 0]
 
 const SIZE: [u16; 2] = [320, 200];
 
-/// Waits until the window of a desktop without a manager has the keyboard and shows that.
+/// Waits until the window of a desktop without a window manager has the keyboard focus and shows the expected picture.
 fn ready(desktop: &Desktop, running: &Running, expected: &Pixels) {
     desktop.until_seen([0, 0], expected, "picture");
     until(|| desktop.has_focus().then_some(()), || format!("no keyboard:\n{}", running.log()));
@@ -43,9 +43,9 @@ fn all_of_show() -> Result<(), String> {
     desktop.park_pointer([1500, 850]);
     let mut show = scene.show(&desktop.display, &[]);
     ready(&desktop, &show, &picture);
-    let seen = || desktop.pixels([0, 0], SIZE);
+    let pixels = || desktop.pixels([0, 0], SIZE);
     desktop.press('b');
-    until(|| seen().is_black().then_some(()), || format!("not black: {}", seen().brightest()));
+    until(|| pixels().is_black().then_some(()), || format!("not black: {}", pixels().brightest()));
     desktop.press('b');
     desktop.until_seen([0, 0], &picture, "after blackout");
     desktop.press('t');
@@ -53,14 +53,14 @@ fn all_of_show() -> Result<(), String> {
     desktop.press('t');
     desktop.until_seen([0, 0], &picture, "after test pattern");
     desktop.press('i');
-    // White letters on a black plate in the middle.
+    // White letters on a black plate at the centre.
     let middle = || desktop.pixels([110, 70], [100, 60]);
     let white = || middle().codes.iter().filter(|code| **code == [255; 3]).count();
     until(|| (white() > 100).then_some(()), || format!("{} white pixels", white()));
     assert!(middle().codes.iter().filter(|code| **code == [0; 3]).count() > 1000);
     desktop.press('i');
     desktop.until_seen([0, 0], &picture, "after names");
-    // Full screen and back: the picture in the middle of the monitor, magnified to its height.
+    // Full screen and back: the picture is at the centre of the monitor, magnified to its height.
     desktop.press('f');
     let corner = || desktop.pixels([1590, 890], [10, 10]);
     let magnified = || desktop.pixels([80, 0], [1440, 900]);
@@ -93,10 +93,10 @@ fn of_serve() -> Result<(), String> {
     let before = frame();
     desktop.press('b');
     until(|| desktop.pixels([0, 0], SIZE).is_black().then_some(()), || "not black".to_owned());
-    assert!(frame() == before, "a client sees the blackout of windows");
+    assert!(frame() == before, "the blackout of windows must not affect clients");
     desktop.press('b');
     desktop.until_seen([0, 0], &picture, "after blackout");
-    // A test pattern is a change of the scene, as a client makes it.
+    // A test pattern is a change of the scene, like a client's change.
     desktop.press('t');
     desktop.until_seen([0, 0], &pattern, "test pattern");
     assert!(frame() != before);

@@ -1,7 +1,7 @@
-//! Windows on X servers that need no monitor: Xvfb, and Xorg with its dummy driver, whose monitors can be taken away. Pixels are read back from the
-//! server, keys are pressed there. Where a server is missing, the tests are shown as ignored, with the reason; with `STERADIAN_REQUIRE_WINDOWS=1` they
-//! fail. The arguments are those of libtest.
-#![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+//! Windows on X servers that need no monitor: Xvfb, and Xorg with its dummy driver, whose monitors can be disconnected.
+//! Pixels are read back from the server, and keys are pressed there. If a server is missing, the tests are reported as
+//! ignored with the reason; with `STERADIAN_REQUIRE_WINDOWS=1` they fail. The arguments are those of libtest.
+#![allow(clippy::unwrap_used, reason = "a failed precondition of a test may panic")]
 
 use testkit::theatre;
 use testkit::trials;

@@ -1,16 +1,16 @@
-//! Monitors that are taken away and given back, and how windows name them.
+//! Monitors that are disconnected and reconnected, and the ways to name them in a configuration.
 
 use steradian::service::{Client, ReceivedWindow};
 
 use crate::{
     Test,
     desktop::{Desktop, Pixels},
-    program::{Scene, steradian, told},
+    program::{Scene, describe, steradian},
 };
 
 pub const TESTS: &[Test] = &[
-    ("monitors::a_window_goes_with_its_monitor_and_comes_back_with_it", away_and_back),
-    ("monitors::monitors_are_found_by_name_number_and_edid", found),
+    ("monitors::window_disappears_and_returns_with_its_monitor", away_and_back),
+    ("monitors::monitors_are_chosen_by_name_number_and_edid", found),
 ];
 
 const VIEWS: &str = r#"
@@ -62,7 +62,7 @@ fullscreen = true
         }
         panic!("not {wanted:?}: {last:?}");
     };
-    // The second monitor is not there yet: the first window does not wait for it.
+    // The second monitor is not connected yet: the first window does not wait for it.
     let without = state(["shown", "monitor_missing"]);
     assert!(without[1].reason.contains("no monitor `DUMMY1`; there are: 1 DUMMY0 1024x768"), "{}", without[1].reason);
     desktop.until_seen([10, 20], &ahead, "the first window alone");
@@ -71,21 +71,21 @@ fullscreen = true
         let both = state(["shown", "shown"]);
         assert_eq!((both[0].monitor.as_str(), both[1].monitor.as_str()), ("DUMMY0", "DUMMY1"));
         assert!(both[0].refresh_hz.is_some_and(|rate| (50.0..100.0).contains(&rate)), "{both:?}");
-        // As high as the monitor, in its middle.
+        // As high as the monitor, at its centre.
         desktop.until_seen([1024 + 128, 0], &dome, "on the second monitor");
         assert!(desktop.pixels([1024, 0], [128, 768]).is_black());
-        desktop.until_seen([10, 20], &ahead, "beside it");
+        desktop.until_seen([10, 20], &ahead, "the first window with both monitors");
         desktop.disconnect_second();
         let one = state(["shown", "monitor_missing"]);
         assert_eq!(one[1].monitor, "", "round {round}");
-        desktop.until_seen([10, 20], &ahead, "after it");
+        desktop.until_seen([10, 20], &ahead, "the first window after the second monitor was disconnected");
         assert!(desktop.pixels([1024, 0], [1024, 768]).is_black(), "the window is still there");
     }
     assert!(serve.terminate().success(), "{}", serve.log());
     Ok(())
 }
 
-/// An EDID of vendor `DEL`, product 0x40f1 and serial number 0x123.
+/// Returns an EDID with vendor `DEL`, product 0x40f1 and serial number 0x123.
 fn edid() -> [u8; 128] {
     let mut edid = [0_u8; 128];
     edid[1..7].fill(255);
@@ -101,7 +101,7 @@ fn found() -> Result<(), String> {
     desktop.set_edid("DUMMY1", &edid());
     let listed = steradian(&["show", "--monitors"], Some(&desktop.display)).output().unwrap();
     let lines: Vec<String> = String::from_utf8(listed.stdout.clone()).unwrap().lines().map(str::to_owned).collect();
-    assert_eq!(lines.len(), 2, "{}", told(&listed));
+    assert_eq!(lines.len(), 2, "{}", describe(&listed));
     assert!(lines[0].starts_with("1 DUMMY0 1024x768 at 0,0 "), "{lines:?}");
     assert!(
         lines[1].starts_with("2 DUMMY1 1024x768 at 1024,0 ") && lines[1].ends_with("edid DEL-40F1-00000123"),
@@ -117,7 +117,7 @@ fn found() -> Result<(), String> {
         assert!(show.terminate().success(), "{}", show.log());
         assert!(show.out().starts_with("ahead on DUMMY1: "), "{}", show.out());
     }
-    // In the middle, where no place is named; and a second window that would fill the same monitor says why it does not.
+    // Without a position a window is centred; a second window that would fill the same monitor reports why it does not.
     let windows = "[[windows]]\nview = 'dome'\nmonitor = 2\nfullscreen = true\n\
                    [[windows]]\nview = 'ahead'\nmonitor = 'DUMMY1'\nfullscreen = true\n\
                    [[windows]]\nname = 'third'\nview = 'ahead'\nmonitor = 1\n";
@@ -126,7 +126,7 @@ fn found() -> Result<(), String> {
     let mut show = scene.show(&desktop.display, &[]);
     desktop.until_seen([352, 284], &Pixels::of_png(&out.join("ahead.png")), "in the middle");
     desktop.until_seen([1024 + 128, 0], &Pixels::of_png(&out.join("dome.png")), "full screen");
-    show.wait_for_log("window `dome` fills monitor `DUMMY1` already");
+    show.wait_for_log("window `dome` already fills monitor `DUMMY1`");
     assert!(show.terminate().success(), "{}", show.log());
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! What windows show, pixel by pixel.
+//! Contents of windows, pixel by pixel.
 
 use crate::{
     Test,
@@ -8,12 +8,12 @@ use crate::{
 
 pub const TESTS: &[Test] = &[
     ("pictures::windows_show_the_pixels_of_render", same_as_render),
-    ("pictures::a_window_of_another_size_shows_means_of_linear_light_with_its_aspect", scaled),
-    ("pictures::without_windows_each_image_has_one", one_for_each_image),
-    ("pictures::parts_of_windows_that_were_covered_come_back", uncovered),
+    ("pictures::scaled_window_shows_means_of_linear_light_with_the_same_aspect", scaled),
+    ("pictures::each_image_gets_a_window_by_default", one_for_each_image),
+    ("pictures::uncovered_parts_of_windows_are_redrawn", uncovered),
 ];
 
-/// Stars, a body, two projections and two eyes; labels over them.
+/// Stars, a body, two projections and two eyes, with labels.
 const VIEWS: &str = r#"
 [scene]
 catalogues = ["builtin:bright", { galaxy = { stars = 20000, seed = 1, fainter_than = 6.5 } }]
@@ -40,7 +40,7 @@ fov = { left_deg = -40.0, right_deg = 40.0, up_deg = 35.0, down_deg = -35.0 }
 
 fn same_as_render() -> Result<(), String> {
     let desktop = Desktop::virtual_frame_buffer()?;
-    // Two windows show the same image, one of them right of the desktop's left part.
+    // Two windows show the same image; one of them is to the right of the others.
     let windows = r#"
 [[windows]]
 view = "ahead"
@@ -64,17 +64,17 @@ vsync = false
     let mut show = scene.show(&desktop.display, &[]);
     let expect = |file: &str| {
         let png = Pixels::of_png(&out.join(file));
-        assert!(png.brightest() > 200, "{file} is too dark to tell anything");
+        assert!(png.brightest() > 200, "{file} is too dark for a comparison");
         png
     };
-    for (file, at) in
+    for (file, corner) in
         [("ahead.png", [0, 0]), ("dome.png", [400, 10]), ("pair.right.png", [700, 33]), ("ahead.png", [900, 300])]
     {
         let expected = expect(file);
-        desktop.until_seen(at, &expected, file);
-        // A comparison that could not fail would prove nothing.
+        desktop.until_seen(corner, &expected, file);
+        // The comparison detects a shift by one pixel.
         let size = expected.size.map(|side| side as u16);
-        assert!(desktop.pixels([at[0] + 1, at[1]], size).differences(&expected).0 > 10, "{file}");
+        assert!(desktop.pixels([corner[0] + 1, corner[1]], size).differences(&expected).0 > 10, "{file}");
     }
     assert!(show.terminate().success(), "{}", show.log());
     let report = show.out();
@@ -83,7 +83,7 @@ vsync = false
     Ok(())
 }
 
-/// Light of a code, sRGB.
+/// Returns the light of an sRGB code.
 fn light(code: u8) -> f64 {
     let value = f64::from(code) / 255.0;
     if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
@@ -94,7 +94,8 @@ fn code(light: f64) -> u8 {
     (value * 255.0).round() as u8
 }
 
-/// The twin of `shaders/windows/picture.wgsl`: an image in a window of another size, each pixel the mean over its square, and over one pixel at least.
+/// Twin of `shaders/windows/picture.wgsl`: an image in a window of another size; each pixel is the mean over its
+/// square, which covers at least one image pixel.
 fn fitted(image: &Pixels, window: [usize; 2]) -> Pixels {
     let [width, height] = image.size.map(|side| side as f64);
     let scale = (window[0] as f64 / width).min(window[1] as f64 / height);
@@ -117,9 +118,9 @@ fn fitted(image: &Pixels, window: [usize; 2]) -> Pixels {
             for row in range(1) {
                 for column in range(0) {
                     let share = covered(0, column) * covered(1, row);
-                    let at = row.clamp(0, height as i64 - 1) as usize * image.size[0]
+                    let start = row.clamp(0, height as i64 - 1) as usize * image.size[0]
                         + column.clamp(0, width as i64 - 1) as usize;
-                    for (sum, code) in sum.iter_mut().zip(image.codes[at]) {
+                    for (sum, code) in sum.iter_mut().zip(image.codes[start]) {
                         *sum += share * light(code);
                     }
                     weight += share;
@@ -147,13 +148,13 @@ size = [100, 90]
     let out = scene.render(&[]);
     desktop.park_pointer([1500, 850]);
     let mut show = scene.show(&desktop.display, &[]);
-    for (file, at, window) in [("ahead.png", [0, 0], [500, 500]), ("dome.png", [600, 0], [100, 90])] {
+    for (file, corner, window) in [("ahead.png", [0, 0], [500, 500]), ("dome.png", [600, 0], [100, 90])] {
         let expected = fitted(&Pixels::of_png(&out.join(file)), window);
         assert!(expected.brightest() > 100, "{file}");
-        let seen = || desktop.pixels(at, window.map(|side| side as u16)).differences(&expected);
-        // One code: the shader has f32.
-        crate::desktop::until(|| (seen().1 <= 1).then_some(()), || format!("{file}: {:?}", seen()));
-        let (pixels, _) = seen();
+        let differences = || desktop.pixels(corner, window.map(|side| side as u16)).differences(&expected);
+        // Allow one code, because the shader uses f32.
+        crate::desktop::until(|| (differences().1 <= 1).then_some(()), || format!("{file}: {:?}", differences()));
+        let (pixels, _) = differences();
         println!("{file} in {window:?}: {pixels} pixels differ by one code");
         assert!(pixels * 100 < expected.codes.len(), "{file}: {pixels} pixels differ by one code");
     }
@@ -173,7 +174,7 @@ fn one_for_each_image() -> Result<(), String> {
     Ok(())
 }
 
-/// A window of another program lies over a window of a daemon, whose scene rests, and goes away.
+/// A window of another program covers a window of a daemon with a scene at rest, and is closed.
 fn uncovered() -> Result<(), String> {
     use x11rb::{
         connection::Connection,

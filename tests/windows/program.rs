@@ -8,7 +8,7 @@ use std::{
 
 use crate::desktop::until;
 
-/// `steradian` with arguments, without a display unless one is given.
+/// Returns a command for `steradian` with arguments, without a display unless one is given.
 pub fn steradian(arguments: &[&str], display: Option<&str>) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_steradian"));
     command.args(arguments).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").stdin(Stdio::null());
@@ -18,7 +18,7 @@ pub fn steradian(arguments: &[&str], display: Option<&str>) -> Command {
     command
 }
 
-/// A folder with a configuration, for one test.
+/// A folder with a configuration for one test.
 pub struct Scene {
     folder: tempfile::TempDir,
 }
@@ -34,30 +34,30 @@ impl Scene {
         self.folder.path().join("scene.toml").to_str().unwrap().to_owned()
     }
 
-    /// Writes a file beside the configuration.
+    /// Writes a file next to the configuration.
     pub fn write(&self, name: &str, content: &str) {
         fs::write(self.folder.path().join(name), content).unwrap();
     }
 
-    /// The images that `render` writes of it.
+    /// Renders the configuration and returns the folder of the images.
     pub fn render(&self, overrides: &[&str]) -> PathBuf {
         let out = self.folder.path().join(format!("out{}", overrides.len()));
         let path = self.path();
         let mut arguments = vec!["render", "--config", &path, "--files", "png", "--out", out.to_str().unwrap()];
         arguments.extend(overrides.iter().flat_map(|over| ["--set", over]));
         let output = steradian(&arguments, None).output().unwrap();
-        assert!(output.status.success(), "{}", told(&output));
+        assert!(output.status.success(), "{}", describe(&output));
         out
     }
 
-    /// Starts `show` of it.
+    /// Starts `show` with the configuration.
     pub fn show(&self, display: &str, arguments: &[&str]) -> Running {
         let path = self.path();
         let all = [&["show", "--config", &path, "--log", "info,steradian::windows=trace"], arguments].concat();
         Running::start(steradian(&all, Some(display)), self.folder.path())
     }
 
-    /// Starts `serve` of it on a free port.
+    /// Starts `serve` with the configuration on a free port.
     pub fn serve(&self, display: Option<&str>) -> Running {
         let path = self.path();
         let arguments =
@@ -66,11 +66,11 @@ impl Scene {
     }
 }
 
-pub fn told(output: &Output) -> String {
+pub fn describe(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
 }
 
-/// The program at work. It is killed when it is dropped.
+/// The running program, killed on drop.
 pub struct Running {
     child: Child,
     out: PathBuf,
@@ -100,10 +100,10 @@ impl Running {
     }
 
     pub fn wait_for_log(&self, text: &str) {
-        until(|| self.log().contains(text).then_some(()), || format!("no `{text}` in the log:\n{}", self.log()));
+        until(|| self.log().contains(text).then_some(()), || format!("`{text}` is not in the log:\n{}", self.log()));
     }
 
-    /// The address that a daemon listens on.
+    /// Returns the address on which a daemon listens.
     pub fn address(&self) -> String {
         let address = || Some(self.out().lines().next()?.strip_prefix("listening on ")?.to_owned());
         until(address, || format!("it does not listen:\n{}", self.log()))
@@ -115,8 +115,8 @@ impl Running {
 
     /// Sends SIGTERM.
     pub fn terminate(&mut self) -> ExitStatus {
-        let told = Command::new("kill").arg("-TERM").arg(self.child.id().to_string()).status().unwrap();
-        assert!(told.success());
+        let sent = Command::new("kill").arg("-TERM").arg(self.child.id().to_string()).status().unwrap();
+        assert!(sent.success());
         self.wait()
     }
 

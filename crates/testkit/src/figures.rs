@@ -1,28 +1,29 @@
 //! The figures of the table *Measured* in `README.md`, each with the bound that a test asserts.
 //!
-//! A test asserts through the constant: `figures::CENTROID.check(value)`, or [`Figure::worst`] for many values. Both print what is
-//! measured and fail above the bound; NaN fails. `tests/program/documentation.rs` compares the table with this one and with the
-//! sources of the tests, so a figure has one row, one bound and a test that uses it.
+//! A test asserts through the constant: `figures::CENTROID.check(value)`, or [`Figure::worst`] for many values. Both
+//! print the measured value and fail above the bound; NaN fails. `tests/program/measured.rs` compares the table with
+//! this one and with the sources of the tests, so a figure has one row, one bound and a test that uses it.
 //!
-//! Figures are measured on the software driver (llvmpipe, Mesa 25.0.7). A bound is about four times the figure: rounding may change a
-//! little, and a fault may not hide. A bound that lies outside of two to six times has a note that says why.
+//! Figures are measured on the software driver (llvmpipe, Mesa 25.0.7). A bound is about four times the figure: it
+//! tolerates changes by rounding and still detects faults. A bound outside of two to six times the figure has a note
+//! with the reason.
 
 use std::fmt;
 
 /// A figure of the README.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figure {
-    /// The constant's name, by which a test uses it.
+    /// Name of the constant, which tests use.
     pub name: &'static str,
-    /// What is measured: the first column of the table.
+    /// Measured property: the first column of the table.
     pub property: &'static str,
-    /// What is measured on the software driver: the second column.
+    /// Value measured on the software driver: the second column.
     pub measured: f64,
-    /// The greatest allowed.
+    /// Largest allowed value.
     pub bound: f64,
-    /// The test that asserts it, by binary, modules and function: the third column.
+    /// Test that asserts it, by binary, modules and function: the third column.
     pub test: &'static str,
-    /// Why the bound is not two to six times the figure. Empty if it is.
+    /// Reason why the bound is not two to six times the figure; empty if it is.
     pub note: &'static str,
 }
 
@@ -83,26 +84,26 @@ figures! {
 }
 
 impl Figure {
-    /// Asserts one measured value, and prints it.
+    /// Asserts and prints one measured value.
     pub fn check(self, measured: f64) {
         let mut worst = self.worst();
         worst.add(measured, "");
         worst.print();
     }
 
-    /// Asserts many values, of which the worst is printed.
+    /// Starts to assert many values, of which the worst is printed.
     pub fn worst(self) -> Worst {
         Worst { figure: self, value: 0.0, of: String::new(), count: 0 }
     }
 
-    /// Whether a value keeps the bound, whatever its sign. NaN does not.
+    /// Whether the absolute value is within the bound. NaN is not.
     pub fn holds(self, measured: f64) -> bool {
         measured.abs() <= self.bound
     }
 }
 
-/// The worst of the values that a figure is made of.
-#[must_use = "print() says what was measured, and fails if nothing was"]
+/// The worst of the values of a figure.
+#[must_use = "print() reports the measured value, and fails if there is none"]
 pub struct Worst {
     figure: Figure,
     value: f64,
@@ -111,7 +112,7 @@ pub struct Worst {
 }
 
 impl Worst {
-    /// Asserts a value. `of` says which one it is.
+    /// Asserts a value; `of` describes it.
     pub fn add(&mut self, measured: f64, of: impl fmt::Display) {
         let Figure { property, bound, .. } = self.figure;
         assert!(self.figure.holds(measured), "{property}: {measured:.2e} is above the bound {bound:.1e} ({of})");
@@ -121,7 +122,7 @@ impl Worst {
         }
     }
 
-    /// Prints the worst value. There must be one.
+    /// Prints the worst value. There must be at least one.
     pub fn print(self) {
         let Self { figure: Figure { property, bound, measured, .. }, value, of, count } = self;
         assert!(count > 0, "{property}: nothing was measured");

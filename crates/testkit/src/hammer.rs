@@ -1,12 +1,12 @@
-//! The Hammer map of the whole sky, which the library does not know: equal areas in an ellipse, with a cut along the
-//! longitude behind the eye from pole to pole.
+//! The Hammer map of the whole sky, a mapping that the library does not have: equal areas in an ellipse, with a cut
+//! along the longitude behind the eye from pole to pole.
 
 use std::f64::consts::{PI, SQRT_2};
 
 use glam::{DVec2, DVec3};
 use steradian::view::projection::{BoundingCone, PlaneMapping};
 
-/// Hammer (1892) around -z, +y at the top, so many pixels high.
+/// Hammer projection (1892) centred on -z, +y at the top, with the given height in pixels.
 pub struct Hammer(pub u32);
 
 impl Hammer {

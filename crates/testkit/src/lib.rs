@@ -1,4 +1,4 @@
-//! What the integration tests share: a renderer on the software adapter, made-up skies, and sums of light in f64.
+//! Helpers of the integration tests: a renderer on the software adapter, artificial skies, and sums of light in f64.
 #![allow(missing_docs, clippy::unwrap_used, reason = "code of tests: the caller sees the panic")]
 
 pub mod exr_file;
@@ -25,7 +25,7 @@ use steradian::{
     view::{Rig, View, ViewKind, projection::PlaneMapping},
 };
 
-/// A renderer from the pool: its pictures are those of a new one, but not the numbers of its frames.
+/// Borrows a renderer from the pool: its pictures equal those of a new one, but its frame numbers continue.
 pub fn renderer() -> Lent {
     renderer_with(&GpuOptions::default())
 }
@@ -35,7 +35,7 @@ pub fn renderer_with(options: &GpuOptions) -> Lent {
     POOL.lend(options)
 }
 
-/// A renderer that has drawn nothing yet, for tests of what one leaves behind.
+/// Returns a renderer that has not drawn yet, for tests of the data that a frame leaves behind.
 pub fn new_renderer() -> Renderer {
     new_renderer_with(&GpuOptions::default())
 }
@@ -52,7 +52,7 @@ pub fn rig(kinds: Vec<(&str, ViewKind)>) -> Rig {
     Rig::new(kinds.into_iter().map(|(name, kind)| view(name, kind)).collect()).expect("a valid rig")
 }
 
-/// Scene, views and settings of a file of `configs/` with overrides of keys.
+/// Loads scene, views and settings of a file in `configs/` with overrides of keys.
 pub fn configured(file: &str, overrides: &[&str]) -> (SceneSnapshot, Rig, RenderSettings) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(file);
     let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
@@ -67,7 +67,7 @@ pub fn configured(file: &str, overrides: &[&str]) -> (SceneSnapshot, Rig, Render
     (scene, config.rig().expect("the views are valid"), config.render_settings())
 }
 
-/// Stars alone: glare, which takes light from them, is off.
+/// Settings for stars only: glare, which takes light from them, is off.
 pub fn settings(method: StarMethod) -> RenderSettings {
     let mut settings = RenderSettings { glare: GlareSettings::none(), ..RenderSettings::default() };
     settings.stars.method = method;
@@ -81,29 +81,30 @@ pub fn render_hdr(renderer: &mut Renderer, snapshot: &SceneSnapshot, rig: &Rig, 
         .expect("the frame renders")
 }
 
-/// The HDR image as the metrics see it: solid angles come from f64, not from the shader.
+/// Returns the HDR image in the form of the metrics: solid angles come from f64, not from the shader.
 pub fn hdr_view<'a>(image: &'a FrameImage, mapping: &'a dyn PlaneMapping) -> HdrView<'a> {
-    HdrView::new(mapping, image.hdr.as_ref().expect("HDR was asked for")).expect("an image of light")
+    HdrView::new(mapping, image.hdr.as_ref().expect("HDR was requested")).expect("an image of light")
 }
 
-/// Illuminance of an image, lx.
+/// Returns the illuminance of an image, lx.
 pub fn illuminance_lx(image: &FrameImage, mapping: &dyn PlaneMapping) -> f64 {
     metrics::illuminance_lx(&hdr_view(image, mapping)).expect("no light outside of the picture")
 }
 
-/// Illuminance of all images of a frame.
+/// Returns the illuminance of all images of a frame, lx.
 pub fn total_illuminance_lx(frame: &Frame, rig: &Rig) -> f64 {
     let mappings = rig.views().iter().flat_map(|view| &view.images).map(|image| image.projection.mapping());
     frame.images.iter().zip(mappings).map(|(image, mapping)| illuminance_lx(image, mapping)).sum()
 }
 
-/// Largest difference of any channel between an image and that of the twin, relative to the brightest of the 3 x 3 pixels
-/// around: f32 coordinates shift a kernel by some 1e-5 pixel, and with it the small weights at its edge.
+/// Largest difference of any channel between an image and that of the twin, relative to the brightest of the 3 x 3
+/// surrounding pixels: f32 coordinates shift a kernel by some 1e-5 pixel, and with it the small weights at its edge.
 pub fn difference_from_twin(image: &FrameImage, twin: &ReferenceImage, mapping: &dyn PlaneMapping) -> f64 {
     differences_from_twin(image, twin, mapping, 0.0, |rgb| rgb)
 }
 
-/// The same of what `of` makes of linear RGB, but for `free_lx`, the rounding of the sums of a pixel.
+/// Largest differences of the quantities that `of` computes from linear RGB; `free_lx`, the rounding of the sums of a
+/// pixel, is allowed.
 pub fn differences_from_twin<const N: usize>(
     image: &FrameImage,
     twin: &ReferenceImage,
@@ -120,14 +121,14 @@ pub fn differences_from_twin<const N: usize>(
             .map(|(x, y)| expected[(y * width + x) as usize][channel])
             .fold(0.0_f64, f64::max)
     };
-    // A star just outside of the picture leaves but the edge of its kernel: hence the second term.
+    // A star just outside of the picture contributes only the edge of its kernel: hence the second term.
     let brightest = expected.iter().flatten().fold(0.0_f64, |a, b| a.max(*b));
     let mut worst = 0.0_f64;
-    for (index, pixel) in image.hdr.as_ref().expect("asked for").iter().enumerate() {
-        let seen = of([pixel[0], pixel[1], pixel[2]].map(f64::from));
+    for (index, pixel) in image.hdr.as_ref().expect("HDR was requested").iter().enumerate() {
+        let found = of([pixel[0], pixel[1], pixel[2]].map(f64::from));
         let free = if pixel[3] > 0.0 { free_lx / f64::from(pixel[3]) } else { 0.0 };
         for channel in 0..N {
-            let difference = (seen[channel] - expected[index][channel]).abs() - free;
+            let difference = (found[channel] - expected[index][channel]).abs() - free;
             if difference > 0.0 {
                 worst = worst.max(difference / (around(index, channel) + 1e-4 * brightest));
             }

@@ -1,9 +1,9 @@
-//! Renderers lent from a pool. To open a device and to compile pipelines takes a software driver longer than most tests draw, so a test
-//! borrows a renderer that another has given back, if one with the same options is idle.
+//! Renderers lent from a pool. With a software driver, opening a device and compiling pipelines takes longer than the
+//! drawing of most tests, so a test borrows an idle renderer with the same options that another test has returned.
 //!
-//! A renderer on loan has the settings of a new one. Its pictures are those of a new one too, which is a promise of the renderer that
-//! tests hold it to (`nothing_of_a_frame_is_left_in_the_next` and others, with [`open`]); only the numbers of its frames go on. One
-//! that a failed test held is closed.
+//! A borrowed renderer has the settings of a new one. Its pictures also equal those of a new one, which is a guarantee
+//! of the renderer that tests check (`nothing_of_a_frame_is_left_in_the_next` and others, with [`open`]); only its
+//! frame numbers continue. A renderer held by a failed test is closed.
 
 use std::{
     collections::VecDeque,
@@ -17,7 +17,7 @@ use steradian::{
     render::Renderer,
 };
 
-/// Renderers that nobody holds, the one idle for longest first.
+/// Idle renderers, the one idle for longest first.
 pub struct Pool {
     idle: Mutex<VecDeque<(GpuOptions, Renderer)>>,
 }
@@ -27,22 +27,22 @@ impl Pool {
         Self { idle: Mutex::new(VecDeque::new()) }
     }
 
-    /// How many renderers may be idle: one for each test that runs at a time. Those on loan are as many as tests hold; were there
-    /// a limit on them, tests that hold two could wait for each other forever.
+    /// Maximum number of idle renderers: one for each test that runs at a time. The number of borrowed renderers is not
+    /// limited, because tests that hold two could then wait for each other forever.
     pub fn max_idle() -> usize {
         thread::available_parallelism().map_or(1, usize::from)
     }
 
-    /// A renderer with these options: an idle one, or else a new one.
+    /// Returns a renderer with these options: an idle one, or else a new one.
     pub fn lend(&'static self, options: &GpuOptions) -> Lent {
         let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
-        let found = idle.iter().rposition(|(of, _)| of == options).and_then(|index| idle.remove(index));
+        let found = idle.iter().rposition(|(known, _)| known == options).and_then(|index| idle.remove(index));
         drop(idle);
         let renderer = found.map_or_else(|| open(options), |(_, renderer)| renderer);
         Lent { pool: self, options: options.clone(), renderer: Some(renderer) }
     }
 
-    /// Options of the idle renderers.
+    /// Returns the options of the idle renderers.
     pub fn idle(&self) -> Vec<GpuOptions> {
         let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
         idle.iter().map(|(options, _)| options.clone()).collect()
@@ -55,17 +55,17 @@ impl Pool {
         while idle.len() > Self::max_idle() {
             closed.extend(idle.pop_front());
         }
-        // Closing a device takes a while: not while others wait for the pool.
+        // Closing a device takes time, so release the lock of the pool first.
         drop(idle);
         drop(closed);
     }
 }
 
-/// A renderer on loan; it goes back to its pool when this is dropped.
+/// A borrowed renderer, returned to its pool on drop.
 pub struct Lent {
     pool: &'static Pool,
     options: GpuOptions,
-    /// There until this is dropped.
+    /// Present until drop.
     renderer: Option<Renderer>,
 }
 
@@ -73,19 +73,19 @@ impl Deref for Lent {
     type Target = Renderer;
 
     fn deref(&self) -> &Renderer {
-        self.renderer.as_ref().expect("drop alone takes it")
+        self.renderer.as_ref().expect("only drop takes it")
     }
 }
 
 impl DerefMut for Lent {
     fn deref_mut(&mut self) -> &mut Renderer {
-        self.renderer.as_mut().expect("drop alone takes it")
+        self.renderer.as_mut().expect("only drop takes it")
     }
 }
 
 impl Drop for Lent {
     fn drop(&mut self) {
-        // After a failure nobody knows what state the device is in.
+        // After a failure the state of the device is unknown.
         if thread::panicking() {
             return;
         }
@@ -98,7 +98,7 @@ impl Drop for Lent {
     }
 }
 
-/// A new renderer. There is always an adapter where tests run: `make test` sees to it, and without one this fails.
+/// Opens a new renderer. `make test` ensures that there is an adapter; without one this fails.
 pub fn open(options: &GpuOptions) -> Renderer {
     Renderer::new(Gpu::open(options).expect("tests need a Vulkan adapter; `make test` installs the software one"))
 }

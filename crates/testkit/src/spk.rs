@@ -1,22 +1,22 @@
-//! SPK kernels that tests write themselves.
+//! SPK kernels written by tests.
 
 use steradian::glam::DVec3;
 
 /// Words of 8 bytes in a record of a DAF file.
 const RECORD_WORDS: usize = 128;
 
-/// A segment of type 2 (Chebyshev polynomials of the place): one record of degree 1.
+/// A segment of type 2 (Chebyshev polynomials of the position): one record of degree 1.
 pub struct Segment {
     pub target: i32,
     pub centre: i32,
     pub axes: i32,
-    /// Middle and half length of the time that it covers, TDB, s since J2000.0.
+    /// Centre and half length of the covered time, TDB, s since J2000.0.
     pub covered_s: [f64; 2],
-    /// Place in the middle, km, and what is added at the end.
+    /// Position at the centre of the time and its change to the end, km.
     pub place_km: [DVec3; 2],
 }
 
-/// A kernel: the DAF Required Reading and the SPK Required Reading of NAIF say what is where.
+/// Returns the bytes of a kernel. Layout: DAF Required Reading and SPK Required Reading of NAIF.
 pub fn kernel(segments: &[Segment]) -> Vec<u8> {
     let mut words: Vec<[u8; 8]> = vec![[0; 8]; 3 * RECORD_WORDS];
     let mut summaries = Vec::new();
@@ -47,7 +47,7 @@ pub fn kernel(segments: &[Segment]) -> Vec<u8> {
     }
     let free = words.len() as i32 + 1;
     words.resize(words.len().next_multiple_of(RECORD_WORDS), [0; 8]);
-    // Next and previous record of summaries, their number.
+    // Next and previous summary record, and number of summaries.
     words[RECORD_WORDS + 2] = (segments.len() as f64).to_le_bytes();
     words[RECORD_WORDS + 3..][..summaries.len()].copy_from_slice(&summaries);
     words[2 * RECORD_WORDS..3 * RECORD_WORDS].fill(*b"        ");

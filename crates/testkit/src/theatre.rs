@@ -1,8 +1,8 @@
-//! A theatre whose directions are known: six projectors at the springline of a tilted dome, pinhole cameras without lens errors, and writers of
-//! what installers deliver for it in each format.
+//! A theatre with known directions: six projectors at the springline of a tilted dome, pinhole cameras without lens
+//! errors, and writers of the files that installers deliver for it in each format.
 //!
-//! Dome axes: +x right, +y towards the apex, -z forward; the eye is in the middle of the sphere. Places on a raster are shares of its width and
-//! height, from the top left.
+//! Dome axes: +x right, +y towards the apex, -z forward; the eye is at the centre of the sphere. Positions on a raster
+//! are fractions of its width and height, from the top left.
 
 use std::io::{Cursor, Write};
 
@@ -11,7 +11,7 @@ use zip::write::SimpleFileOptions;
 
 /// Radius of the dome, m.
 pub const RADIUS_M: f64 = 8.0;
-/// Angle by which its apex leans to the front.
+/// Angle by which its apex leans to the front, degrees.
 pub const TILT_DEG: f64 = 20.0;
 
 /// A pinhole camera.
@@ -19,27 +19,28 @@ pub const TILT_DEG: f64 = 20.0;
 pub struct Projector {
     pub name: String,
     pub size_px: [u32; 2],
-    /// In dome axes, m.
+    /// Position in dome axes, m.
     pub place_m: DVec3,
     /// Columns: right, up, backwards.
     pub dome_from_projector: DMat3,
     /// Tangents of half the angles of view.
     pub half_tangents: DVec2,
-    /// Of the middle of its picture as the eye sees it, rad: to the right from the front, and upwards.
+    /// Direction of the centre of its picture as seen by the eye, rad: to the right of the front, and upwards.
     pub yaw_pitch_rad: [f64; 2],
 }
 
-/// Unit vector at an angle to the right of the front and one upwards, rad.
+/// Returns the unit vector at an angle to the right of the front and an angle upwards, rad.
 pub fn towards(yaw_rad: f64, pitch_rad: f64) -> DVec3 {
     DVec3::new(yaw_rad.sin() * pitch_rad.cos(), pitch_rad.sin(), -yaw_rad.cos() * pitch_rad.cos())
 }
 
-/// The six with rasters of other sizes.
+/// Returns the six projectors with rasters of another size.
 pub fn projectors_of(size_px: [u32; 2]) -> Vec<Projector> {
     projectors().into_iter().map(|projector| Projector { size_px, ..projector }).collect()
 }
 
-/// The six: at the springline, 60 degrees apart, each looking to the other side; their rasters overlap.
+/// Returns the six projectors: at the springline, 60 degrees apart, each facing the opposite side; their rasters
+/// overlap.
 pub fn projectors() -> Vec<Projector> {
     let projector = |index: usize| {
         let yaw = (30.0 + 60.0 * index as f64).to_radians();
@@ -59,22 +60,22 @@ pub fn projectors() -> Vec<Projector> {
 }
 
 impl Projector {
-    /// Where the ray of a place of the raster meets the dome, m.
+    /// Returns the point at which the ray of a raster position meets the dome, m.
     pub fn point_m(&self, x: f64, y: f64) -> DVec3 {
         let plane = DVec2::new(2.0 * x - 1.0, 1.0 - 2.0 * y) * self.half_tangents;
         let ray = (self.dome_from_projector * plane.extend(-1.0)).normalize();
-        // |place + t ray| = radius, the way ahead.
+        // Solve |place + t ray| = radius for the point ahead.
         let half = self.place_m.dot(ray);
         let beyond = half * half - self.place_m.length_squared() + RADIUS_M * RADIUS_M;
         self.place_m + ray * (beyond.sqrt() - half)
     }
 
-    /// The direction of a place of the raster from the eye.
+    /// Returns the direction of a raster position from the eye.
     pub fn direction(&self, x: f64, y: f64) -> DVec3 {
         self.point_m(x, y).normalize()
     }
 
-    /// The place of a direction on the raster, if it is within.
+    /// Returns the raster position of a direction, if it is inside.
     pub fn place(&self, direction: DVec3) -> Option<DVec2> {
         let ray = self.dome_from_projector.transpose() * (direction * RADIUS_M - self.place_m);
         let plane = ray.truncate() / -ray.z / self.half_tangents;
@@ -82,35 +83,37 @@ impl Projector {
         (ray.z < 0.0 && place.cmpge(DVec2::ZERO).all() && place.cmple(DVec2::ONE).all()).then_some(place)
     }
 
-    /// Solid angle of a pixel, from the closed form, sr.
+    /// Solid angle of a pixel in closed form, sr.
     pub fn pixel_sr(&self, x: u32, y: u32) -> f64 {
         let [width, height] = self.size_px.map(f64::from);
         let h = 1e-3;
-        let at =
+        let ray_direction =
             |dx: f64, dy: f64| self.direction((f64::from(x) + 0.5 + dx) / width, (f64::from(y) + 0.5 + dy) / height);
-        (at(h, 0.0) - at(-h, 0.0)).cross(at(0.0, h) - at(0.0, -h)).length() / (4.0 * h * h)
+        (ray_direction(h, 0.0) - ray_direction(-h, 0.0)).cross(ray_direction(0.0, h) - ray_direction(0.0, -h)).length()
+            / (4.0 * h * h)
     }
 
-    /// Angle of a pixel in the middle of the raster, rad.
+    /// Angle of a pixel at the centre of the raster, rad.
     pub fn pixel_rad(&self) -> f64 {
         let step = 1.0 / f64::from(self.size_px[0]);
         self.direction(0.5, 0.5).angle_between(self.direction(0.5 + step, 0.5))
     }
 
-    /// Rotation of its picture's frustum, as the eye sees it.
+    /// Rotation of its picture's frustum, as seen by the eye.
     fn frustum(&self) -> DMat3 {
         let [yaw, pitch] = self.yaw_pitch_rad;
         DMat3::from_rotation_y(-yaw) * DMat3::from_rotation_x(pitch)
     }
 
-    /// Coordinates of a place of the raster in the picture of that frustum, [`FRUSTUM_DEG`] to each side: right and upwards from 0 to 1.
+    /// Returns the coordinates of a raster position in the picture of that frustum, [`FRUSTUM_DEG`] to each side: right
+    /// and upwards from 0 to 1.
     pub fn in_frustum(&self, x: f64, y: f64) -> DVec2 {
         let local = self.frustum().transpose() * self.direction(x, y);
         let half = FRUSTUM_DEG.to_radians().tan();
         (local.truncate() / -local.z / half + 1.0) / 2.0
     }
 
-    /// The same in a fisheye of 180 degrees around the apex whose bottom is the front.
+    /// Returns the coordinates in a fisheye of 180 degrees around the apex whose bottom is the front.
     pub fn in_fisheye(&self, x: f64, y: f64) -> DVec2 {
         let direction = self.direction(x, y);
         let across = DVec2::new(direction.x, direction.z);
@@ -120,10 +123,10 @@ impl Projector {
     }
 }
 
-/// Half the angle of view of the frusta, degrees.
+/// Half the angle of view of the frustums, degrees.
 pub const FRUSTUM_DEG: f64 = 78.0;
 
-/// Place of a sample on the raster: the middle of a cell, or from edge to edge.
+/// Raster position of a sample at the centre of a cell.
 pub fn centre(i: usize, count: usize) -> f64 {
     (i as f64 + 0.5) / count as f64
 }
@@ -132,7 +135,7 @@ pub fn corner(i: usize, count: usize) -> f64 {
     i as f64 / (count - 1) as f64
 }
 
-/// How a PFM is written.
+/// Variant of a PFM file.
 #[derive(Clone, Copy)]
 pub struct Pfm {
     pub size: [usize; 2],
@@ -141,12 +144,12 @@ pub struct Pfm {
 }
 
 impl Pfm {
-    /// As Netpbm has it.
+    /// Returns the variant defined by Netpbm.
     pub fn of(columns: usize, rows: usize) -> Self {
         Self { size: [columns, rows], little_endian: true, bottom_first: true }
     }
 
-    /// `value` is asked with column and row from the top.
+    /// Encodes the file; `value` gets column and row from the top.
     pub fn bytes(&self, value: impl Fn(usize, usize) -> [f64; 3]) -> Vec<u8> {
         let [columns, rows] = self.size;
         let mut bytes =
@@ -164,7 +167,7 @@ impl Pfm {
     }
 }
 
-/// A ZIP of files.
+/// Returns a ZIP archive of files.
 pub fn zipped(files: &[(&str, Vec<u8>)], deflated: bool) -> Vec<u8> {
     let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
     let method = if deflated { zip::CompressionMethod::Deflated } else { zip::CompressionMethod::Stored };
@@ -176,12 +179,12 @@ pub fn zipped(files: &[(&str, Vec<u8>)], deflated: bool) -> Vec<u8> {
     zip.finish().expect("the archive is whole").into_inner()
 }
 
-/// A grey PNG of 8 bits.
+/// Encodes an 8-bit grey PNG.
 pub fn png_grey(size: [u32; 2], value: impl Fn(u32, u32) -> u8) -> Vec<u8> {
     png_of(size, png::BitDepth::Eight, |x, y| vec![value(x, y)])
 }
 
-/// A grey PNG of 16 bits.
+/// Encodes a 16-bit grey PNG.
 pub fn png_grey16(size: [u32; 2], value: impl Fn(u32, u32) -> u16) -> Vec<u8> {
     png_of(size, png::BitDepth::Sixteen, |x, y| value(x, y).to_be_bytes().to_vec())
 }
@@ -199,27 +202,27 @@ fn png_of(size: [u32; 2], depth: png::BitDepth, value: impl Fn(u32, u32) -> Vec<
     file
 }
 
-/// What a set of MPCDI is written with.
+/// Variant of an MPCDI set.
 #[derive(Clone)]
 pub struct Mpcdi {
     pub profile: &'static str,
     pub version: &'static str,
     pub samples: [usize; 2],
     pub pfm: Pfm,
-    /// Text within `geometryWarpFile` after the path.
+    /// Text inside `geometryWarpFile` after the path.
     pub warp: String,
-    /// Text within `region`; `{n}` of the projector is filled by `region_of`.
+    /// Whether regions have frustums and coordinate frames.
     pub frame: bool,
-    /// Added to the points, in the unit of the file.
+    /// Offset of the points, in the unit of the file.
     pub shift: DVec3,
-    /// Units in a metre.
+    /// Units per metre.
     pub per_metre: f64,
     pub masks: bool,
-    /// Alpha maps that share the light of the six.
+    /// Alpha maps that share the light of the six projectors.
     pub alpha: Option<Alpha>,
 }
 
-/// How alpha maps are written.
+/// Format of alpha maps.
 #[derive(Clone, Copy)]
 pub struct Alpha {
     pub bits: u8,
@@ -228,13 +231,13 @@ pub struct Alpha {
 }
 
 impl Alpha {
-    /// The share that the codes of a map tell where `exact` is to be written.
+    /// Returns the share that the codes of a map represent if `exact` is written.
     pub fn told(&self, exact: f64) -> f64 {
         let most = f64::from((1_u32 << self.bits) - 1);
         ((exact.powf(1.0 / self.gamma) * most).round() / most).powf(self.gamma)
     }
 
-    /// The map of one projector of a set, as large as its raster.
+    /// Returns the map of one projector of a set, with the size of its raster.
     pub fn map(&self, projectors: &[Projector], own: usize) -> Vec<u8> {
         self.png(projectors[own].size_px, |x, y| share(projectors, own, x, y))
     }
@@ -249,18 +252,19 @@ impl Alpha {
     }
 }
 
-/// The share of light of one projector of a set at a place of its raster: smooth, zero at its borders; all shares of a direction sum to one.
+/// Returns the share of light of one projector of a set at a raster position: smooth, zero at its borders; all shares
+/// of a direction sum to one.
 pub fn share(projectors: &[Projector], own: usize, x: f64, y: f64) -> f64 {
     let weight = |place: DVec2| (16.0 * place.x * (1.0 - place.x) * place.y * (1.0 - place.y)).powi(2);
     let direction = projectors[own].direction(x, y);
     let others = projectors.iter().enumerate().filter(|(other, _)| *other != own);
     let weight_of_others: f64 = others.filter_map(|(_, other)| other.place(direction)).map(weight).sum();
     let own = weight(DVec2::new(x, y));
-    // In a corner that no other one reaches there is nothing to share.
+    // A corner that no other projector reaches is not shared.
     if own + weight_of_others > 0.0 { own / (own + weight_of_others) } else { 1.0 }
 }
 
-/// Dome axes as a tilted dome has them in its room, and where its centre is, m.
+/// Returns the rotation from the axes of a tilted dome to those of its room, and its centre, m.
 pub fn room_from_dome() -> (DMat3, DVec3) {
     (DMat3::from_rotation_x(-TILT_DEG.to_radians()), DVec3::new(0.5, 1.25, -0.25))
 }
@@ -285,12 +289,12 @@ impl Mpcdi {
         }
     }
 
-    /// Points in the room of the tilted dome, whose axes and place the file tells.
+    /// Returns a set with points in the room of the tilted dome, whose axes and position are in the file.
     pub fn a3(columns: usize, rows: usize) -> Self {
         Self { frame: true, ..Self::new("a3", columns, rows) }
     }
 
-    /// The warp map of a projector.
+    /// Returns the warp map of a projector.
     pub fn map(&self, projector: &Projector) -> Vec<u8> {
         let [columns, rows] = self.samples;
         self.pfm.bytes(|i, j| {
@@ -367,7 +371,7 @@ impl Mpcdi {
         )
     }
 
-    /// The files of the set.
+    /// Returns the files of the set.
     pub fn files(&self, projectors: &[Projector]) -> Vec<(String, Vec<u8>)> {
         let mut files = vec![("mpcdi.xml".to_owned(), self.xml(projectors).into_bytes())];
         for (own, projector) in projectors.iter().enumerate() {
@@ -392,11 +396,11 @@ impl Mpcdi {
     }
 }
 
-/// Paul Bourke's mesh of a fisheye.
+/// Returns Paul Bourke's mesh of a fisheye.
 pub fn bourke(projector: &Projector, columns: usize, rows: usize, intensity: impl Fn(usize, usize) -> f64) -> String {
     let aspect = f64::from(projector.size_px[0]) / f64::from(projector.size_px[1]);
     let mut text = format!("2\n{columns} {rows}\n");
-    // From the bottom, as such files are.
+    // Rows run from the bottom, as usual in such files.
     for row in (0..rows).rev() {
         for column in 0..columns {
             let (x, y) = (corner(column, columns), corner(row, rows));
@@ -414,7 +418,7 @@ pub fn bourke(projector: &Projector, columns: usize, rows: usize, intensity: imp
     text
 }
 
-/// An OBJ of a picture, its nodes moved within the raster by `shift`, which keeps to the edges.
+/// Returns an OBJ mesh of a picture; its nodes are moved inside the raster by `shift`, except along the edges.
 pub fn obj(columns: usize, rows: usize, shift: f64, content: impl Fn(f64, f64) -> DVec2) -> String {
     let mut text = "# a mesh\no warp\n".to_owned();
     for row in 0..rows {
@@ -435,7 +439,7 @@ pub fn obj(columns: usize, rows: usize, shift: f64, content: impl Fn(f64, f64) -
     text
 }
 
-/// A CSV of a picture: downwards, x;y;u;v;column;row.
+/// Returns a CSV mesh of a picture: downwards, x;y;u;v;column;row.
 pub fn csv(columns: usize, rows: usize, content: impl Fn(f64, f64) -> DVec2) -> String {
     let mut text = "x;y;u;v;column;row\n".to_owned();
     for row in 0..rows {
@@ -448,7 +452,7 @@ pub fn csv(columns: usize, rows: usize, content: impl Fn(f64, f64) -> DVec2) -> 
     text
 }
 
-/// An SGC mesh of the projector's frustum.
+/// Returns an SGC mesh of the projector's frustum.
 pub fn sgc(projector: &Projector, columns: usize, rows: usize) -> Vec<u8> {
     let mut bytes = b"SGC\x01".to_vec();
     bytes.extend(0_u32.to_le_bytes());
@@ -463,22 +467,22 @@ pub fn sgc(projector: &Projector, columns: usize, rows: usize) -> Vec<u8> {
             bytes.extend([x, y, 0.0, content.x, content.y, 0.0].iter().flat_map(|value| (*value as f32).to_le_bytes()));
         }
     }
-    // A strip that goes back at the end of each row by nodes that occur twice.
+    // A strip that returns at the end of each row through repeated nodes.
     let mut strip: Vec<u32> = Vec::new();
     for row in 1..rows {
-        let of = |column: usize, row: usize| (row * columns + column) as u32;
+        let index = |column: usize, row: usize| (row * columns + column) as u32;
         if row > 1 {
-            strip.push(of(0, row - 1));
+            strip.push(index(0, row - 1));
         }
-        strip.extend((0..columns).flat_map(|column| [of(column, row - 1), of(column, row)]));
-        strip.push(of(columns - 1, row));
+        strip.extend((0..columns).flat_map(|column| [index(column, row - 1), index(column, row)]));
+        strip.push(index(columns - 1, row));
     }
     bytes.extend((strip.len() as u32).to_le_bytes());
     bytes.extend(strip.iter().flat_map(|index| index.to_le_bytes()));
     bytes
 }
 
-/// A configuration of SGCT with one viewport: its projection, and further keys of the viewport.
+/// Returns a configuration of SGCT with one viewport: its projection, and additional keys of the viewport.
 pub fn sgct(size_px: [u32; 2], projection: &str, more: &str) -> String {
     format!(
         r#"{{"version":1,"masteraddress":"localhost","nodes":[{{"address":"localhost","port":20401,"windows":[{{"size":{{"x":{},"y":{}}},
@@ -488,7 +492,7 @@ pub fn sgct(size_px: [u32; 2], projection: &str, more: &str) -> String {
     )
 }
 
-/// The projection of a projector's frustum.
+/// Returns the projection element of a projector's frustum.
 pub fn sgct_frustum(kind: &str, projector: &Projector) -> String {
     let [yaw, pitch] = projector.yaw_pitch_rad.map(f64::to_degrees);
     format!(
@@ -497,7 +501,7 @@ pub fn sgct_frustum(kind: &str, projector: &Projector) -> String {
     )
 }
 
-/// Directions as OpenEXR: the top row first.
+/// Encodes directions as OpenEXR, top row first.
 pub fn exr(names: [&str; 3], size: [usize; 2], value: impl Fn(usize, usize) -> [f64; 3]) -> Vec<u8> {
     use exr::prelude::{
         AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, Vec2, WritableImage,

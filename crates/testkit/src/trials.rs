@@ -1,11 +1,11 @@
-//! Tests that need something a machine may not have: where it is missing they are shown as ignored, with the reason, unless a variable of the environment
-//! requires them.
+//! Tests that need something that a machine may lack: without it they are reported as ignored with the reason, unless
+//! an environment variable requires them.
 
 use std::process::ExitCode;
 
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
 
-/// A test: it fails by a panic. What it returns as an error is what is missing to run it.
+/// A test, which fails by a panic. A returned error names what is missing to run it.
 pub type Test = (&'static str, fn() -> Result<(), String>);
 
 fn complete(run: fn() -> Result<(), String>, variable: &str) -> Result<Completion, Failed> {
@@ -17,8 +17,8 @@ fn complete(run: fn() -> Result<(), String>, variable: &str) -> Result<Completio
     }
 }
 
-/// Runs them one after the other, since each draws with a software driver, which takes all cores. The arguments are those of libtest. With `variable` set, and
-/// neither empty nor 0, a test that cannot run is a failure.
+/// Runs the tests one after the other, because each draws with a software driver that uses all cores. The arguments are
+/// those of libtest. If `variable` is set and neither empty nor 0, a test that cannot run fails.
 pub fn main(variable: &'static str, tests: &[&[Test]]) -> ExitCode {
     let mut arguments = Arguments::from_args();
     arguments.test_threads = Some(1);

@@ -1,34 +1,34 @@
-//! How much the axis `asteroids` does, in a quick run and in a full one.
+//! Sizes of the axis `asteroids` in a quick and in a full run.
 
 use std::{path::PathBuf, time::Duration};
 
 use crate::chart::ViewShape;
 
-/// How much the axis `asteroids` does.
+/// Size of the axis `asteroids`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AsteroidExtent {
-    /// Numbers of asteroids in the first view, growing.
+    /// Numbers of asteroids in the first view, increasing.
     pub instances: Vec<u32>,
     /// The views: all of [`Self::instances`] in the first one, [`Self::other_views_instances`] in each of the others.
     pub views: Vec<ViewShape>,
     /// Number of asteroids in the other views.
     pub other_views_instances: u32,
-    /// Number of asteroids of which ratios are taken.
+    /// Number of asteroids for the ratios.
     pub ratio_instances: u32,
-    /// Side of the pictures of which ratios are taken, pixels.
+    /// Side of the pictures for the ratios, pixels.
     pub ratio_px: u32,
     /// Side of the pictures in which errors are measured, pixels.
     pub scored_px: u32,
-    /// Measured frames of every method and workload, at most.
+    /// Maximum number of measured frames per method and workload.
     pub rounds: usize,
-    /// Time that it has at most, if it does not have less as a part of the whole run.
+    /// Maximum time; the share of the whole run may be less.
     pub budget: Duration,
-    /// Where baked atlases are kept from run to run; empty: nowhere, then they are baked in every turn.
+    /// Folder that keeps baked atlases between runs; empty: atlases are baked in every turn.
     pub cache: PathBuf,
 }
 
 impl AsteroidExtent {
-    /// A small one for a quick run.
+    /// Size of a quick run.
     pub(in crate::chart) fn quick() -> Self {
         Self {
             instances: vec![1000, 5000, 20_000],
@@ -43,10 +43,11 @@ impl AsteroidExtent {
         }
     }
 
-    /// The numbers that were published, and further: on a software driver one, where there is a GPU with memory of its
-    /// own up to what it binds.
+    /// The published numbers and more: up to one million on a software driver, up to the binding limit on a GPU with
+    /// dedicated memory.
     pub(in crate::chart) fn full(discrete_gpu: bool) -> Self {
-        // Where a frame of many is not drawn, few tell how the time grows. 100 thousand were published too.
+        // If a frame with many asteroids is skipped, small fields show how the time grows. 100 thousand was published
+        // too.
         let mut instances = if discrete_gpu { vec![100_000] } else { vec![10_000, 30_000, 100_000] };
         instances.extend((1..=8).map(|quarters| quarters * 250_000).chain([4_000_000]));
         if discrete_gpu {
@@ -66,7 +67,7 @@ impl AsteroidExtent {
     }
 }
 
-/// Atlases take seconds to bake on a software driver and are the same in every run.
+/// Folder for baked atlases: they take seconds to bake on a software driver and are the same in every run.
 fn atlas_cache() -> PathBuf {
     std::env::temp_dir().join("steradian-chart-atlases")
 }

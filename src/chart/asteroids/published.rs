@@ -1,5 +1,4 @@
-//! The figures that were published with the method, as they stand there: frames per second of whole frames on other
-//! hardware.
+//! Figures published with the method, quoted unchanged: whole frames per second on other hardware.
 
 use crate::{
     chart::{AsteroidMetric, Axis, Row},
@@ -8,10 +7,10 @@ use crate::{
 
 use super::workload::count_name;
 
-/// The hardware.
+/// Hardware of the published figures.
 const ADAPTER: &str = "NVIDIA RTX A2000 6 GB + i7-9700";
 const SIZE: [u32; 2] = [1920, 1080];
-/// With everything: number of asteroids, frames per second.
+/// All features on: number of asteroids, frames per second.
 const WHOLE: [(u32, f64); 8] = [
     (250_000, 97.0),
     (500_000, 83.0),
@@ -23,15 +22,15 @@ const WHOLE: [(u32, f64); 8] = [
     (2_000_000, 16.0),
 ];
 
-/// A row per figure.
+/// Returns one row per published figure.
 pub fn rows() -> Vec<Row> {
     let mut rows: Vec<Row> = WHOLE.iter().map(|(count, fps)| row("published", *count, *fps, "")).collect();
-    rows.push(row("published_mesh_only", 1_000_000, 25.0, "; without billboards, about"));
+    rows.push(row("published_mesh_only", 1_000_000, 25.0, "; without billboards, approximate"));
     rows.push(row("published_cpu_culling", 100_000, 20.0, "; culling on the CPU, meshes at levels of detail"));
     rows
 }
 
-fn row(method: &str, count: u32, fps: f64, what: &str) -> Row {
+fn row(method: &str, count: u32, fps: f64, suffix: &str) -> Row {
     Row {
         axis: Axis::Asteroids.name().to_owned(),
         method: method.to_owned(),
@@ -43,7 +42,7 @@ fn row(method: &str, count: u32, fps: f64, what: &str) -> Row {
         items: u64::from(count),
         gpu_ms_median: Some(1000.0 / fps),
         error_metric: AsteroidMetric::SilhouetteIou.name().to_owned(),
-        notes: format!("published, other hardware: whole frames at {fps} per second{what}"),
+        notes: format!("published, other hardware: whole frames at {fps} per second{suffix}"),
         ..Row::default()
     }
 }
@@ -53,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn published_figures_are_of_other_hardware_and_say_so() {
+    fn published_figures_name_their_hardware() {
         let rows = rows();
         assert_eq!(rows.len(), 10);
         assert!(rows.iter().all(|row| row.adapter.contains("A2000") && row.notes.contains("other hardware")));

@@ -1,5 +1,5 @@
-//! Ratios that say whether work is shared: of a field that no view sees to one that is seen, of culling for two eyes to
-//! one, of culling for the six faces of a cube to one equirectangular picture. Both sides of a ratio are drawn in turn.
+//! Ratios that show whether work is shared: a field outside of every view to a visible one, culling for two eyes to
+//! one, culling for six cube faces to one equirectangular picture. Both sides of a ratio are drawn in turn.
 
 use super::{
     AsteroidExtent, Place,
@@ -16,11 +16,11 @@ use crate::{
     view::ViewKind,
 };
 
-/// A ratio: name of the workload and of the metric, and what is compared.
+/// A ratio. It defines the workload's name, the metric's name and the compared quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ratio {
-    /// Everything that a field takes but for the pass that puts layers into pictures, which goes by pixels and holds
-    /// bodies too.
+    /// Total time without the pass that composites layers into pictures, because that pass scales with pixels and
+    /// includes bodies.
     OutsideOverInside,
     /// Planning and culling.
     TwoEyesOverOne,
@@ -28,7 +28,7 @@ pub enum Ratio {
     SixFacesOverSky,
 }
 
-/// All of them.
+/// All ratios.
 pub const RATIOS: [Ratio; 3] = [Ratio::OutsideOverInside, Ratio::TwoEyesOverOne, Ratio::SixFacesOverSky];
 
 impl Ratio {
@@ -40,7 +40,7 @@ impl Ratio {
         }
     }
 
-    /// Views and places of both sides.
+    /// Returns the view and the place of both sides.
     fn sides(self, px: u32) -> [(ViewKind, Place); 2] {
         let one = ViewKind::Perspective { size: [px; 2], fov_y_rad: 2.0 * EYE_HALF_FOV_RAD };
         match self {
@@ -53,7 +53,7 @@ impl Ratio {
         }
     }
 
-    fn of(self, parts: &Parts) -> f64 {
+    fn compared_ms(self, parts: &Parts) -> f64 {
         match self {
             Self::OutsideOverInside => parts.whole_ms() - parts.geometry_ms,
             Self::TwoEyesOverOne | Self::SixFacesOverSky => parts.culling_ms(),
@@ -61,7 +61,7 @@ impl Ratio {
     }
 }
 
-/// A row per ratio and way of culling.
+/// Returns one row per ratio and method of culling.
 pub fn rows(
     renderer: &mut Renderer,
     extent: &AsteroidExtent,
@@ -80,23 +80,25 @@ pub fn rows(
             sides.push((rig_of(vec![("chart", kind)])?, fields.scene(extent.ratio_instances, place)?));
         }
         for (index, variant) in variants.iter().filter(|variant| charted.contains(&variant.name)).enumerate() {
-            let mut seen = [FrameParts::default(), FrameParts::default()];
+            let mut records = [FrameParts::default(), FrameParts::default()];
             let budget = budget.part(1.0, charted.len() - index);
             let mut timed = timing::rounds(2, extent.rounds, budget, |side| {
                 let (rig, scene) = &sides[side];
-                turn(renderer, variant, scene, rig, &mut seen[side])
+                turn(renderer, variant, scene, rig, &mut records[side])
             })?;
-            let medians = seen.each_ref().map(|seen| {
-                let values: Vec<f64> = seen.counted().iter().map(|parts| ratio.of(parts)).collect();
-                Spread::of(&values)
+            let medians = records.each_ref().map(|records| {
+                let values: Vec<f64> = records.counted().iter().map(|parts| ratio.compared_ms(parts)).collect();
+                Spread::from_values(&values)
             });
             let value = match medians {
                 [Some(above), Some(below)] if below.median_ms > 0.0 => Some(above.median_ms / below.median_ms),
                 _ => None,
             };
-            let what =
-                ["over", "under"].iter().zip(&seen).map(|(side, seen)| format!("{side} the line: {}", seen.note()));
-            let note = what.collect::<Vec<_>>().join("; ");
+            let notes = ["numerator", "denominator"]
+                .iter()
+                .zip(&records)
+                .map(|(side, records)| format!("{side}: {}", records.note()));
+            let note = notes.collect::<Vec<_>>().join("; ");
             let above = timed.swap_remove(0);
             let case = Case {
                 axis: Axis::Asteroids,

@@ -1,4 +1,4 @@
-//! One frame of a way of drawing asteroids, and what its parts took.
+//! Draws one frame with a method of drawing asteroids and times its parts.
 
 use std::time::{Duration, Instant};
 
@@ -14,49 +14,50 @@ use crate::{
     view::Rig,
 };
 
-/// What a frame's asteroids took, ms.
+/// Times of the asteroid work of a frame, ms.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Parts {
-    /// Planning on the CPU: culling groups, or all asteroids; uploads and the recording of passes.
+    /// Planning on the CPU: culling of groups or of all asteroids, uploads, recording of passes.
     pub plan_ms: f64,
     /// Culling on the adapter.
     pub cull_ms: f64,
     /// Drawing meshes and impostors.
     pub layers_ms: f64,
-    /// Putting them into the pictures, which holds bodies too.
+    /// Compositing into the pictures, which includes bodies.
     pub geometry_ms: f64,
     /// Drawing points; there are no stars.
     pub points_ms: f64,
 }
 
 impl Parts {
-    /// The parts of a frame; `None` where the adapter has no timestamps.
-    pub fn of(times: &FrameTimes) -> Option<Self> {
+    /// Sums the parts of a frame; `None` if the adapter has no timestamps.
+    pub fn from_times(times: &FrameTimes) -> Option<Self> {
         times.gpu_ms?;
-        let of = |name: &str| times.passes_ms.iter().filter(|pass| pass.0 == name).fold(0.0, |sum, pass| sum + pass.1);
+        let pass_ms =
+            |name: &str| times.passes_ms.iter().filter(|pass| pass.0 == name).fold(0.0, |sum, pass| sum + pass.1);
         Some(Self {
             plan_ms: times.plan_ms,
-            cull_ms: of("asteroid cull"),
-            layers_ms: of("asteroids"),
-            geometry_ms: of("geometry"),
-            points_ms: of("stars"),
+            cull_ms: pass_ms("asteroid cull"),
+            layers_ms: pass_ms("asteroids"),
+            geometry_ms: pass_ms("geometry"),
+            points_ms: pass_ms("stars"),
         })
     }
 
-    /// All of them.
+    /// Total time.
     pub fn whole_ms(&self) -> f64 {
         self.plan_ms + self.cull_ms + self.layers_ms + self.geometry_ms + self.points_ms
     }
 
-    /// What it took to find out what is drawn, and how.
+    /// Time to decide what is drawn and how: planning and culling.
     pub fn culling_ms(&self) -> f64 {
         self.plan_ms + self.cull_ms
     }
 
-    /// Median of every part by itself.
+    /// Returns the median of each part separately.
     pub fn medians(all: &[Self]) -> Option<Self> {
         let median = |part: fn(&Self) -> f64| {
-            Spread::of(&all.iter().map(part).collect::<Vec<_>>()).map(|spread| spread.median_ms)
+            Spread::from_values(&all.iter().map(part).collect::<Vec<_>>()).map(|spread| spread.median_ms)
         };
         Some(Self {
             plan_ms: median(|parts| parts.plan_ms)?,
@@ -68,22 +69,22 @@ impl Parts {
     }
 }
 
-/// What all frames of a method in a workload had.
+/// Times and counts of all frames of a method in a workload.
 #[derive(Clone, Debug, Default)]
 pub struct FrameParts {
-    /// The first is of the frame in which buffers grow.
+    /// Parts of every frame; buffers grow during the first one.
     pub parts: Vec<Parts>,
-    /// Of the last frame, all views.
+    /// Counts of the last frame, summed over all views.
     pub counts: Option<AsteroidCounts>,
 }
 
 impl FrameParts {
-    /// What counts: without the first frame, unless there is no other.
+    /// Returns the frames that count: all but the first, unless it is the only one.
     pub fn counted(&self) -> &[Parts] {
         self.parts.get(1..).filter(|rest| !rest.is_empty()).unwrap_or(&self.parts)
     }
 
-    /// In a line.
+    /// Describes the medians and counts in one line.
     pub fn note(&self) -> String {
         let mut notes = Vec::new();
         if let Some(parts) = Parts::medians(self.counted()) {
@@ -102,14 +103,13 @@ impl FrameParts {
     }
 }
 
-/// A frame of a tiny picture that sees nothing, so that shapes and atlases are held and do not count, then the one that
-/// counts.
+/// Draws a tiny picture that sees nothing, which loads shapes and atlases, then draws the frame that is timed.
 pub fn turn(
     renderer: &mut Renderer,
     variant: &Variant,
     scene: &SceneSnapshot,
     rig: &Rig,
-    seen: &mut FrameParts,
+    record: &mut FrameParts,
 ) -> Result<Taken, ChartError> {
     let settings = variant.render_settings();
     let away = SceneSnapshot {
@@ -127,9 +127,9 @@ pub fn turn(
         FrameRequest::new(scene, rig).settings(&settings).wanted(Wanted { hdr_stays: true, ..Wanted::default() }),
     ) {
         Ok(frame) => {
-            let parts = Parts::of(&frame.times);
-            seen.parts.extend(parts);
-            seen.counts = Some(sum(frame.views.iter().map(|view| &view.asteroids)));
+            let parts = Parts::from_times(&frame.times);
+            record.parts.extend(parts);
+            record.counts = Some(sum(frame.views.iter().map(|view| &view.asteroids)));
             let took: Duration = start.elapsed();
             Ok(Ok((parts.map(|parts| parts.whole_ms()), took)))
         }
@@ -168,12 +168,12 @@ mod tests {
     }
 
     #[test]
-    fn the_passes_of_asteroids_count_and_planning_but_not_the_rest() {
-        let parts = Parts::of(&times(0.5, Some(100.0))).unwrap();
+    fn time_covers_asteroid_passes_and_planning_only() {
+        let parts = Parts::from_times(&times(0.5, Some(100.0))).unwrap();
         assert_eq!((parts.whole_ms(), parts.culling_ms(), parts.layers_ms), (15.5, 1.5, 5.0));
-        assert_eq!(Parts::of(&times(0.5, None)), None);
-        let seen = FrameParts { parts: vec![Parts { plan_ms: 99.0, ..parts }, parts, parts], counts: None };
-        assert!(seen.note().starts_with("plan on the CPU 0.50, cull 1.00"), "{}", seen.note());
+        assert_eq!(Parts::from_times(&times(0.5, None)), None);
+        let record = FrameParts { parts: vec![Parts { plan_ms: 99.0, ..parts }, parts, parts], counts: None };
+        assert!(record.note().starts_with("plan on the CPU 0.50, cull 1.00"), "{}", record.note());
         assert!(FrameParts::default().note().is_empty());
     }
 }

@@ -1,9 +1,9 @@
-//! What the axis `asteroids` draws: a box of asteroids whose volume stays while their number grows, seen from just
+//! Workloads of the axis `asteroids`: a box of asteroids with constant volume and a growing number, seen from just
 //! outside.
 //!
-//! The box is as wide as the flat view where it begins, so all of it is on screen; it reaches from [`NEAR_M`] to four
-//! times as far. Radii are spread so that the largest near ones show the finest level of detail, and the smallest far
-//! ones are points: nothing smaller, all levels shown. The sun stands at the side.
+//! The near face of the box is as wide as the flat view, so that the whole box is on screen. It extends from [`NEAR_M`]
+//! to four times that distance. Radii are spread so that the largest near asteroids show the finest level of detail and
+//! the smallest far ones are points: all levels occur. The sun shines from the side.
 
 use std::{path::Path, sync::Arc};
 
@@ -24,91 +24,97 @@ use crate::{
 
 /// Distance of the box from the camera, m.
 const NEAR_M: f64 = 10_000.0;
-/// Lengths of its sides, m.
+/// Sides of the box, m.
 const SIZE_M: DVec3 = DVec3::new(20_000.0, 11_000.0, 30_000.0);
 /// Smallest and largest mean radius, m.
 const RADIUS_M: [f64; 2] = [16.0, 1000.0];
-/// Where the camera is: the Earth's distance from the Sun, m.
+/// Position of the camera at the Earth's distance from the Sun, m.
 const CAMERA_M: DVec3 = DVec3::new(1.496e11, 0.0, 0.0);
 const SEED: u64 = 7;
 /// Seed of the shapes.
 pub const SHAPE_SEED: u64 = 3;
 
-/// Where the camera stands and looks.
+/// Position and direction of the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// Outside, the whole field on screen.
     Before,
-    /// The same place, the back turned to the field: nothing of it in any view.
+    /// Same position, facing away: no view sees the field.
     TurnedAway,
     /// In the middle of the field.
     Within,
 }
 
-/// A way of drawing asteroids.
+/// A method of drawing asteroids.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variant {
     /// Name in the chart.
     pub name: &'static str,
-    /// Where it is from.
+    /// Origin of the method.
     pub source: MethodSource,
-    /// What it sets.
+    /// Settings of asteroids.
     pub settings: AsteroidSettings,
-    /// What a reader must know of every row.
+    /// Note on every row of the variant.
     pub note: &'static str,
 }
 
 impl Variant {
-    /// Everything that is charted; baked atlases are kept in a folder.
+    /// Returns all charted variants; baked atlases are kept in the folder `cache`.
     pub fn all(cache: &Path) -> Vec<Self> {
         let published = MethodSource::AsteroidFieldRendering;
         let ours = MethodSource::Steradian;
-        let of = |name, source, impostor, culling, note| {
+        let variant = |name, source, impostor, culling, note| {
             let settings =
                 AsteroidSettings { impostor, culling, cache: cache.to_owned(), ..AsteroidSettings::default() };
             Self { name, source, settings, note }
         };
         vec![
-            of("mesh_only", published, ImpostorMethod::None, Culling::Gpu, "meshes down to points, culled on the GPU"),
-            of(
+            variant(
+                "mesh_only",
+                published,
+                ImpostorMethod::None,
+                Culling::Gpu,
+                "meshes down to points, culled on the GPU",
+            ),
+            variant(
                 "cpu_culling",
                 published,
                 ImpostorMethod::EulerAtlas,
                 Culling::Cpu,
-                "meshes and the impostors of euler_atlas, every asteroid tested on one core of the CPU",
+                "meshes and the impostors of euler_atlas, every asteroid tested on one CPU core",
             ),
-            of(
+            variant(
                 "gpu_culling_euler_atlas",
                 published,
                 ImpostorMethod::EulerAtlas,
                 Culling::Gpu,
-                "impostors begin where half a pixel allows, not at a fixed distance as published",
+                "impostors start at the distance where their error is half a pixel, not at a fixed distance as published",
             ),
-            of("gpu_culling_octahedral", ours, ImpostorMethod::Octahedral, Culling::Gpu, ""),
-            of("gpu_culling_octahedral_blend", ours, ImpostorMethod::OctahedralBlend, Culling::Gpu, ""),
-            of("gpu_culling_octahedral_splat", ours, ImpostorMethod::OctahedralSplat, Culling::Gpu, ""),
+            variant("gpu_culling_octahedral", ours, ImpostorMethod::Octahedral, Culling::Gpu, ""),
+            variant("gpu_culling_octahedral_blend", ours, ImpostorMethod::OctahedralBlend, Culling::Gpu, ""),
+            variant("gpu_culling_octahedral_splat", ours, ImpostorMethod::OctahedralSplat, Culling::Gpu, ""),
         ]
     }
 
-    /// The settings of a frame of it.
+    /// Returns the settings of a frame with this variant.
     pub fn render_settings(&self) -> RenderSettings {
         let mut settings = RenderSettings { asteroids: self.settings.clone(), ..RenderSettings::default() };
         settings.glare = GlareSettings::none();
         settings.exposure.mode = ExposureMode::Manual;
-        // Daylight: what asteroids in the light of the Sun are seen by.
+        // Daylight exposure, as used for asteroids in sunlight.
         settings.exposure.ev100 = 12.0;
         settings
     }
 }
 
-/// The fields of a run: what does not change from one to the next is not made anew.
+/// The fields of a run. Unchanged parts are reused from scene to scene.
 #[derive(Default)]
 pub struct Fields {
     last: Option<MadeField>,
 }
 
 impl Fields {
-    /// The scene of so many asteroids.
+    /// Returns the scene with this number of asteroids.
     ///
     /// # Errors
     /// [`ChartError::Field`] if the number is out of range.
@@ -156,7 +162,7 @@ impl Fields {
     }
 }
 
-/// A number of asteroids as workloads name it.
+/// Formats a number of asteroids for the name of a workload.
 pub fn count_name(instances: u32) -> String {
     match instances {
         many if many >= 1_000_000 && many.is_multiple_of(10_000) => format!("{}M", f64::from(many) / 1e6),
@@ -169,13 +175,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_of_counts_are_short() {
+    fn counts_are_abbreviated() {
         let names = [2000, 250_000, 1_000_000, 1_250_000, 32_000_000].map(count_name);
         assert_eq!(names, ["2k", "250k", "1M", "1.25M", "32M"]);
     }
 
     #[test]
-    fn the_volume_stays_and_the_whole_field_is_before_the_camera() {
+    fn volume_is_constant_and_field_is_in_front_of_camera() {
         let mut fields = Fields::default();
         let half_height = (0.5 * crate::chart::workloads::FLAT_FOV_Y_RAD).tan();
         for count in [500, 2000] {

@@ -1,10 +1,10 @@
-//! Scores of asteroids: what a method draws of single asteroids against meshes at the finest detail, by the same
-//! renderer with 4 x 4 samples per pixel. Every asteroid has a cell of the picture to itself; rows of cells differ in
-//! size, the last ones are of the sizes at which the impostors of each method have just taken over.
+//! Scores of asteroids: compares single asteroids drawn by a method with meshes at the finest level of detail, drawn by
+//! the same renderer with 4 x 4 samples per pixel. Every asteroid has its own cell of the picture. Rows of cells differ
+//! in size; the last rows have the sizes at which the impostors of each method just start.
 //!
-//! - *silhouettes*: asteroids that reflect nothing before a body that shines; what is dark is covered;
-//! - *normals*: a Lambert surface in the light of three suns, one picture after the other (`metrics::normals`);
-//! - *light* and, between the eyes, *disparity*: the pictures under suns.
+//! - *silhouettes*: asteroids without reflection in front of a luminous body; dark pixels are covered;
+//! - *normals*: a Lambert surface lit by three suns, one picture per sun (`metrics::normals`);
+//! - *light* and, between the eyes, *disparity*: the pictures under the suns.
 
 mod scenes;
 
@@ -23,16 +23,16 @@ use crate::{
     scene::SceneSnapshot,
 };
 
-/// An error metric of the axis `asteroids`.
+/// Error metric of the axis `asteroids`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AsteroidMetric {
     /// Intersection over union of silhouettes, mean over all asteroids.
     SilhouetteIou,
-    /// Mean displacement of the outline, pixels: the largest of all sizes.
+    /// Mean displacement of the outline, pixels: maximum over all sizes.
     OutlinePx,
     /// Mean angle between normals, degrees.
     NormalDeg,
-    /// Largest error of the distance between what the two eyes see, pixels.
+    /// Largest error of an asteroid's displacement between the eyes, pixels.
     DisparityPx,
     /// Root mean square relative error of single asteroids' light.
     Light,
@@ -53,36 +53,38 @@ impl AsteroidMetric {
         }
     }
 
-    /// What it tells, in a line.
+    /// Describes the metric in one line.
     pub fn meaning(self) -> &'static str {
         match self {
             Self::SilhouetteIou => {
                 "silhouette's intersection over union with that of the finest mesh, mean: 1 is right"
             }
             Self::OutlinePx => "mean displacement of the outline, pixels, at the size where it is largest",
-            Self::NormalDeg => "mean angle between normals and those of the finest mesh, out of three suns, degrees",
+            Self::NormalDeg => {
+                "mean angle between normals and those of the finest mesh, reconstructed from three suns, degrees"
+            }
             Self::DisparityPx => "largest error of an asteroid's displacement between the eyes, pixels",
             Self::Light => "rms relative error of single asteroids' light",
         }
     }
 
-    /// The value of a perfect method.
+    /// Returns the value of a perfect method.
     pub fn best(self) -> f64 {
         if self == Self::SilhouetteIou { 1.0 } else { 0.0 }
     }
 }
 
-/// Everything that a method shows of the scenes.
-pub(in crate::chart) struct Shown {
+/// All pictures of the scenes drawn by a method.
+pub(in crate::chart) struct Drawn {
     backlit: Vec<Pixels>,
     lit: [Vec<Pixels>; 3],
 }
 
-/// What should be seen.
+/// The correct pictures.
 pub(in crate::chart) struct Truth {
-    /// The body that shines, without asteroids.
+    /// The luminous body without asteroids.
     background: Vec<Pixels>,
-    shown: Shown,
+    drawn: Drawn,
 }
 
 fn draw(
@@ -99,7 +101,7 @@ fn draw(
     Ok(frame.images.into_iter().filter_map(|image| image.hdr).collect())
 }
 
-impl Shown {
+impl Drawn {
     fn draw(renderer: &mut Renderer, scenes: &AsteroidScenes, asteroids: &AsteroidSettings) -> Result<Self, Failure> {
         let backlit = draw(renderer, scenes, &scenes.backlit, asteroids)?;
         let [a, b, c] = &scenes.lit;
@@ -112,7 +114,7 @@ impl AsteroidScenes {
     /// Draws meshes at the finest detail.
     ///
     /// # Errors
-    /// [`ChartError`] where the device fails. What cannot be drawn is the message of every method's figures.
+    /// [`ChartError`] if the device fails. If the scenes cannot be drawn, the message becomes the note of every figure.
     pub fn truth(&self, renderer: &mut Renderer) -> Result<Result<Truth, String>, ChartError> {
         let finest = AsteroidSettings {
             finest_only: true,
@@ -122,7 +124,7 @@ impl AsteroidScenes {
         };
         let mut drawn = || -> Result<Truth, Failure> {
             let background = draw(renderer, self, &self.empty, &finest)?;
-            Ok(Truth { background, shown: Shown::draw(renderer, self, &finest)? })
+            Ok(Truth { background, drawn: Drawn::draw(renderer, self, &finest)? })
         };
         match drawn() {
             Ok(truth) => Ok(Ok(truth)),
@@ -135,7 +137,7 @@ impl AsteroidScenes {
 /// Measures all figures of a method in one view.
 ///
 /// # Errors
-/// [`ChartError`] where the device fails. A figure that cannot be measured has a note instead of a value.
+/// [`ChartError`] if the device fails. A figure that cannot be measured has a note instead of a value.
 pub(in crate::chart) fn score_asteroids(
     renderer: &mut Renderer,
     settings: &AsteroidSettings,
@@ -144,7 +146,7 @@ pub(in crate::chart) fn score_asteroids(
 ) -> Result<Scores<AsteroidMetric>, ChartError> {
     let measured = match truth {
         Err(note) => Err(Failure::Method(note.clone())),
-        Ok(truth) => Shown::draw(renderer, scenes, settings).and_then(|shown| compare(scenes, &shown, truth)),
+        Ok(truth) => Drawn::draw(renderer, scenes, settings).and_then(|drawn| compare(scenes, &drawn, truth)),
     };
     let scores = match measured {
         Ok(scores) => scores,
@@ -162,18 +164,18 @@ struct Window<'a> {
 
 impl Window<'_> {
     fn luminances(&self) -> Vec<f64> {
-        let of = |place: &usize| {
+        let luminance = |place: &usize| {
             let [r, g, b, _] = self.pixels[*place];
             luminance([r, g, b].map(f64::from))
         };
-        self.places.iter().map(of).collect()
+        self.places.iter().map(luminance).collect()
     }
 }
 
-/// What an asteroid covers of its window, per pixel.
+/// Returns the covered share of each pixel of an asteroid's window.
 fn coverage(backlit: &Window<'_>, background: &Window<'_>) -> Vec<f64> {
     let pairs = backlit.luminances().into_iter().zip(background.luminances());
-    pairs.map(|(seen, whole)| if whole > 0.0 { (1.0 - seen / whole).clamp(0.0, 1.0) } else { 0.0 }).collect()
+    pairs.map(|(visible, whole)| if whole > 0.0 { (1.0 - visible / whole).clamp(0.0, 1.0) } else { 0.0 }).collect()
 }
 
 /// Figures of one asteroid.
@@ -184,13 +186,13 @@ struct Compared {
     disparity_px: Option<f64>,
 }
 
-/// Smallest shares of the brightest luminance and of a pixel that normals are taken from.
+/// Minimum luminance, as a share of the brightest, and minimum coverage of pixels whose normals are compared.
 const LEAST_LIGHT: f64 = 0.02;
 const LEAST_COVERAGE: f64 = 0.5;
 
-fn compare(scenes: &AsteroidScenes, shown: &Shown, truth: &Truth) -> Result<Vec<(AsteroidMetric, Score)>, Failure> {
+fn compare(scenes: &AsteroidScenes, drawn: &Drawn, truth: &Truth) -> Result<Vec<(AsteroidMetric, Score)>, Failure> {
     let found: Vec<Compared> =
-        scenes.cells.iter().map(|cell| compare_cell(scenes, cell, shown, truth)).collect::<Result<_, _>>()?;
+        scenes.cells.iter().map(|cell| compare_cell(scenes, cell, drawn, truth)).collect::<Result<_, _>>()?;
     let sizes = scenes.rows();
     let by_size = |value: &dyn Fn(&Compared) -> Option<f64>| -> Vec<Option<f64>> {
         let of_row = |row: usize| {
@@ -200,8 +202,8 @@ fn compare(scenes: &AsteroidScenes, shown: &Shown, truth: &Truth) -> Result<Vec<
         (0..sizes.len()).map(of_row).collect()
     };
     let listed = |values: &[Option<f64>]| {
-        let at = |(size, value): (&f64, &Option<f64>)| value.map(|value| format!("{value:.3} at {size:.1} px"));
-        format!("by radius: {}", sizes.iter().zip(values).filter_map(at).collect::<Vec<_>>().join(", "))
+        let entry = |(size, value): (&f64, &Option<f64>)| value.map(|value| format!("{value:.3} at {size:.1} px"));
+        format!("by radius: {}", sizes.iter().zip(values).filter_map(entry).collect::<Vec<_>>().join(", "))
     };
     let all = |value: &dyn Fn(&Compared) -> Option<f64>| found.iter().filter_map(value).collect::<Vec<f64>>();
     let iou = |found: &Compared| Some(found.overlap.iou());
@@ -212,7 +214,7 @@ fn compare(scenes: &AsteroidScenes, shown: &Shown, truth: &Truth) -> Result<Vec<
     let disparities = all(&|found| found.disparity_px);
     let score = |value: Option<f64>, note: String| match value {
         Some(_) => Score { value, note },
-        None => Score::none("no asteroid has this figure"),
+        None => Score::none("no asteroid yields this figure"),
     };
     let disparity = if scenes.viewports.len() < 2 {
         Score::none("does not apply: the view has one eye")
@@ -229,7 +231,8 @@ fn compare(scenes: &AsteroidScenes, shown: &Shown, truth: &Truth) -> Result<Vec<
     ])
 }
 
-fn compare_cell(scenes: &AsteroidScenes, cell: &Cell, shown: &Shown, truth: &Truth) -> Result<Compared, Failure> {
+fn compare_cell(scenes: &AsteroidScenes, cell: &Cell, drawn: &Drawn, truth: &Truth) -> Result<Compared, Failure> {
+    // Luminances and pixels of the cell in an image, and the coverage of its pixels.
     let window = |images: &'_ [Pixels], image: usize| -> Result<(Vec<f64>, Vec<usize>), Failure> {
         let places = scenes.window(cell, image);
         let window = Window { pixels: pixels_of(images, image)?, places };
@@ -240,11 +243,13 @@ fn compare_cell(scenes: &AsteroidScenes, cell: &Cell, shown: &Shown, truth: &Tru
         let backlit = Window { pixels: pixels_of(backlit, 0)?, places: places.clone() };
         Ok(coverage(&backlit, &Window { pixels: pixels_of(&truth.background, 0)?, places }))
     };
-    let [ours, right] = [covered(&shown.backlit)?, covered(&truth.shown.backlit)?];
+    // Silhouettes.
+    let [ours, right] = [covered(&drawn.backlit)?, covered(&truth.drawn.backlit)?];
     let overlap = overlap(&ours, &right)?;
+    // Light under each sun.
     let mut sums = [[0.0; 2]; 3];
     let mut pictures = Vec::new();
-    for (index, (ours, right)) in shown.lit.iter().zip(&truth.shown.lit).enumerate() {
+    for (index, (ours, right)) in drawn.lit.iter().zip(&truth.drawn.lit).enumerate() {
         let [(ours, places), (right, _)] = [window(ours, 0)?, window(right, 0)?];
         for (place, (ours, right)) in places.iter().zip(ours.iter().zip(&right)) {
             let omega = scenes.solid_angle_sr(0, *place);
@@ -255,6 +260,7 @@ fn compare_cell(scenes: &AsteroidScenes, cell: &Cell, shown: &Shown, truth: &Tru
     }
     let [ours_lx, right_lx] = [0, 1].map(|side| sums.iter().map(|sums| sums[side]).sum::<f64>());
     let light = (right_lx > 0.0).then(|| ours_lx / right_lx - 1.0);
+    // Normals, reconstructed from the three pictures where both silhouettes cover enough.
     let brightest = pictures.iter().flat_map(|[_, right]| right).copied().fold(0.0, f64::max);
     let normal = |side: usize, pixel: usize| {
         let luminances = [0, 1, 2].map(|sun| pictures[sun][side][pixel]);
@@ -263,6 +269,7 @@ fn compare_cell(scenes: &AsteroidScenes, cell: &Cell, shown: &Shown, truth: &Tru
     let inner = (0..ours.len()).filter(|pixel| ours[*pixel].min(right[*pixel]) >= LEAST_COVERAGE);
     let normal_rad =
         mean_normal_error_rad(inner.map(|pixel| (normal(0, pixel), normal(1, pixel), ours[pixel].min(right[pixel]))))?;
+    // Disparity: displacement of the centroid between the eyes.
     let centroid = |images: &[Pixels], image: usize| -> Result<Option<[f64; 2]>, Failure> {
         let (luminances, places) = window(images, image)?;
         let width = scenes.viewports[image].size()[0] as usize;
@@ -281,7 +288,7 @@ fn compare_cell(scenes: &AsteroidScenes, cell: &Cell, shown: &Shown, truth: &Tru
             let pair = centroid(images, 0)?.zip(centroid(images, 1)?);
             Ok(pair.map(|(left, right)| [left[0] - right[0], left[1] - right[1]]))
         };
-        let pair = displaced(&shown.lit[0])?.zip(displaced(&truth.shown.lit[0])?);
+        let pair = displaced(&drawn.lit[0])?.zip(displaced(&truth.drawn.lit[0])?);
         disparity_px = pair.map(|(ours, right)| (ours[0] - right[0]).hypot(ours[1] - right[1]));
     }
     Ok(Compared { overlap, normal_rad, light, disparity_px })

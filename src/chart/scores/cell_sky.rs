@@ -1,9 +1,9 @@
-//! The procedural sky scored on stars of its own: where they stand and how bright they are is known from its f64 twin, and
-//! they cannot be placed otherwise. So the camera moves instead of the stars.
+//! Scores the procedural sky on its own stars: their positions and brightnesses are known from its f64 twin and cannot
+//! be chosen, so the camera moves instead of the stars.
 //!
-//! One layer of coarse cells, so that stars stand apart; a star is left out if another is nearer than its window. The light
-//! of a star is to go with its brightness, wherever it stands: that is what a star is. Brightness has no unit, so one scale is
-//! fitted, and the exposure is moved along with each star to show it at k times white.
+//! The sky has one layer of coarse cells, so that stars are separated; a star is left out if another one is nearer than
+//! its window. The light of a star must be proportional to its brightness, independent of its position. Brightness has
+//! no unit, so one scale is fitted, and the exposure follows each star to show it at k times white.
 
 use glam::{DQuat, DVec2, DVec3};
 
@@ -30,25 +30,25 @@ use crate::{
     view::{Rig, ViewKind, projection::PlaneMapping},
 };
 
-/// Cells of the sky that is scored.
+/// Cells along a side of the scored sky.
 const CELLS: u32 = 100;
-/// What every figure says of its sky.
-const NOTE: &str = "its own stars: one layer of 100 cells a side, in the middle of a face";
-const NOTE_WIDE: &str = "its own stars: one layer of 100 cells a side, over a face and beyond";
-/// Window of a star, pixels: in the middle of a face, and where off-axis pixels are small.
+/// Note on every figure about its sky.
+const NOTE: &str = "stars of the sky itself: one layer of 100 cells a side, in the middle of a face";
+const NOTE_WIDE: &str = "stars of the sky itself: one layer of 100 cells a side, over a face and beyond";
+/// Half side of a star's window, pixels: at the centre of a face, and off axis where pixels are small.
 const NEAR_PX: f64 = 3.0;
 const WIDE_PX: f64 = 5.0;
-/// Off-axis angles whose stars tell the ellipticity, degrees.
+/// Range of off-axis angles of the stars whose ellipticity is measured, degrees.
 const OFF_AXIS_DEG: std::ops::RangeInclusive<f64> = 43.0..=47.0;
 
-/// The sky that is scored.
+/// The scored sky.
 struct Sky<'a> {
     renderer: &'a mut Renderer,
     settings: CellSkySettings,
     stars: Vec<(DVec3, f64)>,
 }
 
-/// All figures of the procedural sky.
+/// Returns all figures of the procedural sky.
 pub(super) fn scores(
     renderer: &mut Renderer,
     size: ScoringSize,
@@ -80,7 +80,7 @@ pub(super) fn scores(
             Err(Failure::Chart(error)) => return Err(error),
         }
     }
-    let none = "does not apply: the sky is procedural, its stars are its own";
+    let none = "does not apply: the sky is procedural, its stars cannot be placed";
     let rest = [Metric::ColourUv, Metric::DynamicRange, Metric::Keeps20000Stars, Metric::Seam];
     found.extend(rest.map(|metric| (metric, Score::none(none))));
     Ok(Scores(found))
@@ -109,40 +109,50 @@ impl Sky<'_> {
         pixels_of(&frame, 0).cloned()
     }
 
-    /// The stars of a picture with nobody within two windows, and their windows inside.
+    /// Returns the stars of a picture without a neighbour within two windows and with their whole window inside the
+    /// picture.
     fn isolated(&self, mapping: &dyn PlaneMapping, world_from_camera: DQuat, window_px: f64) -> Vec<VisibleStar> {
         let [width, height] = mapping.size().map(f64::from);
         let camera_from_world = world_from_camera.conjugate();
-        let seen = self.stars.iter().filter_map(|&(direction, brightness)| {
+        let visible = self.stars.iter().filter_map(|&(direction, brightness)| {
             let direction = camera_from_world * direction;
             let pixel = mapping.pixel_from_direction(direction)?;
-            let near = |at: f64, side: f64| at > -window_px && at < side + window_px;
+            let near = |position: f64, side: f64| position > -window_px && position < side + window_px;
             (near(pixel.x, width) && near(pixel.y, height)).then_some(VisibleStar { pixel, direction, brightness })
         });
-        let mut seen: Vec<VisibleStar> = seen.collect();
-        seen.sort_by(|a, b| a.pixel.x.total_cmp(&b.pixel.x));
+        let mut visible: Vec<VisibleStar> = visible.collect();
+        visible.sort_by(|a, b| a.pixel.x.total_cmp(&b.pixel.x));
         let room = 2.0 * window_px;
         let alone = |index: usize| {
-            let at = seen[index].pixel;
-            let close = |other: &&VisibleStar| (other.pixel.x - at.x).abs() < room;
-            let right = seen[index + 1..].iter().take_while(close);
-            let left = seen[..index].iter().rev().take_while(close);
-            right.chain(left).all(|other| other.pixel.distance(at) >= room)
+            let position = visible[index].pixel;
+            let close = |other: &&VisibleStar| (other.pixel.x - position.x).abs() < room;
+            let right = visible[index + 1..].iter().take_while(close);
+            let left = visible[..index].iter().rev().take_while(close);
+            right.chain(left).all(|other| other.pixel.distance(position) >= room)
         };
-        let alone: Vec<bool> = (0..seen.len()).map(alone).collect();
-        let inside =
-            |at: DVec2| at.x > window_px && at.y > window_px && at.x < width - window_px && at.y < height - window_px;
-        seen.into_iter().zip(alone).filter(|(star, alone)| *alone && inside(star.pixel)).map(|(star, _)| star).collect()
+        let alone: Vec<bool> = (0..visible.len()).map(alone).collect();
+        let inside = |position: DVec2| {
+            position.x > window_px
+                && position.y > window_px
+                && position.x < width - window_px
+                && position.y < height - window_px
+        };
+        visible
+            .into_iter()
+            .zip(alone)
+            .filter(|(star, alone)| *alone && inside(star.pixel))
+            .map(|(star, _)| star)
+            .collect()
     }
 
-    /// The same stars at sub-pixel positions of a pan of the camera over the middle of a face.
+    /// Measures the same stars at sub-pixel positions while the camera pans over the centre of a face.
     fn pan(&mut self, size: ScoringSize, budget: &Budget) -> Result<Vec<Score>, Failure> {
         let side = (size.image_px / 4).max(96);
         let rig = usual_view([side; 2])?;
         let projection = projection_of(&rig);
         let (mapping, pixel_rad) = (projection.mapping(), projection.middle_pixel_rad());
         let positions = (size.positions / 16).clamp(16, 64);
-        // Stars whose window stays inside throughout.
+        // Keep stars whose window stays inside during the whole pan.
         let stars = self.isolated(mapping, DQuat::IDENTITY, NEAR_PX + 1.0);
         let mut meters: Vec<[FlickerMeter; 3]> = Vec::new();
         let (mut centroids, mut widths, mut frames) = (Vec::new(), Vec::new(), 0);
@@ -159,39 +169,40 @@ impl Sky<'_> {
             if meters.is_empty() {
                 let light = light_of(&image, &stars, &places, NEAR_PX)?;
                 let scale = fitted_scale(&light)?;
-                for (star, at) in stars.iter().zip(&places) {
-                    // A star of this light in a single pixel is k times white.
-                    let own_sr = mapping.solid_angle_sr(at.x as u32, at.y as u32);
+                for (star, position) in stars.iter().zip(&places) {
+                    // A star of this light in a single pixel reaches k times white.
+                    let own_sr = mapping.solid_angle_sr(position.x as u32, position.y as u32);
                     let luminance = star.brightness / scale / own_sr;
                     let meter = |k: f64| FlickerMeter::new(luminance / k);
                     meters.push([meter(1.0)?, meter(10.0)?, meter(100.0)?]);
                 }
             }
-            for (at, meters) in places.iter().zip(&mut meters) {
+            for (position, meters) in places.iter().zip(&mut meters) {
                 for meter in meters {
-                    meter.add_star(&image, *at, NEAR_PX)?;
+                    meter.add_star(&image, *position, NEAR_PX)?;
                 }
-                centroids.push(centroid_error_px(&image, *at, NEAR_PX)?);
-                widths.push(shape_px(&image, *at, NEAR_PX)?.rms_radius());
+                centroids.push(centroid_error_px(&image, *position, NEAR_PX)?);
+                widths.push(shape_px(&image, *position, NEAR_PX)?.rms_radius());
             }
         }
-        let (mut shown, mut linear) = ([const { Vec::new() }; 3], Vec::new());
+        let (mut displayed, mut linear) = ([const { Vec::new() }; 3], Vec::new());
         for meters in &meters {
-            for (shown, meter) in shown.iter_mut().zip(meters) {
-                shown.push(meter.flicker()?.after);
+            for (displayed, meter) in displayed.iter_mut().zip(meters) {
+                displayed.push(meter.flicker()?.after);
             }
             linear.push(meters[0].flicker()?.before);
         }
         let note = format!("{NOTE}; {} stars at {frames} positions of a pan", meters.len());
-        let no_star = "no star stands apart";
-        let mut scores: Vec<Score> = shown.iter().map(|shown| score(root_mean_square(shown), no_star)).collect();
+        let no_star = "no star is isolated";
+        let mut scores: Vec<Score> =
+            displayed.iter().map(|displayed| score(root_mean_square(displayed), no_star)).collect();
         scores.push(score(root_mean_square(&linear), no_star));
         scores.push(score(root_mean_square(&centroids), no_star));
         scores.push(score(deviation_over_mean(&widths), no_star));
         Ok(scores.into_iter().map(|score| noted(score, &note)).collect())
     }
 
-    /// Light and shape from the middle of a face to its corners and beyond.
+    /// Measures light and shape from the centre of a face to its corners and beyond.
     fn wide(&mut self, size: ScoringSize) -> Result<Vec<Score>, Failure> {
         let px = size.image_px;
         let (mut pairs, mut ellipticities) = (Vec::new(), Vec::new());
@@ -214,14 +225,14 @@ impl Sky<'_> {
         let scale = fitted_scale(&pairs)?;
         let errors: Vec<f64> = pairs.iter().map(|(measured, expected)| scale * measured / expected - 1.0).collect();
         let note = |count: usize| format!("{NOTE_WIDE}; {count} stars");
-        let no_star = "no star stands apart";
+        let no_star = "no star is isolated";
         Ok(vec![
             noted(score(root_mean_square(&errors), no_star), &note(errors.len())),
             noted(score(mean(&ellipticities), no_star), &note(ellipticities.len())),
         ])
     }
 
-    /// Nothing adds up, so the order of anything must not matter, nor the run.
+    /// Nothing is accumulated, so neither the order nor the run may matter.
     fn order(&mut self, size: ScoringSize, time: std::time::Duration) -> Result<Vec<Score>, Failure> {
         let mut draw = |scene: &super::Scene, ev100: f64| {
             let settings = settings_of(StarMethod::CellSky, ev100, f64::INFINITY);
@@ -235,15 +246,16 @@ impl Sky<'_> {
     }
 }
 
-/// Light and brightness of stars.
+/// Returns light and brightness of stars.
 fn light_of(
     image: &HdrView<'_>,
     stars: &[VisibleStar],
     places: &[DVec2],
     window_px: f64,
 ) -> Result<Vec<(f64, f64)>, Failure> {
-    let light =
-        |(star, at): (&VisibleStar, &DVec2)| Ok((illuminance_near_pixel_lx(image, *at, window_px)?, star.brightness));
+    let light = |(star, position): (&VisibleStar, &DVec2)| {
+        Ok((illuminance_near_pixel_lx(image, *position, window_px)?, star.brightness))
+    };
     stars.iter().zip(places).map(light).collect()
 }
 

@@ -1,7 +1,7 @@
-//! Scores of glare: what a method scatters in one view against the convolution on the sphere in f64.
+//! Scores of glare: compares the light that a method scatters in one view with the convolution on the sphere in f64.
 //!
-//! All light is scattered (a fraction of 1), so the picture is the veil alone. `scenes` holds what is looked at and what should
-//! be seen there, made once per view; every method is compared with the same.
+//! All light is scattered (a fraction of 1), so the picture contains only the veil. `scenes` holds the scenes and the
+//! expected values, built once per view and shared by all methods.
 
 mod scenes;
 
@@ -19,22 +19,22 @@ use crate::{
     view::{Rig, ViewImage},
 };
 
-/// An error metric of the axis `glare`.
+/// Error metric of the axis `glare`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum GlareMetric {
     /// Root mean square relative error of the veil over pixels spread evenly over the picture.
     VeilRms,
     /// The largest of these errors.
     VeilLargest,
-    /// Largest deviation from the mean on a circle around a source off the axis.
+    /// Largest deviation from the mean on a circle around an off-axis source.
     Roundness,
-    /// Slope of the logarithm of luminance over that of the angle.
+    /// Slope of log luminance over log angle.
     Slope,
-    /// What a source two degrees outside of the picture gives to it, over what it should.
+    /// Light in the picture from a source two degrees outside of it, divided by the correct value.
     FromOutside,
-    /// Largest step of the veil across an edge of a cube, of what is right there.
+    /// Largest step of the veil across an edge of a cube, relative to the correct value.
     Seam,
-    /// Scattered light of one source in the picture, over what should be there.
+    /// Scattered light of one source in the picture, divided by the correct value.
     FluxKept,
 }
 
@@ -56,7 +56,7 @@ impl GlareMetric {
         }
     }
 
-    /// What it tells, in a line.
+    /// Describes the metric in one line.
     pub fn meaning(self) -> &'static str {
         match self {
             Self::VeilRms => "rms relative error of the scattered light at sampled pixels of a starry sky",
@@ -65,13 +65,13 @@ impl GlareMetric {
                 "largest deviation from the mean around a source 45 and 60 degrees off the axis, or 0.85 of the half field"
             }
             Self::Slope => "slope of log luminance over log angle around one source: -2 is right",
-            Self::FromOutside => "veil of a source 2 degrees outside of the picture over the right one: 1 is right",
-            Self::Seam => "largest step of the veil across a cube's edge, of what is right there",
-            Self::FluxKept => "scattered light of one source inside of the picture over the right one: 1 is right",
+            Self::FromOutside => "veil of a source 2 degrees outside of the picture over the correct one: 1 is right",
+            Self::Seam => "largest step of the veil across a cube's edge, relative to the correct value",
+            Self::FluxKept => "scattered light of one source inside of the picture over the correct one: 1 is right",
         }
     }
 
-    /// The value of a perfect method.
+    /// Returns the value of a perfect method.
     pub fn best(self) -> f64 {
         match self {
             Self::Slope => -2.0,
@@ -81,13 +81,13 @@ impl GlareMetric {
     }
 }
 
-/// Draws the scattered light of a scene alone: the HDR images of the rig's view.
+/// Draws only the scattered light of a scene: the HDR images of the rig's view.
 type DrawVeil<'a> = dyn FnMut(&SceneSnapshot, &Rig) -> Result<Vec<Pixels>, Failure> + 'a;
 
 /// Measures all figures of a method in one view.
 ///
 /// # Errors
-/// [`ChartError`] where the device fails. A figure that cannot be measured has a note instead of a value.
+/// [`ChartError`] if the device fails. A figure that cannot be measured has a note instead of a value.
 pub(in crate::chart) fn score_glare(
     renderer: &mut Renderer,
     settings: &GlareSettings,
@@ -102,10 +102,10 @@ pub(in crate::chart) fn score_glare(
     })
 }
 
-/// A way to measure some figures.
+/// A function that measures some of the figures.
 type Measure<'a> = dyn Fn(&mut DrawVeil<'_>) -> Result<Vec<Score>, Failure> + 'a;
 
-/// Measures all figures of what `draw` draws.
+/// Measures all figures of the pictures that `draw` returns.
 fn score(scenes: &GlareScenes, draw: &mut DrawVeil<'_>) -> Result<Scores<GlareMetric>, ChartError> {
     let groups: [(&[GlareMetric], &Measure<'_>); 6] = [
         (&[GlareMetric::VeilRms, GlareMetric::VeilLargest], &|draw| veil(scenes, draw)),
@@ -128,8 +128,8 @@ fn score(scenes: &GlareScenes, draw: &mut DrawVeil<'_>) -> Result<Scores<GlareMe
     Ok(Scores(scores))
 }
 
-/// The images as metrics see them, in camera axes.
-fn seen<'a>(images: &'a [ViewImage], pixels: &'a [Pixels]) -> Result<Vec<HdrView<'a>>, Failure> {
+/// Returns the images in the form of metrics, in camera axes.
+fn hdr_views<'a>(images: &'a [ViewImage], pixels: &'a [Pixels]) -> Result<Vec<HdrView<'a>>, Failure> {
     let view = |(index, image): (usize, &'a ViewImage)| {
         Ok(HdrView::new(image.projection.mapping(), pixels_of(pixels, index)?)?.turned(image.camera_from_view))
     };
@@ -141,23 +141,23 @@ fn measured(views: &[HdrView<'_>], place: &Compared) -> f64 {
     views[place.image].luminance_cd_m2(x, y)
 }
 
-/// The starry sky, pixel by pixel.
+/// Measures the starry sky pixel by pixel.
 fn veil(scenes: &GlareScenes, draw: &mut DrawVeil<'_>) -> Result<Vec<Score>, Failure> {
     let pixels = draw(&scenes.sky, &scenes.rig)?;
-    let views = seen(scenes.images(), &pixels)?;
+    let views = hdr_views(scenes.images(), &pixels)?;
     let pairs: Vec<(f64, f64)> =
         scenes.places.iter().map(|place| (measured(&views, place), place.expected_cd_m2)).collect();
     let errors = relative_errors(&pairs)?;
-    let note = format!("{} of {} pixels, the others lie beside a source", pairs.len(), scenes.sampled);
+    let note = format!("{} of {} pixels, the others are next to a source", pairs.len(), scenes.sampled);
     Ok([errors.rms, errors.largest].map(|value| Score { value: Some(value), note: note.clone() }).to_vec())
 }
 
-/// Circles around sources off the axis.
+/// Measures circles around off-axis sources.
 fn round(scenes: &GlareScenes, draw: &mut DrawVeil<'_>) -> Result<Vec<Score>, Failure> {
     let mut worst = 0.0_f64;
     for Placed { direction, scene } in &scenes.off_axis {
         let pixels = draw(scene, &scenes.rig)?;
-        let found = roundness(&seen(scenes.images(), &pixels)?, *direction, scenes.circle_rad)?;
+        let found = roundness(&hdr_views(scenes.images(), &pixels)?, *direction, scenes.circle_rad)?;
         worst = worst.max(found.largest_deviation);
     }
     let angles: Vec<String> = scenes
@@ -169,43 +169,46 @@ fn round(scenes: &GlareScenes, draw: &mut DrawVeil<'_>) -> Result<Vec<Score>, Fa
     Ok(vec![Score { value: Some(worst), note: format!("{} degrees off, {circle:.1} around", angles.join(" and ")) }])
 }
 
-/// The fall-off around a source.
+/// Measures the falloff around a source.
 fn slope(scenes: &GlareScenes, draw: &mut DrawVeil<'_>) -> Result<Vec<Score>, Failure> {
     let Placed { direction, scene } = &scenes.central;
     let pixels = draw(scene, &scenes.rig)?;
     let [from, to] = scenes.slope_rad;
     let edges: Vec<f64> = (0..=12).map(|i| from * (to / from).powf(f64::from(i) / 12.0)).collect();
-    let profile = radial_profile(&seen(scenes.images(), &pixels)?, *direction, &edges, |angle| scenes.per_sr(angle))?;
-    Ok(vec![Score::of(log_log_slope(&profile, [from, to])?)])
+    let profile =
+        radial_profile(&hdr_views(scenes.images(), &pixels)?, *direction, &edges, |angle| scenes.per_sr(angle))?;
+    Ok(vec![Score::from_value(log_log_slope(&profile, [from, to])?)])
 }
 
-/// A source just outside.
+/// Measures a source just outside of the picture.
 fn from_outside(scenes: &GlareScenes, draw: &mut DrawVeil<'_>) -> Result<Vec<Score>, Failure> {
     let Some((scene, places)) = &scenes.outside else {
         return Ok(vec![Score::none("does not apply: the view shows the whole sky")]);
     };
     let pixels = draw(scene, &scenes.rig)?;
-    let views = seen(scenes.images(), &pixels)?;
-    let light = |of: &dyn Fn(&Compared) -> f64| places.iter().map(|place| of(place) * place.omega_sr).sum::<f64>();
-    Ok(vec![Score::of(light(&|place| measured(&views, place)) / light(&|place| place.expected_cd_m2))])
+    let views = hdr_views(scenes.images(), &pixels)?;
+    let light = |luminance: &dyn Fn(&Compared) -> f64| {
+        places.iter().map(|place| luminance(place) * place.omega_sr).sum::<f64>()
+    };
+    Ok(vec![Score::from_value(light(&|place| measured(&views, place)) / light(&|place| place.expected_cd_m2))])
 }
 
-/// Pixels on both sides of the edges of a cube.
+/// Measures pixels on both sides of the edges of a cube.
 fn seam(scenes: &GlareScenes, draw: &mut DrawVeil<'_>) -> Result<Vec<Score>, Failure> {
     if scenes.edges.is_empty() {
         return Ok(vec![Score::none("does not apply: the view has no edges")]);
     }
     let pixels = draw(&scenes.central.scene, &scenes.rig)?;
-    let views = seen(scenes.images(), &pixels)?;
+    let views = hdr_views(scenes.images(), &pixels)?;
     let share = |place: &Compared| measured(&views, place) / place.expected_cd_m2;
     let step = |[here, there]: &[Compared; 2]| (share(here) - share(there)).abs();
-    Ok(vec![Score::of(scenes.edges.iter().map(step).fold(0.0, f64::max))])
+    Ok(vec![Score::from_value(scenes.edges.iter().map(step).fold(0.0, f64::max))])
 }
 
-/// All scattered light of one source.
+/// Measures all scattered light of one source.
 fn flux_kept(scenes: &GlareScenes, draw: &mut DrawVeil<'_>) -> Result<Vec<Score>, Failure> {
     let pixels = draw(&scenes.central.scene, &scenes.rig)?;
-    Ok(vec![Score::of(total_illuminance_lx(&seen(scenes.images(), &pixels)?)? / scenes.flux_lx)])
+    Ok(vec![Score::from_value(total_illuminance_lx(&hdr_views(scenes.images(), &pixels)?)? / scenes.flux_lx)])
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! How each figure is measured: a scene is drawn, its stars are looked at one by one.
+//! Measures each figure: draws a scene and evaluates its stars one by one.
 
 use std::f64::consts::PI;
 
@@ -16,10 +16,10 @@ use crate::{
     view::projection::{BoundingCone, PlaneMapping},
 };
 
-/// Exposure of the scenes whose figures are taken before exposure: the usual night.
+/// Exposure of the scenes whose figures are taken before exposure: a typical night.
 pub(super) const NIGHT_EV100: f64 = -8.0;
 
-/// The pixels of an image of a frame.
+/// Returns the pixels of an image of a frame.
 pub(super) fn pixels_of(frame: &[Pixels], index: usize) -> Result<&Pixels, Failure> {
     frame.get(index).ok_or_else(|| Failure::Method("the frame has no HDR image".to_owned()))
 }
@@ -32,18 +32,18 @@ pub(super) fn root_mean_square(values: &[f64]) -> Option<f64> {
     Some(mean(&values.iter().map(|value| value * value).collect::<Vec<_>>())?.sqrt())
 }
 
-/// Standard deviation over mean; `None` where the mean is 0.
+/// Standard deviation over mean; `None` if the mean is 0.
 pub(super) fn deviation_over_mean(values: &[f64]) -> Option<f64> {
     let middle = mean(values).filter(|middle| *middle > 0.0)?;
     Some(root_mean_square(&values.iter().map(|value| value - middle).collect::<Vec<_>>())? / middle)
 }
 
-/// A score, or the reason why there is none.
+/// Returns a score, or the reason why it is missing.
 pub(super) fn score(value: Option<f64>, why_not: &str) -> Score {
-    value.map_or_else(|| Score::none(why_not), Score::of)
+    value.map_or_else(|| Score::none(why_not), Score::from_value)
 }
 
-/// A part of a picture, cut out around a star: looking at it costs nothing of the rest.
+/// The part of a picture around a star, so that the rest need not be evaluated.
 struct Window<'a> {
     mapping: &'a dyn PlaneMapping,
     corner: [u32; 2],
@@ -66,7 +66,7 @@ impl<'a> Window<'a> {
         DVec2::new(f64::from(self.corner[0]), f64::from(self.corner[1]))
     }
 
-    /// The window's own pixels.
+    /// Returns the pixels of the window.
     fn cut(&self, pixels: &[[f32; 4]]) -> Vec<[f32; 4]> {
         let row = self.mapping.size()[0] as usize;
         let [left, top] = self.corner.map(|side| side as usize);
@@ -97,7 +97,7 @@ impl PlaneMapping for Window<'_> {
     }
 }
 
-/// Light in lx per channel within `radius_px` of a place.
+/// Returns the light per channel within `radius_px` of a position, lx.
 fn colour_near(image: &HdrView<'_>, centre: DVec2, radius_px: u32) -> [f64; 3] {
     let window = Window::around(image.mapping(), centre, radius_px);
     let mut sum = [0.0; 3];
@@ -113,7 +113,7 @@ fn colour_near(image: &HdrView<'_>, centre: DVec2, radius_px: u32) -> [f64; 3] {
 }
 
 impl Scorer<'_> {
-    /// How far around a star its light is looked for, pixels.
+    /// Radius around a star within which its light is measured, pixels.
     fn radius_px(&self) -> f64 {
         f64::from(self.cell_px) / 2.0 - 1.0
     }
@@ -122,12 +122,12 @@ impl Scorer<'_> {
         (self.draw)(scene, ev100)
     }
 
-    /// The scale of a method of relative brightness; 1 for the others.
+    /// Returns the fitted scale of a method with relative brightness; 1 for other methods.
     fn scale(&self, measured_and_expected_lx: &[(f64, f64)]) -> Result<f64, MetricError> {
         if self.method.is_relative() { fitted_scale(measured_and_expected_lx) } else { Ok(1.0) }
     }
 
-    /// Light of every star of a scene as (measured, expected), lx.
+    /// Returns the light of every star of a scene as (measured, expected), lx.
     fn light_of(&self, image: &HdrView<'_>, stars: &[Placed]) -> Result<Vec<(f64, f64)>, MetricError> {
         stars
             .iter()
@@ -135,20 +135,20 @@ impl Scorer<'_> {
             .collect()
     }
 
-    /// Flicker at three brightnesses and before tone mapping, centroid, width.
+    /// Measures flicker at three brightnesses and before tone mapping, centroid and width.
     pub(super) fn sweep(&mut self) -> Result<Vec<Score>, Failure> {
         let side = (self.size.image_px / self.cell_px).max(1) as usize;
         let pages = self.size.positions.div_ceil(side * side);
-        let (mut shown, mut linear) = (Vec::new(), None);
+        let (mut scores, mut linear) = (Vec::new(), None);
         let (mut centroids, mut widths) = (Vec::new(), Vec::new());
         let radius_px = self.radius_px();
         let mut positions = usize::MAX;
         let narrow = self.method.accumulator() == crate::plan::settings::Accumulator::FixedPoint;
         for k in [1.0, 10.0, 100.0] {
             let mut meter: Option<FlickerMeter> = None;
-            let mut seen = 0;
+            let mut positions_drawn = 0;
             for page in 0..pages {
-                // The first page of each brightness is always drawn, two positions being the least there can be.
+                // The first page of each brightness is always drawn: two positions are the minimum.
                 if page > 0 && self.budget.is_over() {
                     break;
                 }
@@ -170,30 +170,30 @@ impl Scorer<'_> {
                         widths.push(shape_px(&image, star.pixel, radius_px)?.rms_radius());
                     }
                 }
-                seen += scene.stars.len();
+                positions_drawn += scene.stars.len();
             }
-            positions = positions.min(seen);
+            positions = positions.min(positions_drawn);
             let flicker = meter.ok_or(MetricError::NoLight("flicker"))?.flicker()?;
-            shown.push(Score::of(flicker.after));
+            scores.push(Score::from_value(flicker.after));
             if k == 10.0 {
                 linear = Some(flicker.before);
             }
         }
         let width = score(deviation_over_mean(&widths), "does not apply: a single pixel has no width");
-        shown.push(score(linear, "no light"));
-        shown.push(score(root_mean_square(&centroids), "no light"));
-        shown.push(width);
+        scores.push(score(linear, "no light"));
+        scores.push(score(root_mean_square(&centroids), "no light"));
+        scores.push(width);
         if positions < self.size.positions {
-            for score in &mut shown {
+            for score in &mut scores {
                 if score.note.is_empty() {
-                    score.note = format!("{positions} sub-pixel positions: the budget had no more");
+                    score.note = format!("{positions} sub-pixel positions: the budget was used up");
                 }
             }
         }
-        Ok(shown)
+        Ok(scores)
     }
 
-    /// Light of single stars, from centre to corner.
+    /// Measures the light of single stars from centre to corner.
     pub(super) fn single_stars(&mut self) -> Result<Vec<Score>, Failure> {
         let px = self.size.image_px;
         let mut pairs = Vec::new();
@@ -208,7 +208,7 @@ impl Scorer<'_> {
         Ok(vec![score(root_mean_square(&errors), "no star fits into the picture")])
     }
 
-    /// Ellipticity in view space, 45 degrees off the axis.
+    /// Measures ellipticity in view space, 45 degrees off the axis.
     pub(super) fn ellipticity(&mut self) -> Result<Vec<Score>, Failure> {
         let scene = scenes::ring(self.size.image_px, self.cell_px)?;
         let frame = self.draw(&scene, NIGHT_EV100)?;
@@ -223,7 +223,7 @@ impl Scorer<'_> {
         Ok(vec![score(mean(&found), "does not apply: a single pixel has no shape")])
     }
 
-    /// Two colours in one pixel.
+    /// Measures two colours in one pixel.
     pub(super) fn colour(&mut self) -> Result<Vec<Score>, Failure> {
         let scene = scenes::pairs(self.cell_px)?;
         let frame = self.draw(&scene, NIGHT_EV100)?;
@@ -239,9 +239,9 @@ impl Scorer<'_> {
         Ok(vec![score(root_mean_square(&distances), "no light")])
     }
 
-    /// A faint star beside a bright one.
+    /// Measures a faint star near a bright one.
     pub(super) fn range(&mut self) -> Result<Vec<Score>, Failure> {
-        let scene = scenes::faint_beside_bright(self.cell_px)?;
+        let scene = scenes::faint_near_bright(self.cell_px)?;
         let frame = self.draw(&scene, NIGHT_EV100)?;
         let image = HdrView::new(scene.mapping(), pixels_of(&frame, 0)?)?;
         let source = |star: &Placed| PointSource { pixel: star.pixel, illuminance_lx: star.illuminance_lx };
@@ -249,18 +249,18 @@ impl Scorer<'_> {
         let found = faint_beside_bright(&image, bright, faint, self.radius_px())?;
         let kept = [found.bright_error, found.faint_error].map(|error| error + 1.0);
         let scale = self.scale(&kept.map(|kept| (kept, 1.0)))?;
-        Ok(vec![Score::of(kept.map(|kept| (scale * kept - 1.0).abs()).into_iter().fold(0.0, f64::max))])
+        Ok(vec![Score::from_value(kept.map(|kept| (scale * kept - 1.0).abs()).into_iter().fold(0.0, f64::max))])
     }
 
-    /// The same stars in other orders, and again in the same.
+    /// Compares pictures of the same stars in different orders, and in the same order again.
     pub(super) fn order(&mut self) -> Result<Vec<Score>, Failure> {
         let mut frames = Vec::new();
         let crowd = if self.cell_px > 32 { self.size.crowd / 8 } else { self.size.crowd };
         let mut scene = scenes::crowd(crowd)?;
-        // The usual order twice: what differs from run to run is found too.
+        // The default order is drawn twice to detect differences between runs.
         let repeats = 2;
         for shuffle in 0..repeats + self.size.shuffles.max(1) {
-            // One shuffle is always drawn: of none there is no figure.
+            // At least one shuffle is drawn, otherwise there is no figure.
             if shuffle > repeats && self.budget.is_over() {
                 break;
             }
@@ -275,25 +275,25 @@ impl Scorer<'_> {
         let lit = images[0].size().map(f64::from).iter().product::<f64>();
         let [width, height] = images[0].size();
         if (0..height).all(|y| (0..width).all(|x| images[0].luminance_cd_m2(x, y) == 0.0)) {
-            // Black is the same in every order, and says nothing.
+            // A black picture is the same in every order, so it yields no figure.
             return Err(MetricError::NoLight("the order of stars").into());
         }
         let difference = order_dependence(&images)?;
-        let mut found = Score::of(difference.pixels as f64 / lit);
+        let mut found = Score::from_value(difference.pixels as f64 / lit);
         found.note = format!("{shuffles} shuffles");
         if shuffles < self.size.shuffles {
-            found.note += ": the budget had no more";
+            found.note += ": the budget was used up";
         }
         if !difference.identical {
             found.note += &format!(
-                ", largest difference {:.1e} of the brightest channel, {:.1e} of its own",
+                ", largest difference {:.1e} of the brightest channel, {:.1e} of the same channel",
                 difference.largest_of_brightest, difference.largest_relative
             );
         }
         Ok(vec![found])
     }
 
-    /// Many equal stars in one pixel.
+    /// Measures many equal stars in one pixel.
     pub(super) fn heap(&mut self) -> Result<Vec<Score>, Failure> {
         let light = |scorer: &mut Self, stars: usize| -> Result<(f64, f64), Failure> {
             let scene = scenes::heap(stars)?;
@@ -305,14 +305,14 @@ impl Scorer<'_> {
         let one = light(self, 1)?;
         let scale = self.scale(&[one])?;
         let (measured, expected) = light(self, self.size.heap)?;
-        let mut found = Score::of(scale * measured / expected);
+        let mut found = Score::from_value(scale * measured / expected);
         if self.size.heap != 20_000 {
             found.note = format!("of {} stars", self.size.heap);
         }
         Ok(vec![found])
     }
 
-    /// Stars at the edges of a cubemap.
+    /// Measures stars at the edges of a cubemap.
     pub(super) fn seam(&mut self) -> Result<Vec<Score>, Failure> {
         let scene = scenes::cube_edges((self.size.image_px / 8).max(64))?;
         let frame = self.draw(&scene, NIGHT_EV100)?;
@@ -334,7 +334,7 @@ impl Scorer<'_> {
             })
             .collect::<Result<Vec<f64>, MetricError>>()?;
         let variation = relative_variation(&kept)?;
-        let why_not = format!("without bound: a star at an edge is lost ({})", Metric::Seam.name());
+        let why_not = format!("unbounded: a star at an edge is lost ({})", Metric::Seam.name());
         let mut found = score(Some(variation).filter(|variation| variation.is_finite()), &why_not);
         if self.method.needs_planes() {
             found.note = [found.note.as_str(), "through cube faces"].join(" ").trim().to_owned();

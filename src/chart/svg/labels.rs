@@ -1,18 +1,18 @@
-//! Where the labels of points go: beside their point where there is room, else farther off with a line to it.
+//! Places the labels of points: next to the point if there is room, otherwise farther away with a line to it.
 
 /// Height of a label, pixels.
 pub const HEIGHT: f64 = 12.0;
-/// Mean width of a character at 11 pixels, generous.
+/// Mean width of a character at font size 11, pixels; generous.
 const CHARACTER: f64 = 6.6;
-/// Room around marks, rings included.
+/// Clearance around marks, including rings, pixels.
 const MARK: f64 = 9.0;
 
-/// Estimated width of a text of 11 pixels.
+/// Estimates the width of a text at font size 11, pixels.
 pub fn width_px(text: &str) -> f64 {
     text.chars().count() as f64 * CHARACTER
 }
 
-/// Estimated width of the same in bold.
+/// Estimates the width of a bold text at font size 11, pixels.
 pub fn bold_width_px(text: &str) -> f64 {
     1.15 * width_px(text)
 }
@@ -40,18 +40,18 @@ impl Box4 {
     }
 }
 
-/// A label with its place: `far` if a line should lead to its point.
+/// A label with its position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placed {
-    /// What the label covers.
+    /// Area covered by the label.
     pub area: Box4,
-    /// Whether it stands off its point.
+    /// Whether the label is away from its point, so that a line must connect them.
     pub far: bool,
 }
 
-/// Places the labels of points at (x, y), widths in pixels, within `frame`. Labels overlap neither each other nor a mark as
-/// long as there is any room nearby; then they are put where they overlap least. They keep off `line`, a run of upright and
-/// level pieces, where that costs nothing else.
+/// Places the labels of points at (x, y), widths in pixels, within `frame`. Labels overlap neither each other nor a
+/// mark if there is room nearby; otherwise they take the position with the least overlap. They avoid `line`, a sequence
+/// of vertical and horizontal segments, if that costs nothing else.
 pub fn place(points: &[([f64; 2], f64)], line: &[[f64; 2]], frame: Box4) -> Vec<Placed> {
     let marks: Vec<Box4> = points
         .iter()
@@ -67,29 +67,29 @@ pub fn place(points: &[([f64; 2], f64)], line: &[[f64; 2]], frame: Box4) -> Vec<
         })
         .collect();
     let mut order: Vec<usize> = (0..points.len()).collect();
-    // From the top down, so that crowded labels stack in the order of their points.
+    // Go from top to bottom, so that crowded labels stack in the order of their points.
     order.sort_by(|&a, &b| points[a].0[1].total_cmp(&points[b].0[1]).then(points[a].0[0].total_cmp(&points[b].0[0])));
     let mut placed: Vec<Option<Placed>> = vec![None; points.len()];
     for index in order {
         let ([x, y], width) = points[index];
-        let at = |left: f64, middle: f64| Box4 {
+        let area = |left: f64, middle: f64| Box4 {
             left,
             top: middle - HEIGHT / 2.0,
             right: left + width,
             bottom: middle + HEIGHT / 2.0,
         };
         let mut candidates = vec![
-            (at(x + MARK + 2.0, y), false),
-            (at(x - MARK - 2.0 - width, y), false),
-            (at(x - width / 2.0, y - MARK - HEIGHT / 2.0 - 1.0), false),
-            (at(x - width / 2.0, y + MARK + HEIGHT / 2.0 + 1.0), false),
+            (area(x + MARK + 2.0, y), false),
+            (area(x - MARK - 2.0 - width, y), false),
+            (area(x - width / 2.0, y - MARK - HEIGHT / 2.0 - 1.0), false),
+            (area(x - width / 2.0, y + MARK + HEIGHT / 2.0 + 1.0), false),
         ];
         for ring in 1..16 {
             let off = f64::from(ring) * (HEIGHT + 1.0);
             for vertical in [-off, off] {
-                candidates.push((at(x + MARK + 8.0, y + vertical), true));
-                candidates.push((at(x - MARK - 8.0 - width, y + vertical), true));
-                candidates.push((at(x - width / 2.0, y + vertical), true));
+                candidates.push((area(x + MARK + 8.0, y + vertical), true));
+                candidates.push((area(x - MARK - 8.0 - width, y + vertical), true));
+                candidates.push((area(x - width / 2.0, y + vertical), true));
             }
         }
         let trouble = |area: &Box4| {
@@ -98,7 +98,7 @@ pub fn place(points: &[([f64; 2], f64)], line: &[[f64; 2]], frame: Box4) -> Vec<
             let crossed = pieces.iter().filter(|piece| piece.overlaps(area)).count();
             1000 * usize::from(!area.inside(&frame)) + 100 * (others + marks) + crossed
         };
-        // Of equals the first, which is the nearest.
+        // `min_by_key` returns the first of equal candidates, which is the nearest.
         let best = candidates.iter().min_by_key(|(area, _)| trouble(area));
         placed[index] = best.map(|&(area, far)| Placed { area, far });
     }
@@ -112,8 +112,8 @@ mod tests {
     const FRAME: Box4 = Box4 { left: 0.0, top: 0.0, right: 500.0, bottom: 300.0 };
 
     #[test]
-    fn labels_keep_clear_of_each_other_and_of_the_marks() {
-        // Eighteen points, nine of them in one spot and the others in a row at the right border.
+    fn labels_overlap_neither_each_other_nor_marks() {
+        // Eighteen points: nine in one spot, the others in a row at the right border.
         let mut points = vec![([250.0, 150.0], 110.0); 9];
         points.extend((0..9).map(|i| ([495.0, 30.0 + 7.0 * f64::from(i)], 80.0)));
         let placed = place(&points, &[], FRAME);
@@ -128,17 +128,17 @@ mod tests {
     }
 
     #[test]
-    fn a_label_keeps_off_the_line() {
+    fn label_avoids_the_line() {
         let line = [[100.0, 0.0], [100.0, 100.0], [500.0, 100.0]];
         let placed = place(&[([100.0, 100.0], 50.0)], &line, FRAME);
         assert!(placed[0].area.right < 99.0 || placed[0].area.top > 101.0, "{placed:?}");
     }
 
     #[test]
-    fn a_lonely_label_stands_right_beside_its_point() {
+    fn single_label_is_next_to_its_point() {
         let placed = place(&[([100.0, 100.0], 50.0)], &[], FRAME);
         assert!(!placed[0].far && placed[0].area.left <= 100.0 + MARK + 2.0);
-        // At the right border it goes to the other side.
+        // At the right border the label moves to the other side.
         let placed = place(&[([490.0, 100.0], 50.0)], &[], FRAME);
         assert!(!placed[0].far && placed[0].area.right < 490.0);
     }

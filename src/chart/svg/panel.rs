@@ -1,4 +1,4 @@
-//! One panel: logarithmic axes, marks, labels and the front.
+//! One panel: logarithmic axes, marks, labels and the Pareto front.
 
 use ::svg::{
     Document,
@@ -21,12 +21,12 @@ pub const SOURCES: [&str; 6] = [
     "star-fields-psf-godot",
     "asteroid-field-rendering",
 ];
-/// Their colours: the palette of Okabe and Ito, which the colour-blind tell apart.
+/// Colours of the sources: the palette of Okabe and Ito, which colour-blind readers can distinguish.
 const COLOURS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#3d3d3d"];
 
 /// A method in a panel.
 pub struct Point {
-    /// Name.
+    /// Label of the point.
     pub label: String,
     /// Source of the method.
     pub source: String,
@@ -38,11 +38,11 @@ pub struct Point {
 
 /// Time against one error.
 pub struct Panel {
-    /// Name of the error.
+    /// Name of the error metric.
     pub name: String,
-    /// What it means.
+    /// Meaning of the metric.
     pub meaning: String,
-    /// What was timed.
+    /// Work that was timed.
     pub timed: &'static str,
     /// The methods with a figure.
     pub points: Vec<Point>,
@@ -50,7 +50,7 @@ pub struct Panel {
     pub without: Vec<String>,
 }
 
-/// The mark of a source.
+/// Returns the mark of a source.
 pub fn mark(source: &str, x: f64, y: f64, r: f64) -> Path {
     let index = SOURCES.iter().position(|name| *name == source).unwrap_or(0);
     let shape = match index {
@@ -64,19 +64,19 @@ pub fn mark(source: &str, x: f64, y: f64, r: f64) -> Path {
     Path::new().set("d", shape).set("fill", COLOURS[index]).set("stroke", "#ffffff").set("stroke-width", 0.8)
 }
 
-/// Colour of a source.
+/// Returns the colour of a source.
 pub fn colour(source: &str) -> &'static str {
     COLOURS[SOURCES.iter().position(|name| *name == source).unwrap_or(0)]
 }
 
-/// The line from a point to a label that stands off it.
+/// Returns the line from a point to its distant label.
 pub fn leader([x, y]: [f64; 2], label: &Box4) -> Line {
     let end = x.clamp(label.left, label.right);
     let edge = y.clamp(label.top + 1.0, label.bottom - 1.0);
     Line::new().set("x1", x).set("y1", y).set("x2", end).set("y2", edge).set("class", "leader")
 }
 
-/// Words in lines of at most so many characters.
+/// Wraps words into lines of at most this many characters.
 pub fn wrapped(text: &str, characters: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split(' ') {
@@ -95,11 +95,11 @@ pub fn wrapped(text: &str, characters: usize) -> Vec<String> {
 }
 
 impl Panel {
-    /// Adds the panel to a picture, its corner at `at`.
-    pub fn draw(&self, mut document: Document, at: [f64; 2], size: [f64; 2]) -> Document {
+    /// Adds the panel to a picture with its corner at `corner`.
+    pub fn draw(&self, mut document: Document, corner: [f64; 2], size: [f64; 2]) -> Document {
         let text =
             |x: f64, y: f64, class: &str, content: &str| Text::new(content).set("x", x).set("y", y).set("class", class);
-        let [left, top] = at;
+        let [left, top] = corner;
         let frame =
             Box4 { left: left + 62.0, top: top + 46.0, right: left + size[0] - 14.0, bottom: top + size[1] - 82.0 };
         document = document.add(text(frame.left, top + 20.0, "name", &self.name));
@@ -136,7 +136,7 @@ impl Panel {
             values.fold((f64::INFINITY, 0.0_f64), |(least, most), value| (least.min(value), most.max(value)))
         };
         let (fastest, slowest) = range(|point| point.ms);
-        // Room for the labels to the right of the slowest.
+        // Leave room for the labels to the right of the slowest method.
         let widen = (slowest / fastest).max(2.0).powf(0.12);
         let x = Scale { from: fastest / widen, to: slowest * widen, start_px: frame.left, end_px: frame.right };
         let (least, most) = range(|point| point.error);
@@ -145,7 +145,7 @@ impl Panel {
             10f64.powf(if up { (exponent + 0.15).ceil() } else { (exponent - 0.05).floor() })
         };
         let top = decade(most, true);
-        // Two decades at least: a smaller difference is none that matters.
+        // Show at least two decades: a smaller difference does not matter.
         let from = decade(least, false).min(1e-2 * top);
         let y = Scale { from, to: top, start_px: frame.bottom, end_px: frame.top };
         (x, y)
@@ -153,9 +153,9 @@ impl Panel {
 
     fn marks(&self, mut document: Document, x: &Scale, y: &Scale, frame: &Box4) -> Document {
         let figures: Vec<(f64, f64)> = self.points.iter().map(|point| (point.ms, point.error)).collect();
-        // Every point has a time and an error: rows with figures that are none are refused by the table.
+        // Every point is finite, because the table refuses rows with other figures.
         let front = pareto_front(&figures).unwrap_or_default();
-        // Stairs: what no method reaches lies below and to the left.
+        // Staircase: no method reaches the region below and to the left of it.
         let mut stairs: Vec<[f64; 2]> = Vec::new();
         for &index in &front {
             let (px, py) = (x.px(figures[index].0), y.px(figures[index].1));
@@ -204,7 +204,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_lines_are_broken_between_words() {
+    fn long_lines_wrap_between_words() {
         assert_eq!(wrapped("one two three", 8), ["one two", "three"]);
         assert_eq!(wrapped("", 8), [""]);
         assert_eq!(wrapped("incomprehensible it", 8), ["incomprehensible", "it"]);

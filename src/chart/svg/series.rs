@@ -1,4 +1,4 @@
-//! The picture of an axis whose question is time alone: a line per method, from workload to workload.
+//! The picture of an axis about time only: one line per method, from workload to workload.
 
 use ::svg::node::element::{Polyline, Rectangle, Text, Title};
 
@@ -12,19 +12,20 @@ use super::{
 use crate::chart::{About, Axis, Row};
 
 const SIZE: [f64; 2] = [1100.0, 700.0];
-/// Room for the names at the right.
+/// Space for the names at the right, pixels.
 const NAMES: f64 = 200.0;
 
 /// The times of one method.
 struct Series<'a> {
     method: &'a str,
     source: &'a str,
-    /// Place in the list of workloads, and ms.
+    /// Index in the list of workloads, and time, ms.
     times: Vec<(usize, f64)>,
 }
 
 /// Draws the rows of an axis.
 pub fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
+    // Group the rows: a place on the time axis per workload, a series per method, and the methods without a time.
     let mut workloads: Vec<&Row> = Vec::new();
     let mut series: Vec<Series<'_>> = Vec::new();
     let mut without: Vec<&str> = Vec::new();
@@ -46,13 +47,14 @@ pub fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
             None => series.push(Series { method: &row.method, source: &row.source, times: vec![(place, ms)] }),
         }
     }
+    // Head of the picture with a subtitle, and the frame.
     let subtitle = match rows.first() {
         Some(row) if axis == Axis::Scale => {
             format!("galaxy seen towards the anticentre, {} x {} pixels; lower is better", row.width, row.height)
         }
         Some(row) if axis == Axis::Asteroids => format!(
-            "a field of constant volume, all of it on screen, {} x {} pixels; passes of asteroids and planning; what was published is \
-             of other hardware; lower is better",
+            "a field of constant volume, all of it on screen, {} x {} pixels; time of the asteroid passes and planning; published figures come \
+             from other hardware; lower is better",
             row.width, row.height
         ),
         Some(row) => format!("{} stars in the catalogue; lower is better", grouped(row.items)),
@@ -68,6 +70,7 @@ pub fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
             .set("height", frame.bottom - frame.top)
             .set("class", "frame"),
     );
+    // Names of the methods without a time, below the frame.
     if !without.is_empty() {
         let text = format!("without a time: {}", without.join(", "));
         for (index, line) in panel::wrapped(&text, 150).into_iter().enumerate() {
@@ -78,7 +81,7 @@ pub fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
     let times = || series.iter().flat_map(|series| &series.times).map(|time| time.1);
     let (least, most) = (times().fold(f64::INFINITY, f64::min), times().fold(0.0, f64::max));
     if most > 0.0 {
-        // Half a decade at least, so that noise does not fill the picture.
+        // Show at least half a decade, so that noise does not fill the picture.
         let middle = (least * most).sqrt();
         let y = Scale {
             from: (least * 0.85).min(middle / 2.0),
@@ -86,9 +89,10 @@ pub fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
             start_px: frame.bottom,
             end_px: frame.top,
         };
+        // Grid and labels of both axes.
         for (digit, decade) in y.ticks() {
             let value = digit * 10f64.powi(decade);
-            document = axes::level(document, y.px(value), format!("{} ms", axes::shown(digit, decade)), &frame);
+            document = axes::level(document, y.px(value), format!("{} ms", axes::label(digit, decade)), &frame);
         }
         let places = places(axis, &workloads, &frame);
         for (place, row) in places.iter().zip(&workloads) {
@@ -96,12 +100,14 @@ pub fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
                 if axis == Axis::Asteroids { row.workload.split(' ').next() } else { Some(row.workload.as_str()) };
             document = axes::upright(document, *place, name.unwrap_or_default(), &frame);
         }
+        // Place the name of each series next to its last point.
         let last: Vec<([f64; 2], f64)> = series
             .iter()
             .filter_map(|series| series.times.last().map(|time| (series, time)))
             .map(|(series, (place, ms))| ([places[*place], y.px(*ms)], labels::width_px(series.method)))
             .collect();
         let labels = labels::place(&last, &[], Box4 { left: frame.right - 16.0, right: SIZE[0] - 2.0, ..frame });
+        // Draw each series: line, marks with tooltips, and name.
         for ((series, label), ([x, last_y], _)) in series.iter().zip(labels).zip(&last) {
             let colour = panel::colour(series.source);
             let points: Vec<String> =
@@ -128,12 +134,12 @@ pub fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
     axes::caption(document, caption, &frame).to_string() + "\n"
 }
 
-/// Whether workloads lie by the logarithm of their count.
+/// Whether workloads are placed by the logarithm of their count.
 fn by_count(axis: Axis) -> bool {
     matches!(axis, Axis::Scale | Axis::Asteroids)
 }
 
-/// Where each workload lies: by the logarithm of its stars, or one beside the other.
+/// Returns the position of each workload: by the logarithm of its number of stars, or evenly spaced.
 fn places(axis: Axis, workloads: &[&Row], frame: &Box4) -> Vec<f64> {
     let inner = [frame.left + 40.0, frame.right - 20.0];
     let even = |index: usize| inner[0] + (inner[1] - inner[0]) * index as f64 / (workloads.len() - 1).max(1) as f64;
@@ -156,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_of_stars_lie_by_their_logarithm_and_views_beside_each_other() {
+    fn star_counts_are_logarithmic_and_views_evenly_spaced() {
         let rows = [row("a", 100), row("b", 1000), row("c", 100_000)];
         let rows: Vec<&Row> = rows.iter().collect();
         let frame = Box4 { left: -40.0, top: 0.0, right: 320.0, bottom: 1.0 };

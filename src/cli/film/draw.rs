@@ -1,4 +1,4 @@
-//! Drawing of a film's frames.
+//! Draws the frames of a film.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -30,7 +30,7 @@ use crate::render::{Frame, FrameRequest, RenderError, Renderer, Wanted};
 use crate::scene::{Camera, SceneObjects, SceneSnapshot, SeenStars};
 use crate::view::{Rig, ViewPicture};
 
-/// Names of the formats.
+/// File formats of the frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Format {
     /// Display images, PNG of 8 bits.
@@ -58,40 +58,40 @@ fn open_share(text: &str) -> Result<f64, String> {
     within(text, [0.0, 1.0])
 }
 
-/// Arguments of `film` for drawing.
+/// Arguments of `film` when it draws.
 #[derive(Debug, Args)]
 pub struct DrawArguments {
     /// The configuration.
     #[arg(long, value_name = "FILE")]
     config: PathBuf,
-    /// The path: keyframes in TOML.
+    /// Path of the camera: keyframes in TOML.
     #[arg(long, value_name = "FILE")]
     path: PathBuf,
-    /// The frames: A..B without B, A..=B with it.
+    /// Range of frames: A..B excludes B, A..=B includes it.
     #[arg(long, value_name = "A..B")]
     frames: FrameRange,
     /// Output folder; created if it does not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// How images are written.
+    /// File format of the images.
     #[arg(long, value_enum, default_value = "png8")]
     format: Format,
-    /// Draw every N-th frame alone, from the I-th on: one of N runs that share the range.
+    /// Draw only every N-th frame, starting at the I-th: one of N runs that share the range.
     #[arg(long, value_name = "I/N", conflicts_with = "video")]
     shard: Option<Shard>,
-    /// Motion blur: share of the time between two frames in which the shutter is open, 0 to 1.
+    /// Motion blur: share of the time between two frames during which the shutter is open, 0 to 1.
     #[arg(long, value_name = "S", value_parser = open_share, requires = "sub_frames")]
     shutter: Option<f64>,
-    /// Motion blur: moments whose light is added up, 1 to 64.
+    /// Motion blur: number of moments whose light is added, 1 to 64.
     #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..=i64::from(MOST_SUB_FRAMES)), requires = "shutter")]
     sub_frames: Option<u32>,
-    /// Make a video of the frames with an installed ffmpeg.
+    /// Encode the frames as a video with an installed ffmpeg.
     #[arg(long, value_name = "FILE")]
     video: Option<PathBuf>,
-    /// The view that the video shows; needed where there are several.
+    /// View that the video shows; required if there are several.
     #[arg(long, value_name = "NAME", requires = "video")]
     video_view: Option<String>,
-    /// Draw frames that are there again, and replace another film in the folder.
+    /// Draw existing frames again, and replace another film in the folder.
     #[arg(long)]
     overwrite: bool,
     /// Override a key of the configuration; can be repeated.
@@ -99,20 +99,20 @@ pub struct DrawArguments {
     set: Vec<String>,
 }
 
-/// The film, before anything is drawn.
+/// A film before anything is drawn.
 struct Film {
     camera: Camera,
     path: FilmPath,
     tracks: FilmTracks,
     inputs: Inputs,
     format: FilmFormat,
-    /// `None`: every frame is of one moment.
+    /// `None`: every frame shows a single moment.
     shutter: Option<Shutter>,
 }
 
 /// Runs the command.
 pub fn run(arguments: DrawArguments, adapter: Option<String>) -> Result<(), CliError> {
-    // Everything that can be refused is looked at before the stars, which take longest.
+    // Check everything that can be refused before loading the stars, which takes longest.
     let inputs = Inputs::load(&arguments.config, &arguments.set)?;
     let path = FilmPath::load(&arguments.path)?;
     let film = Film {
@@ -143,12 +143,12 @@ pub fn run(arguments: DrawArguments, adapter: Option<String>) -> Result<(), CliE
     let folder = FilmFolder::open(&arguments.out, &record, arguments.overwrite)?;
     let frames: Vec<u32> = arguments.frames.frames(arguments.shard).collect();
     let missing: Vec<u32> = frames.iter().copied().filter(|frame| !folder.has(*frame)).collect();
-    film.tell_cost(&rig, frames.len(), missing.len());
+    film.log_cost(&rig, frames.len(), missing.len());
     if !missing.is_empty() {
         film.draw(&mut renderer, &folder, &record, &missing)?;
     }
     results::line(format!(
-        "{}: {} frames drawn, {} were there",
+        "{}: {} frames drawn, {} already existed",
         arguments.out.display(),
         missing.len(),
         frames.len() - missing.len()
@@ -162,7 +162,7 @@ pub fn run(arguments: DrawArguments, adapter: Option<String>) -> Result<(), CliE
 }
 
 impl Film {
-    /// Whether all frames can be drawn, as far as that is known beforehand; returns the views.
+    /// Checks whether all frames can be drawn, as far as that is known beforehand; returns the views.
     fn check(&self, range: FrameRange) -> Result<Rig, CliError> {
         let Self { inputs: Inputs { config, .. }, path, tracks, format, .. } = self;
         let rig = config.rig()?;
@@ -174,15 +174,18 @@ impl Film {
             return usage(format!("{}: accuracy.audit: films are not audited; `render` audits a frame", config.origin));
         }
         if config.accuracy.frame_ms.is_some() {
-            tracing::info!("{}: accuracy.frame_ms acts in `serve` alone: files give up no quality", config.origin);
+            tracing::info!(
+                "{}: accuracy.frame_ms applies only to `serve`: files are always drawn at full quality",
+                config.origin
+            );
         }
         let has_overlay = config.views.iter().any(|view| view.test_pattern) || {
             let overlay = &config.overlay;
             !overlay.grids.is_empty() || !overlay.trajectories.is_empty() || !overlay.labels.is_empty()
         };
         if (*format != FilmFormat::Png8 || self.shutter.is_some()) && has_overlay {
-            let text = "overlays and test patterns are in display images of 8 bits without motion blur alone: use --format png8 without \
-                        --shutter, or leave them out";
+            let text = "overlays and test patterns exist only in 8-bit display images without motion blur: use --format png8 without \
+                        --shutter, or remove them";
             return usage(format!("{}: overlay: {text}", config.origin));
         }
         check_with(path, config)?;
@@ -192,20 +195,20 @@ impl Film {
                 camera.map_err(|error| self.fault(frame, error.to_string()))?;
             }
         }
-        // Between keyframes nothing is beyond them.
+        // The values between two keyframes lie between those of the keyframes, so checking the keyframes suffices.
         for keyframe in &path.keyframes {
-            let groups = self.at(f64::from(keyframe.frame)).frame_groups();
+            let groups = self.config_at(f64::from(keyframe.frame)).frame_groups();
             groups.map_err(|error| self.fault(keyframe.frame, error.to_string()))?;
         }
         Ok(rig)
     }
 
-    /// The configuration of a moment.
-    fn at(&self, moment: f64) -> Config {
+    /// Returns the configuration at a moment.
+    fn config_at(&self, moment: f64) -> Config {
         self.tracks.at_moment(moment).applied_to(&self.inputs.config)
     }
 
-    /// The moments whose light a frame has.
+    /// Returns the moments whose light a frame adds up.
     fn moments(&self, frame: u32) -> Vec<f64> {
         self.shutter.map_or_else(|| vec![f64::from(frame)], |shutter| shutter.moments(frame).collect())
     }
@@ -214,7 +217,7 @@ impl Film {
         FilmError::Frame { origin: self.path.origin.clone(), frame, problem }
     }
 
-    /// What the files of the video's view begin with.
+    /// Returns the beginning of the file names of the video's view.
     fn video_stem(&self, rig: &Rig, view: Option<&str>) -> Result<String, CliError> {
         let usage = |text: String| Err(CliError::Usage(text));
         if self.format != FilmFormat::Png8 {
@@ -226,19 +229,19 @@ impl Film {
         let chosen = match (view, rig.views()) {
             (None, [_]) => single.first(),
             (None, _) => {
-                return usage(format!("--video shows one view: name it with --video-view; of one image are {allowed}"));
+                return usage(format!(
+                    "--video shows one view: name it with --video-view; views with one image: {allowed}"
+                ));
             }
             (Some(name), _) => single.iter().find(|view| view.name == name),
         };
         let Some(chosen) = chosen else {
-            return usage(format!("--video needs a view of one image: allowed are {allowed}"));
+            return usage(format!("--video needs a view with one image, which must be one of: {allowed}"));
         };
         let ViewPicture { part, size: [width, height] } = chosen.pictures()[0];
         if width % 2 != 0 || height % 2 != 0 {
             let name = &chosen.name;
-            return usage(format!(
-                "--video: view {name} has {width} x {height} pixels: even numbers are needed (4:2:0)"
-            ));
+            return usage(format!("--video: view {name} has {width} x {height} pixels: both must be even (4:2:0)"));
         }
         Ok(part.name().map_or(chosen.name.clone(), |part| format!("{}.{part}", chosen.name)))
     }
@@ -250,9 +253,9 @@ impl Film {
         let (version, format) = (env!("CARGO_PKG_VERSION"), self.format.name());
         let adapter = format!("{}, {}", report.adapter, report.driver);
         let blur = self.shutter.map_or("none".to_owned(), |shutter| {
-            format!("shutter open {:?} of the time, {} moments", shutter.open, shutter.sub_frames)
+            format!("shutter open for {:?} of the time, {} moments", shutter.open, shutter.sub_frames)
         });
-        // Lines: no name of a file has a line of its own.
+        // One line per item: a file name cannot contain a line break that would imitate another item.
         let files = self.inputs.files()?;
         let contents: String = files.iter().map(|file| format!("{} {:?}\n", file.sha256, file.file)).collect();
         Ok(FilmRecord {
@@ -273,13 +276,13 @@ impl Film {
         })
     }
 
-    fn tell_cost(&self, rig: &Rig, frames: usize, missing: usize) {
+    fn log_cost(&self, rig: &Rig, frames: usize, missing: usize) {
         let pixels_of = |size: [u32; 2]| size.map(u64::from).iter().product::<u64>();
         let pictures = rig.views().iter().flat_map(|view| view.pictures());
         let pixels: u64 = pictures.map(|picture| pixels_of(picture.size)).sum();
         let bytes = pixels * self.format.bytes_per_pixel() * missing as u64;
         tracing::info!(
-            "{frames} frames, {} of them to draw, {} moments each, {} views, {} images and {pixels} pixels a frame, about {:.3} GB at most as {}",
+            "{frames} frames, {} of them to draw, {} moments each; per frame {} views, {} images and {pixels} pixels; at most about {:.3} GB as {}",
             missing,
             self.shutter.map_or(1, |shutter| shutter.sub_frames),
             rig.views().len(),
@@ -297,10 +300,10 @@ impl Film {
         missing: &[u32],
     ) -> Result<(), CliError> {
         let of_render = |error: RenderError| CliError::render(error, &self.inputs.config.origin);
-        let groups = self.at(f64::from(missing[0])).frame_groups()?;
+        let groups = self.config_at(f64::from(missing[0])).frame_groups()?;
         let LoadedScene { stars, report, objects, prepared } = load::scene(&self.inputs.config, &groups, renderer)?;
         prepared.map_err(of_render)?;
-        folder.tell_catalogues(self.inputs.catalogues(&report))?;
+        folder.record_catalogues(self.inputs.catalogues(&report))?;
         let sources = self.inputs.config.star_sources();
         let stars = SeenStars::new(Arc::new(stars), objects.observer.as_ref(), sources);
         let ended = ended_by_signal().map_err(CliError::Runtime)?;
@@ -309,7 +312,7 @@ impl Film {
         let mut times = DrawingTimes::default();
         let drawing = |writer: &FilmWriter<'_>| -> Result<usize, CliError> {
             for (done, frame) in missing.iter().enumerate() {
-                // Between two frames: what is handed over is still written.
+                // Stop only between two frames: frames already handed to the encoders are still written.
                 if ended.load(Ordering::Relaxed) {
                     return Ok(done);
                 }
@@ -326,12 +329,12 @@ impl Film {
         };
         let (_, written) = with_writer(self.format, drawing)?;
         progress.finish();
-        times.tell(begun.elapsed(), &written);
+        times.log(begun.elapsed(), &written);
         let left = missing.len() - written.frames;
         if left > 0 { Err(FilmError::Interrupted { drawn: written.frames, left }.into()) } else { Ok(()) }
     }
 
-    /// The scene, the camera and the views of a moment.
+    /// Returns the scene, the camera and the views at a moment.
     fn moment(&self, frame: u32, moment: f64, Scene { stars, objects }: Scene<'_>) -> Result<Moment, CliError> {
         let values = self.tracks.at_moment(moment);
         let config = &self.inputs.config;
@@ -340,7 +343,7 @@ impl Film {
             None => (Arc::clone(objects), self.camera),
         };
         let Some(icrs_from_frame) = objects.icrs_from(self.path.frame) else {
-            unreachable!("a path along the horizon goes with an observer")
+            unreachable!("a path along the horizon requires an observer")
         };
         let camera = values.camera(&of_config, DQuat::from_mat3(&icrs_from_frame));
         let camera = camera.map_err(|error| self.fault(frame, error.to_string()))?;
@@ -359,15 +362,17 @@ impl Film {
         scene: Scene<'_>,
         times: &mut DrawingTimes,
     ) -> Result<Vec<FrameFile>, CliError> {
+        // Scene and views at the frame's own moment.
         let moment = self.moment(frame, f64::from(frame), scene)?;
         let Moment { config, snapshot } = &moment;
         let camera = snapshot.camera;
         let rig = config.rig()?;
         let groups = config.frame_groups()?;
-        // Views before the one at that number have so many images.
+        // Number of images of all views before the given one.
         let first_image = |view: usize| rig.views()[..view].iter().map(|view| view.pictures().len()).sum::<usize>();
         let mut files = Vec::new();
         for (number, group) in groups.iter().enumerate() {
+            // Draw a group of views, with motion blur if requested.
             let wanted = if self.shutter.is_some() { Wanted::hdr() } else { self.format.wanted() };
             let request = FrameRequest::of_group(snapshot, &groups, number).wanted(wanted);
             let mut drawn =
@@ -378,15 +383,16 @@ impl Film {
                 drawn = self.blurred(renderer, shutter, drawn, frame, number, &moment, scene)?;
                 if self.format == FilmFormat::Png8 {
                     for image in &mut drawn.images {
-                        let shown = blur::show(image, drawn.exposure_ev100, &group.settings.tone_map);
-                        shown.map_err(FilmError::Blur)?;
+                        let displayed = blur::show(image, drawn.exposure_ev100, &group.settings.tone_map);
+                        displayed.map_err(FilmError::Blur)?;
                     }
                 }
             }
             let drawn = drawn.of_views(&group.views);
+            // Describe each picture and name its file.
             for image in pack(&rig, drawn.images) {
                 let view = &rig.views()[image.view];
-                // Of two eyes in one picture the first one's words.
+                // A picture that holds both eyes uses the metadata of the first eye.
                 let part = view.images.iter().position(|of_view| of_view.part == image.part).unwrap_or_default();
                 let words = ImageWords {
                     exposure_ev100: drawn.exposure_ev100,
@@ -417,8 +423,9 @@ impl Film {
         Ok(files)
     }
 
-    /// The mean light of all moments of a frame, of which its own has been drawn, with the exposure of that one.
-    #[allow(clippy::too_many_arguments, reason = "a frame is of a film, a group of views, a moment and a scene")]
+    /// Averages the light of all moments of a frame. The frame's own moment has been drawn already; its exposure is
+    /// used for all.
+    #[allow(clippy::too_many_arguments, reason = "a frame depends on a film, a group of views, a moment and a scene")]
     fn blurred(
         &self,
         renderer: &mut Renderer,
@@ -430,7 +437,7 @@ impl Film {
         scene: Scene<'_>,
     ) -> Result<Frame, CliError> {
         let exposure_ev100 = own.exposure_ev100;
-        // As long as it is not yet its turn: sums are in the order of the moments.
+        // Keep the frame's own moment until its turn, so that the sum follows the order of the moments.
         let mut own = Some(own);
         let mut sum: Option<Frame> = None;
         for (sub_frame, at) in (0..).zip(shutter.moments(frame)) {
@@ -454,7 +461,7 @@ impl Film {
                 }
             }
         }
-        let mut mean = sum.ok_or_else(|| self.fault(frame, "it has no moments".to_owned()))?;
+        let mut mean = sum.ok_or_else(|| self.fault(frame, "the frame has no moments".to_owned()))?;
         for image in &mut mean.images {
             blur::divide(image, shutter.sub_frames);
         }
@@ -463,7 +470,7 @@ impl Film {
     }
 }
 
-/// Where the time of a run goes, all frames together.
+/// Time spent in each stage of a run, summed over all frames.
 #[derive(Default)]
 struct DrawingTimes {
     drawing: Duration,
@@ -473,8 +480,8 @@ struct DrawingTimes {
 }
 
 impl DrawingTimes {
-    /// Tells the means of a frame.
-    fn tell(&self, all: Duration, written: &Written) {
+    /// Logs the mean times of a frame.
+    fn log(&self, all: Duration, written: &Written) {
         let Written { frames, bytes, encoding, writing, threads } = *written;
         if frames == 0 {
             return;
@@ -484,34 +491,34 @@ impl DrawingTimes {
             [all, self.drawing, self.waiting, encoding, writing].map(|time| per_frame(time.as_secs_f64()));
         let [plan_s, gpu_s] = [self.plan_ms, self.gpu_and_readback_ms].map(|ms| per_frame(ms * 1e-3));
         tracing::info!(
-            "a frame took {whole_s:.3} s and has {:.3} MB: drawn in {drawing_s:.3} s (its own moment planned in {plan_s:.3} s, drawn and read back in \
-             {gpu_s:.3} s), {waiting_s:.3} s waited for the encoders; on {threads} threads beside it encoded in {encoding_s:.3} s and written in {writing_s:.3} s",
+            "mean per frame: {whole_s:.3} s and {:.3} MB; drawing took {drawing_s:.3} s (for its own moment: planning {plan_s:.3} s, drawing and readback \
+             {gpu_s:.3} s), waiting for the encoders {waiting_s:.3} s; meanwhile {threads} threads took {encoding_s:.3} s to encode and {writing_s:.3} s to write",
             per_frame(bytes as f64 * 1e-6)
         );
     }
 }
 
-/// What is drawn of one moment.
+/// Everything that is drawn for one moment.
 struct Moment {
     config: Config,
     snapshot: SceneSnapshot,
 }
 
-/// What all frames show.
+/// Scene content that all frames share.
 #[derive(Clone, Copy)]
 struct Scene<'a> {
     stars: &'a SeenStars,
     objects: &'a Arc<SceneObjects>,
 }
 
-/// The geometry of a view as its configuration has it, in one line.
+/// Returns the geometry keys of a view from its configuration, in one line.
 fn projection(config: &Config, view: usize) -> String {
     let definition = &config.views[view].definition;
     let keys: Vec<String> = definition.iter().map(|(key, value)| format!("{key} = {value}")).collect();
     keys.join("; ")
 }
 
-/// So many digits that reading them gives the same numbers.
+/// Formats numbers with enough digits to read back the same values.
 fn numbers(values: &[f64]) -> String {
     let texts: Vec<String> = values.iter().map(|value| format!("{value:?}")).collect();
     texts.join(" ")

@@ -1,4 +1,4 @@
-//! `film`: numbered frames along a path, into files, and paths recorded from a daemon.
+//! `film`: draws numbered frames along a path into files, and records paths from a daemon.
 
 mod draw;
 mod record;
@@ -18,29 +18,33 @@ use super::CliError;
     steradian film --config configs/dome.toml --path paths/flight.toml --frames 0..240 --out film --shutter 0.5 --sub-frames 16\n  \
     steradian film --config configs/perspective.toml --path path.toml --frames 0..=239 --out film --video film.mp4\n  \
     steradian film record --address 127.0.0.1:7143 --out path.toml --seconds 60\n\n\
-    Writes <view>_00001.png (or .exr; with several images <view>.<part>_00001.png) and film.json. Frames that are there are not\n\
-    drawn again. Every frame is a function of its number alone: shards on several machines with the same adapter make one film."
+    Writes <view>_00001.png (or .exr; with several images <view>.<part>_00001.png) and film.json. Existing frames are not\n\
+    drawn again. A frame depends only on its number: shards on several machines with the same adapter make one film."
 )]
 pub struct FilmArguments {
-    /// What to do in place of drawing.
+    /// Action other than drawing.
     #[command(subcommand)]
     command: Option<FilmCommand>,
-    /// What to draw.
+    /// Arguments for drawing.
     #[command(flatten)]
     draw: Option<draw::DrawArguments>,
 }
 
-/// What `film` does besides drawing.
+/// Actions of `film` other than drawing.
 #[derive(Debug, Subcommand)]
 enum FilmCommand {
-    /// Follow the camera of a daemon and write a path of it.
+    /// Follow the camera of a daemon and write its path.
     Record(record::RecordArguments),
 }
 
-/// A number of an argument, in a range.
+/// Parses a number argument and checks its range.
 fn within(text: &str, [least, most]: [f64; 2]) -> Result<f64, String> {
-    let number: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
-    if (least..=most).contains(&number) { Ok(number) } else { Err(format!("{text}: allowed are {least} to {most}")) }
+    let number: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
+    if (least..=most).contains(&number) {
+        Ok(number)
+    } else {
+        Err(format!("{text}: must be between {least} and {most}"))
+    }
 }
 
 /// Runs the command.
@@ -48,7 +52,7 @@ pub fn run(arguments: FilmArguments, adapter: Option<String>) -> Result<(), CliE
     match (arguments.command, arguments.draw) {
         (Some(FilmCommand::Record(arguments)), _) => record::run(&arguments),
         (None, Some(arguments)) => draw::run(arguments, adapter),
-        // All of these are required where there is no subcommand, so the parser tells it first.
+        // The parser requires all of these if there is no subcommand, so it reports their absence first.
         (None, None) => Err(CliError::Usage("film needs --config, --path, --frames and --out".to_owned())),
     }
 }

@@ -1,4 +1,4 @@
-//! `film record`: follows the camera of a daemon and writes a path of it.
+//! `film record`: follows the camera of a daemon and writes its path.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,10 +11,10 @@ use super::super::{CliError, results};
 use super::within;
 use crate::config::{ExposureKey, UNIX_PREFIX};
 use crate::files;
-use crate::output::film::{Recording, SeenScene};
+use crate::output::film::{ObservedScene, Recording};
 use crate::service::{self, Client, ClientError, Credentials, SceneForm};
 
-/// Bytes of a token or certificate, at most.
+/// Maximum size of a token or certificate file, bytes.
 const MOST_BYTES: u64 = 1 << 20;
 
 fn fps(text: &str) -> Result<f64, String> {
@@ -33,16 +33,16 @@ fn seconds(text: &str) -> Result<f64, String> {
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
     steradian film record --address 127.0.0.1:7143 --out path.toml --seconds 60\n\n\
-    Prints `recording` when it has begun. SIGINT and SIGTERM end it, and so does the end of the connection: what was recorded\n\
+    Prints `recording` when it has begun. SIGINT, SIGTERM or the end of the connection end it: the path recorded\n\
     until then is written.")]
 pub struct RecordArguments {
     /// Address of the daemon: HOST:PORT, http://HOST:PORT, https://HOST:PORT or unix:PATH.
     #[arg(long, value_name = "ADDR")]
     address: String,
-    /// The path; TOML.
+    /// Path file to write, TOML.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// How long; until a signal where it is not given.
+    /// Duration in seconds. Default: until a signal.
     #[arg(long, value_name = "N", value_parser = seconds)]
     seconds: Option<f64>,
     /// Keyframes per second, at most --fps.
@@ -51,24 +51,24 @@ pub struct RecordArguments {
     /// Frames per second of the film.
     #[arg(long, value_name = "N", default_value = "30", value_parser = fps)]
     fps: f64,
-    /// The view whose exposure is recorded; the first one where it is not given.
+    /// View whose exposure is recorded. Default: the first view.
     #[arg(long, value_name = "NAME")]
     view: Option<String>,
-    /// File with the token that the daemon asks for.
+    /// File with the token that the daemon requires.
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
-    /// Certificates of authorities whose daemons are trusted, PEM; for https.
+    /// Certificates of trusted authorities, PEM; for https.
     #[arg(long, value_name = "FILE")]
     authorities: Option<PathBuf>,
-    /// Replace a file that is there.
+    /// Replace an existing file.
     #[arg(long)]
     overwrite: bool,
 }
 
-/// What has ended a recording.
+/// Reason why a recording ended.
 enum End {
-    /// As asked for: time is over, or a signal came.
-    Asked,
+    /// As requested: the duration has passed, or a signal arrived.
+    Requested,
     /// The daemon has shut down.
     Daemon,
     /// The connection broke.
@@ -80,49 +80,55 @@ pub fn run(arguments: &RecordArguments) -> Result<(), CliError> {
     let RecordArguments { out, keyframes_per_second, fps, .. } = arguments;
     if keyframes_per_second > fps {
         return Err(CliError::Usage(format!(
-            "--keyframes-per-second {keyframes_per_second}: allowed are 0.1 to the {fps} frames per second of --fps"
+            "--keyframes-per-second {keyframes_per_second}: must be between 0.1 and the {fps} frames per second of --fps"
         )));
     }
-    // Before anything is recorded that could not be written.
+    // Check the output file before recording.
     let folder = files::folder_of(out);
     if !folder.is_dir() {
-        return Err(CliError::Usage(format!("--out {}: there is no folder {}", out.display(), folder.display())));
+        return Err(CliError::Usage(format!(
+            "--out {}: the folder {} does not exist",
+            out.display(),
+            folder.display()
+        )));
     }
     if fs::symlink_metadata(out).is_ok() && !arguments.overwrite {
         let out = out.display();
         return Err(CliError::Usage(format!(
-            "--out {out}: it is there: take another file, or replace it with --overwrite"
+            "--out {out}: the file exists: choose another file, or replace it with --overwrite"
         )));
     }
     let credentials = credentials(arguments)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(CliError::Runtime)?;
     let (recording, end_s, end) = runtime.block_on(record(arguments, &credentials))?;
     let path = recording.end(end_s);
-    if path.left_exposure_out {
-        tracing::warn!("the exposure has changed between manual and automatic, which a path cannot: it is left out");
+    if path.exposure_omitted {
+        tracing::warn!(
+            "the exposure changed between manual and automatic, which a path cannot express: the exposure is not recorded"
+        );
     }
-    // As long as the recording, also where the camera has stood still in the end.
+    // The film lasts as long as the recording, even if the camera did not move at its end.
     let frames = (end_s * fps).floor() as u64 + 1;
     let mut text =
         format!("# Recorded from {} in {end_s:.3} s: frames 0..{frames}\nfps = {fps:?}\n", arguments.address);
     for keyframe in &path.keyframes {
         text.push('\n');
         text.push_str(&keyframe.text().ok_or_else(|| {
-            CliError::Record(format!("frame {}: the time shown is beyond the years 0 to 9999", keyframe.frame))
+            CliError::Record(format!("frame {}: the displayed time is outside the years 0 to 9999", keyframe.frame))
         })?);
     }
     files::write_whole(out, text.as_bytes()).map_err(|source| CliError::WriteFile { path: out.clone(), source })?;
     let written = format!("{}: {} keyframes, frames 0..{frames}", out.display(), path.keyframes.len());
     match end {
-        End::Asked => results::line(written),
+        End::Requested => results::line(written),
         End::Daemon => {
-            tracing::warn!("the daemon has shut down after {end_s:.3} s: what was recorded until then is written");
+            tracing::warn!("the daemon has shut down after {end_s:.3} s: the path recorded until then is written");
             results::line(written)
         }
         End::Lost(error) => {
             results::line(written)?;
             Err(CliError::Record(format!(
-                "the connection was lost after {end_s:.3} s, and what was recorded until then is written: {error}"
+                "the connection was lost after {end_s:.3} s; the path recorded until then is written: {error}"
             )))
         }
     }
@@ -138,13 +144,13 @@ fn credentials(arguments: &RecordArguments) -> Result<Credentials, CliError> {
     Ok(Credentials { token, authorities: read(&arguments.authorities, "authorities")?, certificate: None })
 }
 
-/// The address as a URI: what a daemon prints when it listens has no scheme.
+/// Returns the address as a URI. The address that a daemon prints has no scheme.
 fn uri(address: &str) -> String {
     let has_scheme = address.contains("://") || address.starts_with(UNIX_PREFIX);
     if has_scheme { address.to_owned() } else { format!("http://{address}") }
 }
 
-/// The exposure of the view of a name, or of the first one.
+/// Returns the exposure of the named view, or of the first one.
 async fn exposure(client: &mut Client, view: Option<&str>) -> Result<ExposureKey, CliError> {
     let views = client.views().await.map_err(CliError::Client)?;
     let chosen = match view {
@@ -153,20 +159,21 @@ async fn exposure(client: &mut Client, view: Option<&str>) -> Result<ExposureKey
     };
     let Some(form) = chosen else {
         let names: Vec<&str> = views.iter().map(|form| form.name.as_str()).collect();
-        let allowed = if names.is_empty() { "the daemon has none".to_owned() } else { names.join(", ") };
-        let asked = view.map_or("a view is needed".to_owned(), |name| format!("there is no view `{name}`"));
-        return Err(CliError::Usage(format!("--view: {asked}: {allowed}")));
+        let allowed = if names.is_empty() { "the daemon has no views".to_owned() } else { names.join(", ") };
+        let request =
+            view.map_or("a view is needed".to_owned(), |name| format!("there is no view `{name}`, valid names"));
+        return Err(CliError::Usage(format!("--view: {request}: {allowed}")));
     };
     let number = |key: &str| form.exposure.get(key).and_then(toml::Value::as_float);
     let is_manual = form.exposure.get("mode").and_then(toml::Value::as_str) == Some("manual");
-    // The daemon leaves out what has no effect: so the one that counts is there.
+    // The daemon leaves out keys without effect, so the key that applies is present.
     Ok(match number("ev100").filter(|_| is_manual) {
         Some(ev100) => ExposureKey::Ev100(ev100),
         None => ExposureKey::CompensationEv(number("compensation_ev").unwrap_or(0.0)),
     })
 }
 
-/// Records until something ends it; returns what was recorded, and when it ended after the start, s.
+/// Records until the recording ends. Returns the recording, its duration in seconds, and the reason why it ended.
 async fn record(arguments: &RecordArguments, credentials: &Credentials) -> Result<(Recording, f64, End), CliError> {
     let mut signals = Box::pin(service::signals().map_err(CliError::Runtime)?);
     let view = arguments.view.as_deref();
@@ -180,13 +187,13 @@ async fn record(arguments: &RecordArguments, credentials: &Credentials) -> Resul
     let deadline = TokioInstant::from_std(start + Duration::from_secs_f64(length_s));
     let (mut has_begun, mut has_scene, mut has_camera) = (false, false, false);
     let end = loop {
-        // A value that changes later is told of later, and counts from then on.
+        // Later changes of a value are recorded with the time of their report.
         tokio::select! {
-            () = &mut signals => break End::Asked,
-            () = sleep_until(deadline) => break End::Asked,
+            () = &mut signals => break End::Requested,
+            () = sleep_until(deadline) => break End::Requested,
             camera = cameras.next() => match camera {
                 Ok(Some(camera)) => {
-                    recording.see_camera(at_s(), &camera);
+                    recording.record_camera(at_s(), &camera);
                     has_camera = true;
                 }
                 Ok(None) => break End::Daemon,
@@ -194,15 +201,15 @@ async fn record(arguments: &RecordArguments, credentials: &Credentials) -> Resul
             },
             scene = scenes.next() => match scene {
                 Ok(Some(SceneForm { time_s, magnitude_limit, .. })) => {
-                    // Changes of views count as changes of the scene.
+                    // Changes of views are reported as changes of the scene, so the exposure is read again.
                     let seen_s = at_s();
                     match exposure(&mut client, view).await {
                         Ok(exposure) => {
-                            recording.see_scene(seen_s, &SeenScene { time_s, magnitude_limit, exposure });
+                            recording.record_scene(seen_s, &ObservedScene { time_s, magnitude_limit, exposure });
                             has_scene = true;
                         }
                         Err(CliError::Client(error)) if has_begun => break End::Lost(error),
-                        // The view has been deleted: its last exposure stays.
+                        // The view was deleted: its last exposure remains.
                         Err(CliError::Usage(_)) if has_begun => {}
                         Err(error) => return Err(error),
                     }
@@ -218,8 +225,8 @@ async fn record(arguments: &RecordArguments, credentials: &Credentials) -> Resul
     if !has_begun {
         return Err(match end {
             End::Lost(error) => CliError::Client(error),
-            End::Daemon => CliError::Record("the daemon has shut down before it told of its camera".to_owned()),
-            End::Asked => CliError::Record("ended before the daemon has told of its camera".to_owned()),
+            End::Daemon => CliError::Record("the daemon shut down before it reported its camera".to_owned()),
+            End::Requested => CliError::Record("ended before the daemon reported its camera".to_owned()),
         });
     }
     Ok((recording, at_s().min(length_s), end))
@@ -230,7 +237,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn addresses_as_daemons_print_them_are_taken() {
+    fn addresses_printed_by_daemons_are_accepted() {
         for (address, expected) in [
             ("127.0.0.1:7143", "http://127.0.0.1:7143"),
             ("[::1]:7143", "http://[::1]:7143"),

@@ -1,8 +1,9 @@
-//! Motion blur: the mean of the light of several moments while a shutter is open.
+//! Motion blur: averages the light of several moments while a shutter is open.
 //!
-//! The moments are evenly spaced and lie symmetrically around the frame's own, so that what moves evenly is where it is without blur. Light is added in
-//! linear luminance, in f32 and in the order of the moments: the sum depends on nothing else. Luminance is what a sensor adds up; where pixels change their
-//! solid angle, since the field of view does, so does their mean.
+//! The moments are evenly spaced and symmetric around the frame's own moment, so that an object in uniform motion keeps
+//! its position. Light is added in linear luminance, in f32 and in the order of the moments, so the sum is
+//! deterministic. Luminance is what a sensor accumulates; if the field of view changes, so does the solid angle of
+//! pixels, and its mean is taken too.
 
 use rayon::prelude::*;
 
@@ -11,41 +12,42 @@ use crate::photometry::exposure::white_luminance_cd_m2;
 use crate::photometry::tone_map::{ToneMapSettings, dither_threshold, linear_from_srgb};
 use crate::render::FrameImage;
 
-/// Moments of a frame at most.
+/// Maximum number of moments of a frame.
 pub const MOST_SUB_FRAMES: u32 = 64;
 
-/// How long and in how many moments light is gathered.
+/// Duration of the exposure and number of moments.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shutter {
-    /// Share of the time between two frames in which it is open, 0 to 1.
+    /// Share of the time between two frames during which the shutter is open, 0 to 1.
     pub open: f64,
-    /// Moments, 1 to [`MOST_SUB_FRAMES`].
+    /// Number of moments, 1 to [`MOST_SUB_FRAMES`].
     pub sub_frames: u32,
 }
 
 impl Shutter {
-    /// The moments of a frame, in frames; with an odd number of them the middle one is the frame's own, exactly.
+    /// Returns the moments of a frame, in frames; if their number is odd, the middle one is exactly the frame's own
+    /// moment.
     pub fn moments(self, frame: u32) -> impl Iterator<Item = f64> {
         let count = f64::from(self.sub_frames);
         (0..self.sub_frames).map(move |number| f64::from(frame) + self.open * ((f64::from(number) + 0.5) / count - 0.5))
     }
 
-    /// The number of the moment that is the frame's own.
+    /// Returns the index of the frame's own moment.
     pub fn middle(self) -> Option<u32> {
         (self.sub_frames % 2 == 1).then_some(self.sub_frames / 2)
     }
 
-    /// Whether every frame is of one moment.
+    /// Whether every frame shows a single moment.
     pub fn is_sharp(self) -> bool {
         self.sub_frames == 1 || self.open == 0.0
     }
 }
 
-/// Adds the light of an image of a further moment.
+/// Adds the light of an image of another moment.
 ///
 /// # Errors
 ///
-/// One of the images has no HDR image, or another size.
+/// One of the images has no HDR image, or their sizes differ.
 pub fn add(sum: &mut FrameImage, image: &FrameImage) -> Result<(), EncodeError> {
     let added = hdr_of(image, Encoding::Exr)?;
     hdr_of(sum, Encoding::Exr)?;
@@ -62,7 +64,7 @@ pub fn add(sum: &mut FrameImage, image: &FrameImage) -> Result<(), EncodeError> 
     Ok(())
 }
 
-/// Makes the mean of a sum of so many images.
+/// Divides a sum of `count` images by their number.
 pub fn divide(sum: &mut FrameImage, count: u32) {
     let pixels = sum.hdr.as_deref_mut().unwrap_or_default();
     pixels.par_iter_mut().for_each(|pixel| {
@@ -72,11 +74,12 @@ pub fn divide(sum: &mut FrameImage, count: u32) {
     });
 }
 
-/// Makes the display image of 8 bits from the HDR image: tone mapping in f64, then the shares and the response of a projector, dithered as configured.
+/// Makes the 8-bit display image from the HDR image: tone mapping in f64, then the share and the response of a
+/// projector, dithered as configured.
 ///
 /// # Errors
 ///
-/// There is no HDR image, or of another size.
+/// The HDR image is missing or has another size.
 pub fn show(image: &mut FrameImage, exposure_ev100: f64, tone_map: &ToneMapSettings) -> Result<(), EncodeError> {
     let width = image.width;
     let light = hdr_of(image, Encoding::Png)?;
@@ -85,7 +88,7 @@ pub fn show(image: &mut FrameImage, exposure_ev100: f64, tone_map: &ToneMapSetti
     let mut display = vec![0_u8; light.len() * 4];
     display.par_chunks_mut(4).zip(light).enumerate().for_each(|(index, (pixel, [red, green, blue, _]))| {
         pixel[3] = u8::MAX;
-        // Dark pixels are most of a night sky, and every operator shows them black.
+        // Most pixels of a night sky are black, and every operator maps black to black.
         if [*red, *green, *blue] == [0.0; 3] && projector.is_none() {
             return;
         }
@@ -102,13 +105,13 @@ pub fn show(image: &mut FrameImage, exposure_ev100: f64, tone_map: &ToneMapSetti
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed precondition of a test may panic")]
 mod tests {
     use super::super::super::encode::tests::sample;
     use super::*;
 
     #[test]
-    fn moments_lie_evenly_around_the_frame() {
+    fn moments_are_even_and_symmetric_around_the_frame() {
         let moments = |open, sub_frames| Shutter { open, sub_frames }.moments(7).collect::<Vec<_>>();
         assert_eq!(moments(0.5, 1), [7.0]);
         assert_eq!(moments(1.0, 4), [6.625, 6.875, 7.125, 7.375]);
@@ -122,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_is_that_of_linear_light_and_what_does_not_fit_is_refused() {
+    fn mean_is_of_linear_light_and_mismatched_images_are_refused() {
         let mut sum = sample(4, 3);
         sum.hdr.as_mut().unwrap()[0] = [8.0, 0.0, 2.0, 1e-6];
         let mut dark = sum.clone();
@@ -138,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn the_display_image_of_light_is_its_tone_mapping_rounded() {
+    fn display_image_is_the_rounded_tone_mapping() {
         let mut image = sample(16, 9);
         image.display = None;
         for dither in [false, true] {

@@ -1,4 +1,4 @@
-//! What can go wrong with a film.
+//! Errors of films.
 
 use std::io;
 use std::path::PathBuf;
@@ -6,72 +6,72 @@ use std::path::PathBuf;
 use super::super::{OutputError, encode::EncodeError};
 use crate::config::ConfigError;
 
-/// Why a film is not made.
+/// Reason why a film cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FilmError {
-    /// What the path asks of a frame is not allowed.
+    /// The path sets an invalid value for a frame.
     #[error("{origin}: frame {frame}: {problem}")]
     Frame {
-        /// The file of the path.
+        /// Path file.
         origin: String,
-        /// The frame.
+        /// Frame number.
         frame: u32,
-        /// What is wrong and what is allowed.
+        /// Description with the valid values.
         problem: String,
     },
-    /// The path or the configuration is refused.
+    /// The path or the configuration is invalid.
     #[error(transparent)]
     Config(#[from] ConfigError),
     /// The folder holds another film.
-    #[error("{}: {problem}: take another folder for --out, or replace what is there with --overwrite", folder.display())]
+    #[error("{}: {problem}: choose another folder for --out, or replace the existing film with --overwrite", folder.display())]
     OtherFilm {
         /// The folder.
         folder: PathBuf,
-        /// In what it differs.
+        /// Differences.
         problem: String,
     },
     /// A file cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
-    /// The folder cannot be read, or its files not removed.
-    #[error("cannot {what} {}: {source}", path.display())]
+    /// The folder cannot be read, or a file in it cannot be removed.
+    #[error("cannot {action} {}: {source}", path.display())]
     Folder {
-        /// What was tried.
-        what: &'static str,
+        /// Attempted action.
+        action: &'static str,
         /// The file or folder.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// The images of a frame's moments do not add up.
+    /// The images of a frame's moments cannot be added.
     #[error("motion blur: {0}")]
     Blur(EncodeError),
-    /// The threads that write have ended early.
-    #[error("the threads that write files have ended early")]
+    /// The writer threads ended early.
+    #[error("the threads that write files ended early")]
     Writers,
-    /// No video can be encoded here.
+    /// No video can be encoded on this machine.
     #[error(
         "--video needs ffmpeg with the encoder libx264, {problem}: install it (Debian, Ubuntu: `apt install ffmpeg`; Fedora: `dnf install ffmpeg`)"
     )]
     NoFfmpeg {
-        /// What was found instead.
+        /// Result of the search for ffmpeg.
         problem: String,
     },
-    /// `ffmpeg` has failed.
-    #[error("ffmpeg has failed ({status}); the frames are written:\n{messages}")]
+    /// `ffmpeg` failed.
+    #[error("ffmpeg failed ({status}); the frames are written:\n{messages}")]
     Ffmpeg {
-        /// How it has ended.
+        /// Exit status.
         status: String,
-        /// The last of what it said.
+        /// Last lines of its output.
         messages: String,
     },
-    /// A signal has ended the work.
-    #[error("interrupted: {drawn} frames are written, {left} are left; the same command goes on with them")]
+    /// A signal ended the work.
+    #[error("interrupted: {drawn} frames are written, {left} remain; the same command continues with them")]
     Interrupted {
-        /// Frames that this run has written.
+        /// Number of frames that this run has written.
         drawn: usize,
-        /// Frames that it has not.
+        /// Number of frames that remain.
         left: usize,
     },
 }

@@ -1,7 +1,8 @@
-//! The folder of a film: `film.json` says which film its frames belong to, and files that are there need not be drawn again.
+//! The folder of a film: `film.json` identifies the film of its frames, and frames with existing files are not drawn
+//! again.
 //!
-//! Several runs may work in one folder at the same time, each on its frames. They agree on `film.json` one after the other, under a lock
-//! (`.film.lock`); after that each file is one run's alone, and appears whole or not at all.
+//! Several runs may work in one folder at the same time, each on different frames. They agree on `film.json` one after
+//! the other, under a lock (`.film.lock`); after that each file belongs to one run and is written atomically.
 
 use std::collections::HashSet;
 use std::fs::{self, File};
@@ -16,23 +17,24 @@ use super::error::FilmError;
 use super::frames::{file_name, is_file_of};
 use crate::files;
 
-/// Bytes of `film.json`, at most.
+/// Maximum size of `film.json`, bytes.
 const MOST_BYTES: u64 = 256 << 20;
 
-/// What `film.json` holds.
+/// Contents of `film.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FilmRecord {
     /// Version of the program.
     pub version: String,
-    /// Of all that determines the pixels: configuration with overrides, path, format, motion blur, version and adapter; SHA-256, hexadecimal.
+    /// SHA-256, hexadecimal, of everything that determines the pixels: configuration with overrides, path, format,
+    /// motion blur, version and adapter.
     pub digest: String,
-    /// Digest of the configuration with overrides alone.
+    /// SHA-256 of the configuration with overrides.
     pub configuration_sha256: String,
-    /// Digest of the path alone.
+    /// SHA-256 of the path.
     pub path_sha256: String,
     /// `png8`, `png16`, `exr16` or `exr32`.
     pub format: String,
-    /// Of the files.
+    /// Extension of the files.
     pub extension: String,
     /// Adapter and driver that draw the frames.
     pub adapter: String,
@@ -40,20 +42,20 @@ pub struct FilmRecord {
     pub blur: String,
     /// Frames per second.
     pub fps: f64,
-    /// What the names of the files begin with.
+    /// Beginnings of the file names.
     pub images: Vec<String>,
-    /// The configuration itself.
+    /// The configuration.
     pub configuration: UsedConfiguration,
-    /// The path itself, TOML.
+    /// The path, TOML.
     pub path_toml: String,
     /// Every file that the frames depend on.
     pub files: Vec<InputFile>,
-    /// What became of the catalogues; `None` before one of the runs has loaded them.
+    /// Load results of the catalogues; `None` until one of the runs has loaded them.
     pub catalogues: Option<Vec<UsedCatalogue>>,
 }
 
 impl FilmRecord {
-    /// In what another film differs.
+    /// Describes the differences from another film.
     fn differences(&self, other: &Self) -> String {
         let others = other.files.iter().filter(|file| !self.files.contains(file));
         let changed = self.files.iter().filter(|file| !other.files.contains(file)).chain(others);
@@ -71,21 +73,21 @@ impl FilmRecord {
             ("the adapter or its driver", self.adapter != other.adapter),
         ];
         let names: Vec<&str> = named.into_iter().filter(|(_, differs)| *differs).map(|(name, _)| name).collect();
-        if names.is_empty() { "what determines the pixels".to_owned() } else { names.join(", ") }
+        if names.is_empty() { "another input of the pixels".to_owned() } else { names.join(", ") }
     }
 }
 
-/// A folder that takes the frames of one film.
+/// A folder that receives the frames of one film.
 #[derive(Debug)]
 pub struct FilmFolder {
     folder: PathBuf,
-    there: HashSet<String>,
+    existing: HashSet<String>,
     record: FilmRecord,
 }
 
-fn failed(what: &'static str, path: &Path) -> impl FnOnce(io::Error) -> FilmError {
+fn failed(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> FilmError {
     let path = path.to_owned();
-    move |source| FilmError::Folder { what, path, source }
+    move |source| FilmError::Folder { action, path, source }
 }
 
 fn names(folder: &Path) -> Result<HashSet<String>, FilmError> {
@@ -95,7 +97,7 @@ fn names(folder: &Path) -> Result<HashSet<String>, FilmError> {
     Ok(names.into_iter().flatten().collect())
 }
 
-/// Until it is dropped, `film.json` is this run's alone.
+/// Locks the folder: until the file is dropped, only this run may change `film.json`.
 fn locked(folder: &Path) -> Result<File, FilmError> {
     let path = folder.join(".film.lock");
     let lock = File::options().create(true).append(true).open(&path).map_err(failed("open", &path))?;
@@ -110,12 +112,12 @@ fn write_record(path: &Path, record: &FilmRecord) -> Result<(), OutputError> {
 }
 
 impl FilmFolder {
-    /// Opens a folder for a film, and makes it where it is not there. With `overwrite` no frame counts as drawn, and the frames of another film are
-    /// removed.
+    /// Opens a folder for a film and creates it if necessary. With `overwrite` no frame counts as drawn, and the frames
+    /// of another film are removed.
     ///
     /// # Errors
     ///
-    /// It holds another film, or frames of which nobody says what they are of, and `overwrite` is false; or it cannot be read or written.
+    /// The folder holds another film or unidentified frames, and `overwrite` is false; or it cannot be read or written.
     pub fn open(folder: &Path, record: &FilmRecord, overwrite: bool) -> Result<Self, FilmError> {
         fs::create_dir_all(folder).map_err(failed("make", folder))?;
         let _lock = locked(folder)?;
@@ -125,14 +127,14 @@ impl FilmFolder {
             Err(error) if error.kind() == io::ErrorKind::NotFound => None,
             Err(error) => return Err(failed("read", &path)(error)),
         };
-        let mut there = names(folder)?;
+        let mut existing = names(folder)?;
         let is_ours = |name: &str| record.images.iter().any(|stem| is_file_of(name, stem, &record.extension));
         let problem = match &held {
             Some(Ok(held)) if held.digest == record.digest => None,
             Some(Ok(held)) => Some(format!("it holds another film, which differs in {}", record.differences(held))),
-            Some(Err(error)) => Some(format!("its film.json is not that of a film ({error})")),
-            None if there.iter().any(|name| is_ours(name)) => {
-                Some("it holds frames, but no film.json that says of which film".to_owned())
+            Some(Err(error)) => Some(format!("its film.json does not describe a film ({error})")),
+            None if existing.iter().any(|name| is_ours(name)) => {
+                Some("it holds frames, but no film.json that identifies their film".to_owned())
             }
             None => None,
         };
@@ -140,59 +142,59 @@ impl FilmFolder {
             if !overwrite {
                 return Err(FilmError::OtherFilm { folder: folder.to_owned(), problem });
             }
-            // Frames of the other film must not be taken for ours, however long ours is.
+            // Frames of the other film must not be taken for frames of this one, whatever the length of this film.
             let is_theirs = |name: &str| match &held {
                 Some(Ok(held)) => held.images.iter().any(|stem| is_file_of(name, stem, &held.extension)),
                 _ => false,
             };
-            for name in there.iter().filter(|name| is_ours(name) || is_theirs(name)) {
+            for name in existing.iter().filter(|name| is_ours(name) || is_theirs(name)) {
                 let path = folder.join(name);
                 fs::remove_file(&path).map_err(failed("remove", &path))?;
             }
-            there.clear();
+            existing.clear();
         }
         let is_told = matches!(&held, Some(Ok(held)) if held.digest == record.digest);
         if !is_told {
             write_record(&path, record)?;
         }
         if overwrite {
-            there.clear();
+            existing.clear();
         }
-        Ok(Self { folder: folder.to_owned(), there, record: record.clone() })
+        Ok(Self { folder: folder.to_owned(), existing, record: record.clone() })
     }
 
-    /// Tells what became of the catalogues, where no run has yet.
+    /// Records the load results of the catalogues, unless another run has done so.
     ///
     /// # Errors
     ///
     /// `film.json` cannot be read or written.
-    pub fn tell_catalogues(&self, catalogues: Vec<UsedCatalogue>) -> Result<(), FilmError> {
+    pub fn record_catalogues(&self, catalogues: Vec<UsedCatalogue>) -> Result<(), FilmError> {
         let _lock = locked(&self.folder)?;
         let path = self.folder.join("film.json");
         let bytes = files::read_bounded(&path, MOST_BYTES).map_err(failed("read", &path))?;
-        // Another run may have replaced it since: then it is that one's to tell.
-        let is_untold = serde_json::from_slice::<FilmRecord>(&bytes)
+        // If another run has replaced the record since, recording is up to that run.
+        let is_unrecorded = serde_json::from_slice::<FilmRecord>(&bytes)
             .is_ok_and(|held| held.digest == self.record.digest && held.catalogues.is_none());
-        if is_untold {
+        if is_unrecorded {
             write_record(&path, &FilmRecord { catalogues: Some(catalogues), ..self.record.clone() })?;
         }
         Ok(())
     }
 
-    /// Whether all files of a frame were there when the folder was opened.
+    /// Whether all files of a frame existed when the folder was opened.
     pub fn has(&self, frame: u32) -> bool {
         let FilmRecord { images, extension, .. } = &self.record;
-        images.iter().all(|stem| self.there.contains(&file_name(stem, frame, extension)))
+        images.iter().all(|stem| self.existing.contains(&file_name(stem, frame, extension)))
     }
 
-    /// The frame's file of an image.
+    /// Returns the file of an image of a frame.
     pub fn file(&self, image: usize, frame: u32) -> PathBuf {
         self.folder.join(file_name(&self.record.images[image], frame, &self.record.extension))
     }
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed precondition of a test may panic")]
 mod tests {
     use super::*;
 
@@ -216,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_count_where_all_their_files_are_there_and_other_films_are_refused_or_replaced() {
+    fn complete_frames_count_as_drawn_and_other_films_are_refused_or_replaced() {
         let temporary = tempfile::tempdir().unwrap();
         let folder = temporary.path().join("film");
         let open = |digest, overwrite| FilmFolder::open(&folder, &record(digest), overwrite);
@@ -227,7 +229,7 @@ mod tests {
         }
         let held = open("one", false).unwrap();
         assert_eq!([0, 1, 2].map(|frame| held.has(frame)), [true, false, false]);
-        assert!(!open("one", true).unwrap().has(0), "all of them are drawn again");
+        assert!(!open("one", true).unwrap().has(0), "all frames are drawn again");
         assert!(folder.join("eyes.left_00000.png").exists());
 
         let message = open("two", false).unwrap_err().to_string();
@@ -235,16 +237,20 @@ mod tests {
         assert!(message.contains("the contents of a.csv"), "{message}");
         let replaced = open("two", true).unwrap();
         assert!(!replaced.has(0) && !folder.join("eyes.left_00000.png").exists());
-        assert!(folder.join("notes.png").exists(), "what is no frame stays");
+        assert!(folder.join("notes.png").exists(), "other files remain");
         let held = open("two", false).unwrap();
-        let told = |stars| {
+        let used = |stars| {
             vec![UsedCatalogue { name: "a".to_owned(), stars, rejected_rows: None, first_rejected: Vec::new() }]
         };
-        held.tell_catalogues(told(7)).unwrap();
-        held.tell_catalogues(told(8)).unwrap();
+        held.record_catalogues(used(7)).unwrap();
+        held.record_catalogues(used(8)).unwrap();
         open("two", false).unwrap();
         let json = fs::read_to_string(folder.join("film.json")).unwrap();
-        assert_eq!(serde_json::from_str::<FilmRecord>(&json).unwrap().catalogues, Some(told(7)), "the first one stays");
+        assert_eq!(
+            serde_json::from_str::<FilmRecord>(&json).unwrap().catalogues,
+            Some(used(7)),
+            "the first record remains"
+        );
 
         write("eyes.left_00000.png");
         fs::remove_file(folder.join("film.json")).unwrap();

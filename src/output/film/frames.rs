@@ -1,29 +1,28 @@
-//! Which frames are drawn, and what their files are called.
+//! Ranges of frames and names of their files.
 
 use std::str::FromStr;
 
 use crate::view::Rig;
 
-/// Frames of a range at most.
+/// Maximum number of frames of a range.
 pub const MOST_FRAMES: u32 = 1_000_000;
 
-/// Numbers of frames: from the first one to the one before the end.
+/// Range of frame numbers, without its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameRange {
-    /// The first frame.
+    /// First frame.
     pub first: u32,
-    /// The one after the last.
+    /// Frame after the last one.
     pub end: u32,
 }
 
 impl FromStr for FrameRange {
     type Err = String;
 
-    /// `A..B` without B, `A..=B` with it.
+    /// Parses `A..B` (without B) or `A..=B` (with B).
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || {
-            format!("`{text}` is no range of frames: allowed are A..B (B is not drawn) and A..=B, for instance 0..240")
-        };
+        let wrong =
+            || format!("`{text}` is not a range of frames: must be A..B (without B) or A..=B, for instance 0..240");
         let (first, last) = text.split_once("..").ok_or_else(wrong)?;
         let number = |text: &str| text.trim().parse::<u32>().map_err(|_| wrong());
         let first = number(first)?;
@@ -35,29 +34,30 @@ impl FromStr for FrameRange {
             return Err(format!("{text} has no frames: the end must be above {first}"));
         }
         if end - first > MOST_FRAMES {
-            return Err(format!("{text} has {} frames: allowed are {MOST_FRAMES} at once", end - first));
+            return Err(format!("{text} has {} frames: must be at most {MOST_FRAMES}", end - first));
         }
         Ok(Self { first, end })
     }
 }
 
-/// One of several parts of a range, each of every so-many-th frame.
+/// One of several parts of a range, which takes every N-th frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
-    /// Which one, from 1.
+    /// Number of the part, from 1.
     pub number: u32,
-    /// How many there are.
-    pub of: u32,
+    /// Number of parts.
+    pub total: u32,
 }
 
 impl FromStr for Shard {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let numbers = text.split_once('/').and_then(|(number, of)| Some((number.parse().ok()?, of.parse().ok()?)));
+        let numbers =
+            text.split_once('/').and_then(|(number, total)| Some((number.parse().ok()?, total.parse().ok()?)));
         match numbers {
-            Some((number, of)) if (1..=of).contains(&number) => Ok(Self { number, of }),
-            _ => Err(format!("`{text}` is no shard: allowed are 1/N to N/N, for instance 2/4")),
+            Some((number, total)) if (1..=total).contains(&number) => Ok(Self { number, total }),
+            _ => Err(format!("`{text}` is not a shard: must be 1/N to N/N, for instance 2/4")),
         }
     }
 }
@@ -68,14 +68,15 @@ impl FrameRange {
         self.end - self.first
     }
 
-    /// The frames of a shard, or all.
+    /// Returns the frames of a shard, or all frames.
     pub fn frames(self, shard: Option<Shard>) -> impl Iterator<Item = u32> {
-        let Shard { number, of } = shard.unwrap_or(Shard { number: 1, of: 1 });
-        (self.first..self.end).filter(move |frame| (frame - self.first) % of == number - 1)
+        let Shard { number, total } = shard.unwrap_or(Shard { number: 1, total: 1 });
+        (self.first..self.end).filter(move |frame| (frame - self.first) % total == number - 1)
     }
 }
 
-/// What the files of each image begin with, in the order of views and parts: `<view>` or `<view>.<part>`.
+/// Returns the beginnings of the file names of each image, in the order of views and parts: `<view>` or
+/// `<view>.<part>`.
 pub fn stems(rig: &Rig) -> Vec<String> {
     let of_view = |view: &crate::view::View| {
         let stem =
@@ -85,12 +86,12 @@ pub fn stems(rig: &Rig) -> Vec<String> {
     rig.views().iter().flat_map(of_view).collect()
 }
 
-/// Name of the file of an image of a frame.
+/// Returns the file name of an image of a frame.
 pub fn file_name(stem: &str, frame: u32, extension: &str) -> String {
     format!("{stem}_{frame:05}.{extension}")
 }
 
-/// Whether that is the name of such a file.
+/// Whether a name has the form of such a file name.
 pub(super) fn is_file_of(name: &str, stem: &str, extension: &str) -> bool {
     let number = name
         .strip_prefix(stem)
@@ -101,15 +102,15 @@ pub(super) fn is_file_of(name: &str, stem: &str, extension: &str) -> bool {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed precondition of a test may panic")]
 mod tests {
     use super::*;
 
     #[test]
-    fn ranges_and_shards_share_all_frames_and_wrong_ones_are_refused() {
+    fn shards_partition_their_range_and_invalid_ones_are_refused() {
         let range: FrameRange = "3..14".parse().unwrap();
         assert_eq!("3..=13".parse::<FrameRange>().unwrap(), range);
-        let mut all: Vec<u32> = (1..=4).flat_map(|number| range.frames(Some(Shard { number, of: 4 }))).collect();
+        let mut all: Vec<u32> = (1..=4).flat_map(|number| range.frames(Some(Shard { number, total: 4 }))).collect();
         assert_eq!(range.frames(Some("2/4".parse().unwrap())).collect::<Vec<_>>(), [4, 8, 12]);
         all.sort_unstable();
         assert_eq!(all, range.frames(None).collect::<Vec<_>>());
@@ -123,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn names_of_files_are_told_from_others() {
+    fn frame_file_names_are_recognised() {
         assert_eq!(file_name("cube.up", 7, "exr"), "cube.up_00007.exr");
         assert_eq!(file_name("dome", 1_234_567, "png"), "dome_1234567.png");
         assert!(is_file_of("dome_1234567.png", "dome", "png") && is_file_of("cube.up_00007.exr", "cube.up", "exr"));

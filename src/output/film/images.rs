@@ -1,4 +1,4 @@
-//! The images of a film's frames, encoded. The same image with the same words gives the same bytes.
+//! Encodes the images of a film's frames. Equal images with equal metadata give equal bytes.
 
 use exr::prelude::{AttributeValue, LayerAttributes, Text};
 use png::{BitDepth, ColorType};
@@ -12,14 +12,15 @@ use crate::photometry::exposure::white_luminance_cd_m2;
 use crate::photometry::tone_map::{ToneMapSettings, linear_from_srgb};
 use crate::render::{FrameImage, Wanted};
 
-/// How the images of a film are written.
+/// File format of a film's images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FilmFormat {
     /// Display images, PNG of 8 bits.
     Png8,
     /// Display images, PNG of 16 bits: HDR images with the exposure and tone mapping of display images, in f64, without dither.
     Png16,
-    /// HDR images, OpenEXR of 16-bit floats in units of display white, which `whiteLuminance` tells in cd/m^2.
+    /// HDR images, OpenEXR of 16-bit floats in units of display white, whose luminance in cd/m^2 is the attribute
+    /// `whiteLuminance`.
     Exr16,
     /// HDR images, OpenEXR of 32-bit floats, cd/m^2.
     Exr32,
@@ -36,7 +37,7 @@ impl FilmFormat {
         }
     }
 
-    /// Of file names.
+    /// Extension of file names.
     pub fn extension(self) -> &'static str {
         match self {
             Self::Png8 | Self::Png16 => "png",
@@ -44,12 +45,12 @@ impl FilmFormat {
         }
     }
 
-    /// What a frame must have.
+    /// Returns the buffers that a frame must have.
     pub fn wanted(self) -> Wanted {
         if self == Self::Png8 { Wanted::display() } else { Wanted::hdr() }
     }
 
-    /// Bytes of a pixel before compression: about the most that a file has.
+    /// Bytes per pixel before compression, which is about the maximum of a file.
     pub fn bytes_per_pixel(self) -> u64 {
         match self {
             Self::Png8 => 4,
@@ -60,7 +61,7 @@ impl FilmFormat {
     }
 }
 
-/// What is told beside the pixels.
+/// Metadata of an image.
 #[derive(Clone, Debug)]
 pub struct ImageWords {
     /// Exposure of the display image.
@@ -71,7 +72,7 @@ pub struct ImageWords {
     pub attributes: Vec<(&'static str, String)>,
 }
 
-/// One image as a file.
+/// Encodes one image as a file.
 ///
 /// # Errors
 ///
@@ -89,13 +90,13 @@ fn png16(image: &FrameImage, words: &ImageWords) -> Result<Vec<u8>, EncodeError>
     let white_cd_m2 = white_luminance_cd_m2(words.exposure_ev100);
     let projector = image.projector.as_deref();
     let mut samples = vec![0_u8; pixels.len() * 6];
-    samples.par_chunks_mut(6).zip(pixels).enumerate().for_each(|(at, (bytes, [red, green, blue, _]))| {
-        // Dark pixels are most of a night sky, and every operator shows them black.
+    samples.par_chunks_mut(6).zip(pixels).enumerate().for_each(|(index, (bytes, [red, green, blue, _]))| {
+        // Most pixels of a night sky are black, and every operator maps black to black.
         if [*red, *green, *blue] == [0.0; 3] && projector.is_none() {
             return;
         }
         let rgb = words.tone_map.display_rgb([*red, *green, *blue].map(f64::from), white_cd_m2);
-        let rgb = projector.map_or(rgb, |projector| projector.codes(at, rgb.map(linear_from_srgb)));
+        let rgb = projector.map_or(rgb, |projector| projector.codes(index, rgb.map(linear_from_srgb)));
         for (bytes, value) in bytes.chunks_exact_mut(2).zip(rgb) {
             let code = (value.clamp(0.0, 1.0) * f64::from(u16::MAX)).round() as u16;
             bytes.copy_from_slice(&code.to_be_bytes());
@@ -104,7 +105,7 @@ fn png16(image: &FrameImage, words: &ImageWords) -> Result<Vec<u8>, EncodeError>
     png_of([image.width, image.height], (ColorType::Rgb, BitDepth::Sixteen), &samples)
 }
 
-/// Latin-1, which is what the format has: names and numbers are ASCII anyhow.
+/// Returns a text as Latin-1, the encoding of the format: names and numbers are ASCII.
 fn latin(text: &str) -> Text {
     let bytes: String = text.chars().map(|c| if c.is_ascii() { c } else { '?' }).collect();
     Text::new_or_none(bytes).unwrap_or_else(|| Text::from(""))
@@ -128,31 +129,31 @@ fn exr(format: FilmFormat, image: &FrameImage, words: &ImageWords) -> Result<Vec
     Ok(bytes)
 }
 
-/// Puts the attributes of a header into the order of their names: the encoder writes them in one that changes from run to run. Their
-/// total length stays, and with it every offset. What is not understood stays as it is.
+/// Sorts the attributes of a header by name, because the encoder writes them in an order that changes between runs.
+/// Their total length, and so every offset, is unchanged. A header that cannot be parsed is left unchanged.
 fn sort_attributes(file: &mut [u8]) {
-    // After magic number and version.
+    // After the magic number and the version.
     let first = 8;
     let mut attributes: Vec<Vec<u8>> = Vec::new();
-    let mut at = first;
+    let mut position = first;
     let text_end = |file: &[u8], from: usize| Some(from + file.get(from..)?.iter().position(|byte| *byte == 0)?);
-    while file.get(at).is_some_and(|byte| *byte != 0) {
-        let end = text_end(file, at).and_then(|name| text_end(file, name + 1)).and_then(|kind| {
+    while file.get(position).is_some_and(|byte| *byte != 0) {
+        let end = text_end(file, position).and_then(|name| text_end(file, name + 1)).and_then(|kind| {
             let size: [u8; 4] = file.get(kind + 1..kind + 5)?.try_into().ok()?;
             let end = kind + 5 + usize::try_from(i32::from_le_bytes(size)).ok()?;
             (end <= file.len()).then_some(end)
         });
         let Some(end) = end else { return };
-        attributes.push(file[at..end].to_vec());
-        at = end;
+        attributes.push(file[position..end].to_vec());
+        position = end;
     }
     attributes.sort();
     let sorted = attributes.concat();
-    file[first..at].copy_from_slice(&sorted);
+    file[first..position].copy_from_slice(&sorted);
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed precondition of a test may panic")]
 mod tests {
     use std::io::Cursor;
 
@@ -172,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn exr_files_have_their_attributes_in_one_order_and_their_light_in_the_stated_units() {
+    fn exr_attributes_are_sorted_and_light_is_in_the_stated_units() {
         let image = sample(21, 34);
         for format in [FilmFormat::Exr16, FilmFormat::Exr32] {
             let bytes = encode_image(format, &image, &words()).unwrap();
@@ -211,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn png16_is_the_tone_mapped_light() {
+    fn png16_is_tone_mapped_light() {
         let image = sample(9, 5);
         let bytes = encode_image(FilmFormat::Png16, &image, &words()).unwrap();
         let mut reader = png::Decoder::new(Cursor::new(&bytes)).read_info().unwrap();
@@ -230,8 +231,8 @@ mod tests {
     }
 
     #[test]
-    fn a_projector_shares_its_light_in_every_format() {
-        let values: Vec<f32> = (0..45).map(|at| at as f32 / 44.0).collect();
+    fn projector_share_is_applied_in_every_format() {
+        let values: Vec<f32> = (0..45).map(|index| index as f32 / 44.0).collect();
         let blend = Blend::new([9, 5], Some(Weights { size: [9, 5], values: &values }), None).unwrap();
         let response = Response { gamma: Some(2.4), lut: None };
         let output = ProjectorOutput::new([9, 5], None, Some(blend), response).unwrap();
@@ -260,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_buffer_is_an_error() {
+    fn missing_buffer_is_an_error() {
         for format in [FilmFormat::Png8, FilmFormat::Png16, FilmFormat::Exr16, FilmFormat::Exr32] {
             let image = FrameImage { display: None, hdr: None, ..sample(4, 4) };
             assert!(matches!(encode_image(format, &image, &words()), Err(EncodeError::Missing { .. })), "{format:?}");

@@ -1,8 +1,9 @@
-//! What a path says of each frame. Every quantity has a track of its own through the keyframes that name it; one that none names is the
-//! configuration's.
+//! Values of a path at each frame. Every quantity has a separate track through the keyframes that name it; a quantity
+//! that no keyframe names comes from the configuration.
 //!
-//! Around a place (`around_m`) the logarithm of the distance is interpolated, and the direction along great arcs, so that a flight over many
-//! orders of magnitude looks even. Fields of view are interpolated in the logarithm of the picture's size on its plane, for the same reason.
+//! Around a place (`around_m`) the logarithm of the distance is interpolated, and the direction along great arcs, so
+//! that a flight over many orders of magnitude looks even. Fields of view are interpolated in the logarithm of the
+//! picture's size on its plane, for the same reason.
 
 use glam::{DQuat, DVec3};
 use toml::Value;
@@ -21,8 +22,8 @@ enum Positions {
     Straight(Track<3>),
     Around {
         around_m: DVec3,
-        /// Those of the keyframes themselves, m.
-        given_m: Vec<DVec3>,
+        /// Positions of the keyframes, m.
+        keyframes_m: Vec<DVec3>,
         frames: Vec<u32>,
         /// Logarithm of the distance in m.
         distances: Track<1>,
@@ -31,10 +32,10 @@ enum Positions {
     },
 }
 
-/// A number that is interpolated in a function of it: the values themselves at keyframes.
+/// A number that is interpolated through a function of it; at keyframes the values themselves are used.
 #[derive(Clone, Debug)]
 struct Scaled<T> {
-    given: Vec<T>,
+    values: Vec<T>,
     track: Track<1>,
 }
 
@@ -46,13 +47,13 @@ pub struct FilmTracks {
     times_s: Option<Track<1>>,
     fovs: Option<Scaled<FovKey>>,
     exposures: Option<Track<1>>,
-    /// Whether exposures are exposure values, and not compensations.
+    /// Whether exposures are exposure values rather than compensations.
     is_fixed: bool,
     magnitudes: Option<Track<1>>,
     velocities_c: Option<Track<3>>,
 }
 
-/// The keyframes that name a quantity.
+/// Returns the keyframes that name a quantity.
 fn naming<T>(
     keyframes: &[Keyframe],
     quantity: impl Fn(&FrameValues) -> Option<T>,
@@ -77,7 +78,8 @@ impl Positions {
         let distance_m = |position_m: DVec3| (position_m - around_m).length();
         let distances =
             Track::new(named.iter().map(|&(frame, at_m, easing)| (frame, [distance_m(at_m).ln()], easing)))?;
-        // Each rotation is the one before, and then the arc to the next direction: so the arcs between them are great ones.
+        // Each rotation continues the previous one by the arc to the next direction, so that the arcs between them are
+        // great arcs.
         let mut directions: Vec<(u32, DQuat, Easing)> = Vec::with_capacity(named.len());
         let mut last = (DVec3::X, DQuat::IDENTITY);
         for &(frame, at_m, easing) in &named {
@@ -87,44 +89,44 @@ impl Positions {
         }
         Some(Self::Around {
             around_m,
-            given_m: named.iter().map(|(_, at_m, _)| *at_m).collect(),
+            keyframes_m: named.iter().map(|(_, at_m, _)| *at_m).collect(),
             frames: named.iter().map(|(frame, ..)| *frame).collect(),
             distances,
             directions: Turns::new(directions)?,
         })
     }
 
-    fn at(&self, at: f64) -> DVec3 {
+    fn position_m(&self, frame: f64) -> DVec3 {
         match self {
-            Self::Straight(track) => DVec3::from_array(track.at(at)),
-            Self::Around { around_m, given_m, frames, distances, directions } => {
-                let (knot, [offset]) = distances.offset(at);
+            Self::Straight(track) => DVec3::from_array(track.at(frame)),
+            Self::Around { around_m, keyframes_m, frames, distances, directions } => {
+                let (knot, [offset]) = distances.offset(frame);
                 let [first, last] = [frames[0], frames[frames.len() - 1]].map(f64::from);
-                if f64::from(frames[knot]) == at || at < first || at >= last {
-                    return given_m[knot];
+                if f64::from(frames[knot]) == frame || frame < first || frame >= last {
+                    return keyframes_m[knot];
                 }
-                let distance_m = (given_m[knot] - around_m).length() * offset.exp();
-                around_m + directions.at(at) * DVec3::X * distance_m
+                let distance_m = (keyframes_m[knot] - around_m).length() * offset.exp();
+                around_m + directions.at(frame) * DVec3::X * distance_m
             }
         }
     }
 }
 
 fn fov_track(keyframes: &[Keyframe]) -> Option<Scaled<FovKey>> {
-    let given: Vec<(u32, FovKey, Easing)> = naming(keyframes, |values| values.fov).collect();
+    let named: Vec<(u32, FovKey, Easing)> = naming(keyframes, |values| values.fov).collect();
     let size = |fov: FovKey| match fov {
         FovKey::Scale(scale) => scale,
         FovKey::YDeg(deg) => (0.5 * deg.to_radians()).tan(),
     };
-    let track = Track::new(given.iter().map(|&(frame, fov, easing)| (frame, [size(fov).ln()], easing)))?;
-    Some(Scaled { given: given.into_iter().map(|(_, fov, _)| fov).collect(), track })
+    let track = Track::new(named.iter().map(|&(frame, fov, easing)| (frame, [size(fov).ln()], easing)))?;
+    Some(Scaled { values: named.into_iter().map(|(_, fov, _)| fov).collect(), track })
 }
 
 impl Scaled<FovKey> {
     fn at(&self, frame: f64) -> FovKey {
         let (knot, [offset]) = self.track.offset(frame);
-        match self.given[knot] {
-            given if offset == 0.0 => given,
+        match self.values[knot] {
+            values if offset == 0.0 => values,
             FovKey::Scale(scale) => FovKey::Scale(scale * offset.exp()),
             FovKey::YDeg(deg) => {
                 FovKey::YDeg((2.0 * ((0.5 * deg.to_radians()).tan() * offset.exp()).atan()).to_degrees())
@@ -134,7 +136,7 @@ impl Scaled<FovKey> {
 }
 
 impl FilmTracks {
-    /// The tracks through the keyframes of a path.
+    /// Returns the tracks through the keyframes of a path.
     pub fn new(path: &FilmPath) -> Self {
         let keyframes = &path.keyframes;
         let exposure = |values: &FrameValues| match values.exposure? {
@@ -152,32 +154,32 @@ impl FilmTracks {
         }
     }
 
-    /// What the path says of a frame.
+    /// Returns the values at a frame.
     pub fn at(&self, frame: u32) -> FrameValues {
         self.at_moment(f64::from(frame))
     }
 
-    /// What it says of a moment, in frames.
-    pub fn at_moment(&self, at: f64) -> FrameValues {
-        let number = |track: &Option<Track<1>>| track.as_ref().map(|track| track.at(at)[0]);
+    /// Returns the values at a moment, in frames.
+    pub fn at_moment(&self, moment: f64) -> FrameValues {
+        let number = |track: &Option<Track<1>>| track.as_ref().map(|track| track.at(moment)[0]);
         let exposure = if self.is_fixed { ExposureKey::Ev100 } else { ExposureKey::CompensationEv };
         FrameValues {
-            position_m: self.positions.as_ref().map(|positions| positions.at(at)),
-            frame_from_camera: self.orientations.as_ref().map(|turns| turns.at(at)),
+            position_m: self.positions.as_ref().map(|positions| positions.position_m(moment)),
+            frame_from_camera: self.orientations.as_ref().map(|turns| turns.at(moment)),
             time_s: number(&self.times_s),
-            fov: self.fovs.as_ref().map(|fovs| fovs.at(at)),
+            fov: self.fovs.as_ref().map(|fovs| fovs.at(moment)),
             exposure: number(&self.exposures).map(exposure),
             magnitude_limit: number(&self.magnitudes),
-            velocity_c: self.velocities_c.as_ref().map(|track| DVec3::from_array(track.at(at))),
+            velocity_c: self.velocities_c.as_ref().map(|track| DVec3::from_array(track.at(moment))),
         }
     }
 }
 
-/// Refuses a path that names what the views or the exposure of a configuration do not have.
+/// Checks that the views and the exposure of a configuration have every quantity that a path names.
 ///
 /// # Errors
 ///
-/// The message names the file of the path, the key, and what is needed.
+/// The message names the path file, the key and the requirement.
 pub fn check_with(path: &FilmPath, config: &Config) -> Result<(), ConfigError> {
     let fault = |key: &str, problem: String| {
         let origin = path.origin.clone();
@@ -197,11 +199,11 @@ pub fn check_with(path: &FilmPath, config: &Config) -> Result<(), ConfigError> {
             Some(FovKey::Scale(_)) if !perspective(true) => {
                 return fault(
                     "fov_scale",
-                    format!("{} has no perspective view, whose field it would change", config.origin),
+                    format!("{} has no perspective view, which this key requires", config.origin),
                 );
             }
             Some(FovKey::YDeg(_)) if !perspective(false) => {
-                let problem = "has no perspective view with fov_y_deg, whose field it would change";
+                let problem = "has no perspective view with fov_y_deg, which this key requires";
                 return fault("fov_y_deg", format!("{} {problem}", config.origin));
             }
             _ => {}
@@ -224,19 +226,21 @@ fn scaled_deg(angle_deg: f64, scale: f64) -> f64 {
 }
 
 impl FrameValues {
-    /// The camera of a frame, for a configuration whose camera is that; `icrs_from_frame` leads from the path's axes to those of ICRS.
+    /// Returns the camera of a frame; `config_camera` is the camera of the configuration, and `icrs_from_frame` maps the
+    /// path's axes to ICRS axes.
     ///
     /// # Errors
     ///
-    /// It is faster than can be drawn: velocities between two keyframes may be.
-    pub fn camera(&self, of_config: &Camera, icrs_from_frame: DQuat) -> Result<Camera, PoseError> {
-        let position_m = self.position_m.unwrap_or(of_config.position_m);
-        let orientation = self.frame_from_camera.map_or(of_config.world_from_camera, |turned| icrs_from_frame * turned);
-        let velocity_c = self.velocity_c.unwrap_or(of_config.velocity_c);
+    /// The velocity is too high to be drawn, which is possible between two keyframes.
+    pub fn camera(&self, config_camera: &Camera, icrs_from_frame: DQuat) -> Result<Camera, PoseError> {
+        let position_m = self.position_m.unwrap_or(config_camera.position_m);
+        let orientation =
+            self.frame_from_camera.map_or(config_camera.world_from_camera, |turned| icrs_from_frame * turned);
+        let velocity_c = self.velocity_c.unwrap_or(config_camera.velocity_c);
         Camera::new(position_m.to_array(), orientation.to_array(), velocity_c.to_array())
     }
 
-    /// The configuration of a frame, but for camera and time, which its types do not hold as exactly.
+    /// Returns the configuration of a frame, except for camera and time, which its types hold less exactly.
     pub fn applied_to(&self, config: &Config) -> Config {
         let mut config = config.clone();
         if let Some(limit) = self.magnitude_limit {
@@ -245,7 +249,7 @@ impl FrameValues {
         match self.exposure {
             Some(ExposureKey::Ev100(ev100)) => {
                 (config.exposure.mode, config.exposure.ev100) = (ExposureMode::Manual, ev100);
-                // It is that of every view.
+                // The path's exposure applies to every view.
                 for view in &mut config.views {
                     (view.tables.exposure, view.tables.exposure_group) = (None, None);
                 }
@@ -281,7 +285,7 @@ impl FrameValues {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed precondition of a test may panic")]
 mod tests {
     use std::path::Path;
 
@@ -292,30 +296,30 @@ mod tests {
     }
 
     #[test]
-    fn a_flight_over_ten_orders_of_magnitude_is_even_in_the_logarithm_of_the_distance() {
+    fn flight_is_even_in_log_distance() {
         let text = "around_m = [1e11, 2e10, -5e9]\n\
             [[keyframes]]\nframe = 0\nposition_m = [100010000000.0, 2e10, -5e9]\neasing = 'linear'\n\
             [[keyframes]]\nframe = 100\nposition_m = [1e11, 1e17, -5e9]\n";
         let around_m = DVec3::new(1e11, 2e10, -5e9);
         let film = tracks(text);
-        let at = |frame| film.at(frame).position_m.unwrap() - around_m;
-        let step = (at(100).length() / at(0).length()).ln() / 100.0;
+        let position_m = |frame| film.at(frame).position_m.unwrap() - around_m;
+        let step = (position_m(100).length() / position_m(0).length()).ln() / 100.0;
         for frame in 0..100 {
-            let found = (at(frame + 1).length() / at(frame).length()).ln();
+            let found = (position_m(frame + 1).length() / position_m(frame).length()).ln();
             assert!((found / step - 1.0).abs() < 1e-4, "{frame}: {found} {step}");
-            // The direction turns evenly too, in its plane.
-            let turned = at(frame + 1).angle_between(at(frame));
+            // The direction turns evenly too, and in its plane.
+            let turned = position_m(frame + 1).angle_between(position_m(frame));
             assert!((turned * 100.0 / std::f64::consts::FRAC_PI_2 - 1.0).abs() < 1e-4, "{frame}: {turned}");
-            assert!(at(frame).z.abs() < 1e-3 + 1e-12 * at(frame).length());
+            assert!(position_m(frame).z.abs() < 1e-3 + 1e-12 * position_m(frame).length());
         }
-        // Along a straight line the first frame alone would be ten orders of magnitude away.
+        // On a straight line the first frame alone would move by ten orders of magnitude.
         let straight = tracks(&text.replace("around_m = [1e11, 2e10, -5e9]", ""));
         let first = straight.at(1).position_m.unwrap() - around_m;
-        assert!(first.length() > 1e14 && at(1).length() < 2e7, "{first} {}", at(1));
+        assert!(first.length() > 1e14 && position_m(1).length() < 2e7, "{first} {}", position_m(1));
     }
 
     #[test]
-    fn keyframes_are_exact_and_what_none_names_stays() {
+    fn keyframes_are_exact_and_unnamed_values_stay() {
         let text = "around_m = [1, 0, 0]\n[[keyframes]]\nframe = 3\nposition_m = [149597870700.123, 3.1e-3, 7.7]\n\
             look = { ra_deg = 266.4, dec_deg = -28.9 }\nfov_y_deg = 41.7\n\
             [[keyframes]]\nframe = 5\nmagnitude_limit = 6.3\n\
@@ -336,7 +340,7 @@ mod tests {
                 same(keyframe.values.exposure.is_some(), values.exposure == keyframe.values.exposure);
                 assert_eq!(values.velocity_c, None);
             }
-            // Held before the first keyframe that names it and after the last one.
+            // The value is held before the first keyframe that names it and after the last one.
             assert_eq!(film.at(0).exposure, Some(ExposureKey::Ev100(-4.7)));
             assert_eq!(
                 (film.at(0).position_m, film.at(90).position_m),
@@ -347,21 +351,21 @@ mod tests {
     }
 
     #[test]
-    fn positions_around_a_place_have_no_jump_of_their_rate() {
+    fn position_rates_around_a_place_are_continuous() {
         let film = tracks(
             "around_m = [0, 0, 0]\n[[keyframes]]\nframe = 0\nposition_m = [1e7, 0, 0]\n[[keyframes]]\nframe = 1000\n\
             position_m = [0, 1e9, 0]\n[[keyframes]]\nframe = 1500\nposition_m = [0, 1e9, 1e12]\n",
         );
-        let at = |frame| film.at(frame).position_m.unwrap();
+        let position_m = |frame| film.at(frame).position_m.unwrap();
         for frame in [1000, 1500] {
-            // Per frame, in units of the distance.
-            let rates = [frame - 1, frame].map(|f| (at(f + 1) - at(f)) / at(frame).length());
+            // Rate per frame in units of the distance.
+            let rates = [frame - 1, frame].map(|f| (position_m(f + 1) - position_m(f)) / position_m(frame).length());
             assert!((rates[1] - rates[0]).length() < 3e-4, "{frame}: {rates:?}");
         }
     }
 
     #[test]
-    fn fields_of_view_and_exposures_reach_the_views() {
+    fn fields_of_view_and_exposures_apply_to_views() {
         let text = "[[views]]\nname = 'a'\ntype = 'perspective'\nsize = [8, 8]\nfov_y_deg = 60\n[views.exposure]\nlimiting_magnitude = 7\n\
             [[views]]\nname = 'b'\ntype = 'perspective'\nsize = [8, 8]\nfov = { left_deg = -45, right_deg = 20, up_deg = 10, down_deg = -10 }\n";
         let config = Config::from_text(text, "c.toml", Path::new(""), &[]).unwrap();
@@ -375,7 +379,7 @@ mod tests {
             FrameValues { exposure: Some(ExposureKey::Ev100(2.5)), ..FrameValues::default() }.applied_to(&config);
         let groups = fixed.frame_groups().unwrap();
         assert_eq!((groups.len(), groups[0].settings.exposure.ev100), (1, 2.5));
-        // What nothing in the configuration would follow is refused.
+        // A key without effect on the configuration is refused.
         let dome =
             "[exposure]\nmode = 'manual'\n[[views]]\nname = 'a'\ntype = 'dome_master'\nsize = [8, 8]\nfov_deg = 180\n";
         let dome = Config::from_text(dome, "c.toml", Path::new(""), &[]).unwrap();

@@ -1,27 +1,29 @@
-//! Tracks through keyframes: numbers and rotations over the numbers of frames.
+//! Tracks through keyframes: numbers and rotations as functions of the frame number.
 //!
-//! A segment is linear or smooth. Smooth ones are cubic Hermite splines whose tangents keep them monotone between keyframes (F. N. Fritsch and
-//! J. Butland, "A method for constructing local monotone piecewise cubic interpolants", SIAM J. Sci. Stat. Comput. 5, 1984), so that nothing
-//! overshoots a keyframe. At a keyframe between a linear and a smooth segment the smooth one takes over the rate of the linear one, as far as
-//! it stays monotone. Values are held before the first keyframe and after the last one, and a smooth track comes to rest there: it has no jump of
-//! its rate anywhere.
+//! A segment is linear or smooth. Smooth segments are cubic Hermite splines whose tangents keep them monotone between
+//! keyframes (F. N. Fritsch and J. Butland, "A method for constructing local monotone piecewise cubic interpolants",
+//! SIAM J. Sci. Stat. Comput. 5, 1984), so that they do not overshoot a keyframe. At a keyframe between a linear and a
+//! smooth segment, the smooth one adopts the rate of the linear one, within the limits of monotonicity. Values are held
+//! before the first keyframe and after the last one, and a smooth track comes to rest there: its rate is continuous
+//! everywhere.
 //!
-//! Rotations are cubic Bézier curves of great arcs (K. Shoemake, "Animating rotation with quaternion curves", SIGGRAPH 1985) whose angular
-//! velocities at the keyframes are found by the same rule, component by component: about one axis they are the spline of the angle.
+//! Rotations are cubic Bézier curves of great arcs (K. Shoemake, "Animating rotation with quaternion curves", SIGGRAPH
+//! 1985). The same rule, applied to each component, gives their angular velocities at the keyframes: for rotations
+//! about one axis the result is the spline of the angle.
 
 use glam::{DQuat, DVec3};
 
 use crate::config::Easing;
 
-/// Place of a frame in a track.
+/// Position of a frame in a track.
 enum Place {
-    /// At a keyframe, or held at one.
+    /// At a keyframe, or held at the first or last one.
     At(usize),
     /// Between a keyframe and the next one, at this share of the way in frames.
     Between(usize, f64),
 }
 
-/// Frames of keyframes, rising, and how the segments that begin there are travelled.
+/// Increasing frame numbers of the keyframes, and the easing of the segments that begin there.
 #[derive(Clone, Debug)]
 struct Knots {
     frames: Vec<f64>,
@@ -29,8 +31,8 @@ struct Knots {
 }
 
 impl Knots {
-    /// Those of keyframes (frame, value, easing), and their values.
-    fn of<T>(keyframes: impl IntoIterator<Item = (u32, T, Easing)>) -> (Self, Vec<T>) {
+    /// Splits keyframes (frame, value, easing) into knots and values.
+    fn from_keyframes<T>(keyframes: impl IntoIterator<Item = (u32, T, Easing)>) -> (Self, Vec<T>) {
         let mut knots = Self { frames: Vec::new(), easings: Vec::new() };
         let mut values = Vec::new();
         for (frame, value, easing) in keyframes {
@@ -57,7 +59,7 @@ impl Knots {
         self.frames[segment + 1] - self.frames[segment]
     }
 
-    /// Rates at the keyframes, per frame, from the mean rates of the segments.
+    /// Returns the rates at the keyframes, per frame, from the mean rates of the segments.
     fn rates<const N: usize>(&self, means: &[[f64; N]]) -> Vec<[f64; N]> {
         let rate = |knot: usize| {
             if knot == 0 || knot == means.len() {
@@ -70,7 +72,7 @@ impl Knots {
                 if before * after <= 0.0 {
                     return 0.0;
                 }
-                // Three times the mean rate is the most with which a cubic stays monotone.
+                // A cubic is monotone up to three times the mean rate.
                 let limited = |rate: f64, mean: f64| rate.signum() * rate.abs().min(3.0 * mean.abs());
                 match (easing_before, easing_after) {
                     (Easing::Linear, Easing::Smooth) => limited(before, after),
@@ -95,9 +97,9 @@ pub(super) struct Track<const N: usize> {
 }
 
 impl<const N: usize> Track<N> {
-    /// A track through keyframes: frame, value, easing. `None`: there is none.
+    /// Returns a track through keyframes (frame, value, easing); `None` if there are none.
     pub(super) fn new(keyframes: impl IntoIterator<Item = (u32, [f64; N], Easing)>) -> Option<Self> {
-        let (knots, values) = Knots::of(keyframes);
+        let (knots, values) = Knots::from_keyframes(keyframes);
         let segments = values.len().checked_sub(1)?;
         let mean = |s: usize| std::array::from_fn(|c| (values[s + 1][c] - values[s][c]) / knots.length(s));
         let means: Vec<[f64; N]> = (0..segments).map(mean).collect();
@@ -105,7 +107,8 @@ impl<const N: usize> Track<N> {
         Some(Self { knots, values, rates })
     }
 
-    /// The nearer keyframe and what is to be added to its value, which is 0 at the keyframe itself: so nothing is lost of the precision near it.
+    /// Returns the nearer keyframe and the offset from its value. The offset is 0 at the keyframe itself, so that
+    /// values near it keep full precision.
     pub(super) fn offset(&self, frame: f64) -> (usize, [f64; N]) {
         let (before, share) = match self.knots.place(frame) {
             Place::At(knot) => return (knot, [0.0; N]),
@@ -120,7 +123,8 @@ impl<const N: usize> Track<N> {
                     let left = 1.0 - share;
                     let step = |u: f64| u * u * (3.0 - 2.0 * u);
                     let [start, end] = [self.rates[before][c], self.rates[before + 1][c]];
-                    // The basis of Hermite's cubic, less the mean rate's share, which `step` has: rates at both ends.
+                    // The cubic Hermite basis of the rates at both ends, minus the mean rate's share, which is in
+                    // `step`.
                     let bent = length * share * left * (start * left - end * share);
                     (step(if from_end { left } else { share }), bent)
                 }
@@ -130,26 +134,26 @@ impl<const N: usize> Track<N> {
         (before + usize::from(from_end), std::array::from_fn(offset))
     }
 
-    /// The value at a frame.
+    /// Returns the value at a frame.
     pub(super) fn at(&self, frame: f64) -> [f64; N] {
         let (knot, offset) = self.offset(frame);
         std::array::from_fn(|c| self.values[knot][c] + offset[c])
     }
 }
 
-/// The rotation by a rotation vector, rad.
-fn by(rotation: DVec3) -> DQuat {
+/// Returns the rotation for a rotation vector, rad.
+fn rotation_from_vector(rotation: DVec3) -> DQuat {
     DQuat::from_scaled_axis(rotation)
 }
 
-/// The shorter rotation from one to the other in the axes of the first, as a rotation vector, rad.
+/// Returns the shorter rotation between two rotations in the axes of the first, as a rotation vector, rad.
 fn between(from: DQuat, to: DQuat) -> DVec3 {
     let turn = from.inverse() * to;
     (if turn.w < 0.0 { -turn } else { turn }).to_scaled_axis()
 }
 
 fn along(from: DQuat, to: DQuat, share: f64) -> DQuat {
-    from * by(between(from, to) * share)
+    from * rotation_from_vector(between(from, to) * share)
 }
 
 /// A spline of rotations.
@@ -159,14 +163,14 @@ pub(super) struct Turns {
     values: Vec<DQuat>,
     /// Rotation vectors of the segments, rad.
     turns: Vec<DVec3>,
-    /// Angular velocities at the keyframes in their own axes, rad per frame.
+    /// Angular velocities at the keyframes in the axes of the keyframe, rad per frame.
     rates: Vec<DVec3>,
 }
 
 impl Turns {
-    /// A track through keyframes: frame, unit quaternion, easing. `None`: there is none.
+    /// Returns a track through keyframes (frame, unit quaternion, easing); `None` if there are none.
     pub(super) fn new(keyframes: impl IntoIterator<Item = (u32, DQuat, Easing)>) -> Option<Self> {
-        let (knots, values) = Knots::of(keyframes);
+        let (knots, values) = Knots::from_keyframes(keyframes);
         let segments = values.len().checked_sub(1)?;
         let turns: Vec<DVec3> = (0..segments).map(|s| between(values[s], values[s + 1])).collect();
         // A rotation vector is the same in the axes of both ends of its segment.
@@ -175,7 +179,7 @@ impl Turns {
         Some(Self { knots, values, turns, rates })
     }
 
-    /// The rotation at a frame.
+    /// Returns the rotation at a frame.
     pub(super) fn at(&self, frame: f64) -> DQuat {
         let (before, share) = match self.knots.place(frame) {
             Place::At(knot) => return self.values[knot],
@@ -183,11 +187,15 @@ impl Turns {
         };
         let [start, end] = [self.values[before], self.values[before + 1]];
         let turned = match self.knots.easings[before] {
-            Easing::Linear => start * by(self.turns[before] * share),
+            Easing::Linear => start * rotation_from_vector(self.turns[before] * share),
             Easing::Smooth => {
                 let third = self.knots.length(before) / 3.0;
-                let points =
-                    [start, start * by(self.rates[before] * third), end * by(-self.rates[before + 1] * third), end];
+                let points = [
+                    start,
+                    start * rotation_from_vector(self.rates[before] * third),
+                    end * rotation_from_vector(-self.rates[before + 1] * third),
+                    end,
+                ];
                 let [a, b, c] = [0, 1, 2].map(|i| along(points[i], points[i + 1], share));
                 along(along(a, b, share), along(b, c, share), share)
             }
@@ -214,7 +222,7 @@ mod tests {
     ];
 
     #[test]
-    fn numbers_are_exact_at_keyframes_held_beyond_them_and_never_overshoot() {
+    fn values_are_exact_at_keyframes_held_outside_and_never_overshoot() {
         let track = track(&UNEVEN);
         for (frame, value, _) in UNEVEN {
             assert_eq!(track.at(f64::from(frame)), [value]);
@@ -231,19 +239,19 @@ mod tests {
         }
     }
 
-    /// Largest jump of the rate at the keyframes, over the largest rate near them.
-    fn jump_of_rate(at: impl Fn(f64) -> f64, frames: &[u32]) -> f64 {
+    /// Largest jump of the rate at the keyframes, relative to the largest rate near them.
+    fn jump_of_rate(value: impl Fn(f64) -> f64, frames: &[u32]) -> f64 {
         let step = 1e-4;
         let jump = |&frame: &u32| {
             let frame = f64::from(frame);
-            let rate = |from: f64| (at(from + step) - at(from)) / step;
+            let rate = |from: f64| (value(from + step) - value(from)) / step;
             (rate(frame) - rate(frame - step)).abs()
         };
         frames.iter().map(jump).fold(0.0, f64::max)
     }
 
     #[test]
-    fn rates_of_smooth_tracks_have_no_jump_at_keyframes_and_beside_linear_ones() {
+    fn rates_of_smooth_tracks_are_continuous() {
         let smooth = track(&[
             (0, 0.0, Easing::Smooth),
             (10, 1.0, Easing::Smooth),
@@ -253,13 +261,13 @@ mod tests {
         ]);
         let jump = jump_of_rate(|frame| smooth.at(frame)[0], &[0, 10, 15, 20, 30]);
         assert!(jump < 1e-3, "{jump}");
-        // What jumps is seen.
+        // A jump is detected.
         let kinked = track(&[(0, 0.0, Easing::Linear), (10, 1.0, Easing::Linear), (15, 4.0, Easing::Linear)]);
         assert!(jump_of_rate(|frame| kinked.at(frame)[0], &[0, 10, 15]) > 0.4);
     }
 
     #[test]
-    fn rotations_about_one_axis_are_the_spline_of_the_angle() {
+    fn rotations_about_one_axis_match_the_spline_of_the_angle() {
         let axis = DVec3::new(0.6, 0.0, 0.8);
         let angles = [(0, 0.1), (10, 1.0), (15, 2.6), (40, 2.6), (50, 0.4)];
         for easing in [Easing::Smooth, Easing::Linear] {
@@ -275,26 +283,26 @@ mod tests {
     }
 
     #[test]
-    fn linear_rotations_turn_at_a_constant_rate_and_smooth_ones_without_a_jump() {
+    fn linear_rotations_have_constant_rate_and_smooth_ones_continuous_rate() {
         let keys = [
             (0, DQuat::IDENTITY),
             (12, DQuat::from_rotation_y(1.2)),
             (20, DQuat::from_rotation_x(2.0)),
-            // The same rotation as its negative.
+            // The negative quaternion is the same rotation.
             (32, -DQuat::from_rotation_z(0.4)),
         ];
         let turns = |easing| Turns::new(keys.map(|(frame, turn)| (frame, turn, easing))).unwrap();
         let linear = turns(Easing::Linear);
-        let step = |at: f64| linear.at(at).angle_between(linear.at(at + 0.5));
-        for at in [12.0, 12.5, 15.0, 19.5] {
-            assert!((step(at) / step(14.0) - 1.0).abs() < 1e-9, "{at}");
+        let step = |frame: f64| linear.at(frame).angle_between(linear.at(frame + 0.5));
+        for frame in [12.0, 12.5, 15.0, 19.5] {
+            assert!((step(frame) / step(14.0) - 1.0).abs() < 1e-9, "{frame}");
         }
         let smooth = turns(Easing::Smooth);
         for (frame, turn) in keys {
             assert_eq!(smooth.at(f64::from(frame)), turn);
         }
-        let jump = |of: &Turns, frame: f64| {
-            let rate = |from: f64| between(of.at(from), of.at(from + 1e-4)) / 1e-4;
+        let jump = |turns: &Turns, frame: f64| {
+            let rate = |from: f64| between(turns.at(from), turns.at(from + 1e-4)) / 1e-4;
             (rate(frame) - rate(frame - 1e-4)).length()
         };
         for (frame, _) in keys {

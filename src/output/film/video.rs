@@ -1,4 +1,4 @@
-//! Videos of a film's files, by an installed `ffmpeg`.
+//! Encodes a film's files as a video with an installed `ffmpeg`.
 
 use std::ffi::OsStr;
 use std::io;
@@ -10,53 +10,57 @@ use super::error::FilmError;
 use super::frames::FrameRange;
 use crate::files::folder_of;
 
-/// Containers, by the extension of the file.
+/// Supported containers, by file extension.
 const EXTENSIONS: [&str; 3] = ["mp4", "mkv", "mov"];
-/// Lines of what ffmpeg says that an error repeats.
-const TOLD_LINES: usize = 12;
+/// Number of ffmpeg's last output lines in an error.
+const MESSAGE_LINES: usize = 12;
 
 /// An `ffmpeg` that can encode H.264.
 #[derive(Debug)]
 pub struct Ffmpeg(());
 
-/// Refuses a file whose name does not tell the container, or whose folder is not there.
+/// Checks that a file name identifies the container and that its folder exists.
 ///
 /// # Errors
 ///
-/// What is wrong and what is allowed.
+/// A description with the valid values.
 pub fn check_video_file(file: &Path) -> Result<(), String> {
     let extension = file.extension().and_then(OsStr::to_str).unwrap_or_default();
     if !EXTENSIONS.contains(&extension) {
         let allowed = EXTENSIONS.join(", .");
-        return Err(format!("--video {}: the extension tells the container: allowed are .{allowed}", file.display()));
+        return Err(format!(
+            "--video {}: the extension selects the container and must be one of .{allowed}",
+            file.display()
+        ));
     }
     let folder = folder_of(file);
     if !folder.is_dir() {
-        return Err(format!("--video {}: there is no folder {}", file.display(), folder.display()));
+        return Err(format!("--video {}: the folder {} does not exist", file.display(), folder.display()));
     }
     Ok(())
 }
 
 impl Ffmpeg {
-    /// Looks for `ffmpeg` on the path of the system.
+    /// Looks for `ffmpeg` in the executable search path.
     ///
     /// # Errors
     ///
-    /// There is none, or it does not have libx264.
+    /// ffmpeg is missing, or lacks libx264.
     pub fn find() -> Result<Self, FilmError> {
         let mut command = Command::new("ffmpeg");
         let listed = command.args(["-hide_banner", "-encoders"]).stdin(Stdio::null()).output();
         match listed {
             Ok(listed) if String::from_utf8_lossy(&listed.stdout).contains("libx264") => Ok(Self(())),
-            Ok(_) => Err(FilmError::NoFfmpeg { problem: "and the ffmpeg here does not list it".to_owned() }),
+            Ok(_) => Err(FilmError::NoFfmpeg { problem: "which the installed ffmpeg lacks".to_owned() }),
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                Err(FilmError::NoFfmpeg { problem: "and there is no ffmpeg here".to_owned() })
+                Err(FilmError::NoFfmpeg { problem: "but ffmpeg is not installed".to_owned() })
             }
-            Err(error) => Err(FilmError::NoFfmpeg { problem: format!("and ffmpeg cannot be run: {error}") }),
+            Err(error) => Err(FilmError::NoFfmpeg { problem: format!("but ffmpeg cannot be run: {error}") }),
         }
     }
 
-    /// Encodes the files `<stem>_<number>.png` of a range in `folder` as a video in Rec. 709. The file appears whole or not at all.
+    /// Encodes the files `<stem>_<number>.png` of a range in `folder` as a video in Rec. 709. The file is written
+    /// atomically.
     ///
     /// # Errors
     ///
@@ -74,7 +78,7 @@ impl Ffmpeg {
         }
         let temporary = builder.tempfile_in(folder_of(file)).map_err(write)?;
         let target: PathBuf = absolute(temporary.path()).map_err(write)?;
-        // The folder's own name may have a `%`, which would be part of the pattern: so ffmpeg runs inside of it.
+        // ffmpeg runs inside the folder, because a `%` in the folder's name would be part of the pattern.
         let mut command = Command::new("ffmpeg");
         command.current_dir(folder).stdin(Stdio::null());
         command.args(["-hide_banner", "-loglevel", "error", "-y", "-framerate", &fps.to_string()]);
@@ -89,10 +93,10 @@ impl Ffmpeg {
         if !output.status.success() {
             let messages = String::from_utf8_lossy(&output.stderr);
             let lines: Vec<&str> = messages.lines().collect();
-            let told = lines[lines.len().saturating_sub(TOLD_LINES)..].join("\n");
-            return Err(FilmError::Ffmpeg { status: output.status.to_string(), messages: told });
+            let messages = lines[lines.len().saturating_sub(MESSAGE_LINES)..].join("\n");
+            return Err(FilmError::Ffmpeg { status: output.status.to_string(), messages });
         }
-        // Whatever was written under the name, not the file that was open before.
+        // Sync the file now under that name, because ffmpeg may have replaced the open one.
         std::fs::File::open(&target).and_then(|video| video.sync_all()).map_err(write)?;
         temporary.persist(file).map_err(|error| write(error.error))?;
         Ok(())

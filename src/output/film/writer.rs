@@ -1,4 +1,5 @@
-//! Encoding and writing behind the drawing: frames go through a bounded channel to a few threads, and the drawing waits where these are slower.
+//! Encodes and writes in the background: frames go through a bounded channel to a few threads, and drawing blocks while
+//! these are slower.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -13,21 +14,21 @@ use super::images::{FilmFormat, ImageWords, encode_image};
 use crate::files;
 use crate::render::FrameImage;
 
-/// Threads at most. Each one may have a frame, one more waits, and one is drawn: so many are in memory.
+/// Maximum number of threads. In memory are one frame per thread, one waiting and one being drawn.
 const MOST_WRITERS: usize = 3;
 
-/// One image and the file that it becomes.
+/// One image and its file.
 #[derive(Debug)]
 pub struct FrameFile {
-    /// The file.
+    /// Target file.
     pub path: PathBuf,
     /// The image.
     pub image: FrameImage,
-    /// What is told beside it.
+    /// Metadata.
     pub words: ImageWords,
 }
 
-/// Takes frames.
+/// Handle that receives frames.
 pub struct FilmWriter<'a> {
     frames: SyncSender<Vec<FrameFile>>,
     error: &'a Mutex<Option<OutputError>>,
@@ -35,11 +36,11 @@ pub struct FilmWriter<'a> {
 }
 
 impl FilmWriter<'_> {
-    /// Hands the files of a frame over; waits where the threads have enough to do. Each file appears whole or not at all.
+    /// Queues the files of a frame; blocks while the threads are busy. Each file is written atomically.
     ///
     /// # Errors
     ///
-    /// What has gone wrong with an earlier frame.
+    /// The error of an earlier frame.
     pub fn write(&self, frame: Vec<FrameFile>) -> Result<(), FilmError> {
         if let Some(error) = self.error.lock().unwrap_or_else(PoisonError::into_inner).take() {
             return Err(error.into());
@@ -47,24 +48,24 @@ impl FilmWriter<'_> {
         self.frames.send(frame).map_err(|_| FilmError::Writers)
     }
 
-    /// Frames that are written so far.
+    /// Number of frames written so far.
     pub fn written(&self) -> usize {
         self.written.load(Ordering::Relaxed)
     }
 }
 
-/// What the threads have done together.
+/// Totals of all threads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Written {
     /// Frames written.
     pub frames: usize,
     /// Bytes of their files.
     pub bytes: u64,
-    /// Time of encoding, summed over threads.
+    /// Time of encoding, summed over all threads.
     pub encoding: Duration,
-    /// Time of writing, the same.
+    /// Time of writing, summed over all threads.
     pub writing: Duration,
-    /// Threads.
+    /// Number of threads.
     pub threads: usize,
 }
 
@@ -100,11 +101,12 @@ fn next(frames: &Mutex<Receiver<Vec<FrameFile>>>) -> Option<Vec<FrameFile>> {
     frames.lock().unwrap_or_else(PoisonError::into_inner).recv().ok()
 }
 
-/// Runs `draw` with a writer, and waits until all that it has handed over is written; returns what `draw` does, and what was written.
+/// Runs `draw` with a writer and waits until all queued frames are written; returns the result of `draw`, and the
+/// totals.
 ///
 /// # Errors
 ///
-/// Those of `draw`, or that a file cannot be written.
+/// The error of `draw`, or of a file that cannot be written.
 pub fn with_writer<T, E: From<FilmError>>(
     format: FilmFormat,
     draw: impl FnOnce(&FilmWriter<'_>) -> Result<T, E>,
@@ -123,7 +125,7 @@ pub fn with_writer<T, E: From<FilmError>>(
                         Ok(()) => {
                             written.fetch_add(1, Ordering::Relaxed);
                         }
-                        // The first one is told; the threads go on to take what would otherwise block the drawing.
+                        // Keep the first error; the threads continue to receive frames so that drawing does not block.
                         Err(problem) => {
                             error.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(problem);
                         }
@@ -132,7 +134,7 @@ pub fn with_writer<T, E: From<FilmError>>(
             });
         }
         let writer = FilmWriter { frames: sender, error: &error, written: &written };
-        // The writer is dropped with this call's end, and the threads end when the channel is empty.
+        // This call drops the writer, and the threads end when the channel is empty.
         let drawn = draw(&writer);
         drop(writer);
         drawn
@@ -153,7 +155,7 @@ pub fn with_writer<T, E: From<FilmError>>(
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed precondition of a test may panic")]
 mod tests {
     use super::super::super::encode::tests::sample;
     use super::*;
@@ -165,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn all_frames_are_written_and_a_failure_is_told_without_a_half_file() {
+    fn all_frames_are_written_and_a_failure_leaves_no_partial_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = |number: usize| folder.path().join(format!("{number}.png"));
         let written = with_writer::<_, FilmError>(FilmFormat::Png8, |writer| {
@@ -174,7 +176,7 @@ mod tests {
         let (_, written) = written.unwrap();
         let bytes = std::fs::metadata(path(0)).unwrap().len();
         assert_eq!((written.frames, written.bytes), (20, 20 * bytes));
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 20, "nothing else is left");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 20, "no other file is left");
         std::fs::create_dir(path(30)).unwrap();
         let failed = with_writer::<_, FilmError>(FilmFormat::Png8, |writer| {
             (29..50).try_for_each(|number| writer.write(frame(path(number))))

@@ -1,4 +1,4 @@
-//! One sky cut in several ways: into the faces of a cube, into strips, by a head that rolls.
+//! One sky cut in several ways: into the faces of a cube, into strips, and by a rolling head.
 
 use std::f64::consts::TAU;
 
@@ -21,13 +21,14 @@ use crate::{
     view::{Rig, ViewKind, projection::FisheyeMapping},
 };
 
-/// Directions in which views are compared.
+/// Number of directions in which views are compared.
 const DIRECTIONS: usize = 400;
-/// Only those this far from every star, pixels of the picture with the widest: nearer by, what pixels of different shapes show differs.
+/// Minimum distance of these directions from every star, pixels of the coarsest picture: nearer to a star, pixels of
+/// different shapes show different light.
 const APART_PX: f64 = 4.0;
-/// Stars of the sky that is cut.
+/// Number of stars in the sky.
 const STARS: usize = 40;
-/// Most bytes of a strip: 19 rows of 128 pixels of 16 bytes.
+/// Maximum size of a strip, bytes: 19 rows of 128 pixels of 16 bytes.
 const STRIP_BYTES: u64 = 128 * 16 * 19;
 
 fn whole_spheres() -> [(&'static str, ViewKind); 3] {
@@ -38,7 +39,7 @@ fn whole_spheres() -> [(&'static str, ViewKind); 3] {
     ]
 }
 
-/// 23: the same sky in a cube's faces, in equirectangular and fisheye views, in strips, and to a head that rolls.
+/// 23: compares the same sky in cube faces, in equirectangular and fisheye views, in strips, and with a rolling head.
 pub(in crate::verify) fn cut_into_faces(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let scene = snapshot(spiral(STARS).enumerate().map(|(i, d)| star(d, (i % 7) as f32)).collect());
     let kernel = context.expected_kernel()?;
@@ -48,7 +49,7 @@ pub(in crate::verify) fn cut_into_faces(context: &mut Context<'_>) -> Result<Vec
         context.renderer.render(FrameRequest::new(&scene, &all).settings(&context.settings).wanted(Wanted::both()))?;
     let (between, upright) = between_views(&scene, &all, &frame, &*kernel)?;
 
-    // Two views of one frame that look alike are alike, bit for bit, on the display too.
+    // Two equal views of one frame have identical bits, on the display too.
     let of_view = |index: usize| frame.images.iter().filter(move |image| image.view == index);
     let pairs: Vec<_> = of_view(1).zip(of_view(3)).collect();
     let mut different = if pairs.is_empty() { f64::NAN } else { 0.0 };
@@ -57,7 +58,7 @@ pub(in crate::verify) fn cut_into_faces(context: &mut Context<'_>) -> Result<Vec
         different += f64::from(u8::from(one.display.is_none() || one.display != other.display));
     }
 
-    // A head that rolls: the camera turned about its axis of view.
+    // Roll the head: turn the camera about its viewing axis.
     let mut rolled = scene.clone();
     rolled.camera.world_from_camera = DQuat::from_rotation_z(TAU / 12.0);
     let rolled_frame = context.render(&rolled, &all)?;
@@ -73,9 +74,9 @@ pub(in crate::verify) fn cut_into_faces(context: &mut Context<'_>) -> Result<Vec
     ])
 }
 
-/// Scattered light over what the kernel says in directions that lie far from every star, in world axes: the largest difference between
-/// views, and the means over the views. What the kernel says is for the pixel that shows the direction, so that a pixel's size and
-/// the place of its centre do not count.
+/// Ratios of scattered light to the kernel's prediction in directions far from every star, in world axes: the largest
+/// difference between views, and the means over the views. The prediction is for the pixel that shows the direction, so
+/// the size of pixels and the position of their centres do not matter.
 fn between_views(
     scene: &SceneSnapshot,
     rig: &Rig,
@@ -85,15 +86,16 @@ fn between_views(
     let pictures = pictures(scene, rig, frame)?;
     let camera_from_world = scene.camera.world_from_camera.conjugate();
     let apart_rad =
-        APART_PX * pictures.iter().map(|picture| picture.of_view.projection.middle_pixel_rad()).fold(0.0, f64::max);
+        APART_PX * pictures.iter().map(|picture| picture.view_image.projection.middle_pixel_rad()).fold(0.0, f64::max);
     let is_apart = |direction: &DVec3| {
         scene.stars.iter().all(|(place, _, _)| place.normalize_or_zero().angle_between(*direction) > apart_rad)
     };
     let (mut differences, mut means) = (Vec::new(), Vec::new());
     for direction in spiral(DIRECTIONS).filter(is_apart) {
-        let seen = camera_from_world * direction;
+        let camera_direction = camera_from_world * direction;
         let ratio = |view: &crate::view::View| {
-            let shows = |picture: &Picture<'_>| picture.pixel_of(seen).filter(|_| picture.name == view.name);
+            let shows =
+                |picture: &Picture<'_>| picture.pixel_of(camera_direction).filter(|_| picture.name == view.name);
             let found = pictures.iter().find_map(|picture| Some((picture, shows(picture)?)));
             found.map_or(f64::NAN, |(picture, pixel)| picture.ratio(kernel, pixel))
         };
@@ -104,7 +106,7 @@ fn between_views(
     Ok((worst(differences), means))
 }
 
-/// Largest over smallest, less 1; NaN where one of them is, or where nothing is lit.
+/// Largest over smallest, minus 1; NaN if a value is NaN or all values are 0.
 fn largest_difference(values: &[f64]) -> f64 {
     worst(values.iter().flat_map(|a| values.iter().map(move |b| (a / b - 1.0).abs())))
 }
@@ -115,7 +117,7 @@ fn different_pixels(one: &FrameImage, other: &FrameImage) -> Result<f64, CheckEr
     Ok((pairs.count() + one.len().abs_diff(other.len())) as f64)
 }
 
-/// Pixels that differ where the adapter can hold no whole picture.
+/// Counts pixels that differ if the adapter cannot hold a whole picture.
 fn strips(context: &mut Context<'_>, scene: &SceneSnapshot) -> Result<f64, CheckError> {
     let rig = rig([("flat", flat(128, 90.0)), ("dome", fisheye(128, FisheyeMapping::Equidistant, 180.0))])?;
     let whole = context.render(scene, &rig)?;
@@ -133,8 +135,8 @@ fn strips(context: &mut Context<'_>, scene: &SceneSnapshot) -> Result<f64, Check
     Ok(if whole.images.len() == cut.images.len() { different } else { f64::NAN })
 }
 
-/// Largest difference of the exposure by the mean between views that see the whole sphere, each alone, and of one of them to a head
-/// that rolls, EV. With the share of the settings: stars are light too.
+/// Largest difference of the mean exposure between views of the whole sphere, each drawn alone, and between one of them
+/// and a rolling head, EV. It uses the scattered fraction of the settings, because the metered light includes stars.
 fn exposures(context: &mut Context<'_>, scene: &SceneSnapshot, rolled: &SceneSnapshot) -> Result<f64, CheckError> {
     context.settings.glare = context.glare.clone();
     context.settings.exposure.mode = ExposureMode::Auto;

@@ -1,4 +1,4 @@
-//! Glare from frame to frame: a source that leaves the picture, and a night that becomes day and night again.
+//! Glare between frames: a source that leaves the picture, and a night that becomes day and night again.
 
 use glam::DVec3;
 
@@ -20,11 +20,12 @@ use crate::{
     },
 };
 
-/// Where the star stands in camera axes.
+/// Direction of the star in camera axes.
 const PLACE: DVec3 = DVec3::new(-0.4, 0.7, -0.5);
 
-/// 22: a bright star goes from 3 degrees inside of the border to 10 outside, by half degrees. At fixed places of the picture the
-/// veil over what the kernel says there, which changes as the star moves, must not jump.
+/// 22: moves a bright star in half-degree steps from 3 degrees inside of the border to 10 degrees outside. At fixed
+/// positions of the picture the ratio of the veil to the kernel's prediction, which changes as the star moves, must not
+/// jump.
 pub(in crate::verify) fn leaves_frame(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     const STEPS: u32 = 26;
     let one_face = ViewKind::Cubemap { face_size: 128, faces: vec![Face::Front] };
@@ -40,7 +41,7 @@ pub(in crate::verify) fn leaves_frame(context: &mut Context<'_>) -> Result<Vec<F
     let kernel = context.expected_kernel()?;
     let scene = snapshot(vec![star(PLACE, -4.0)]);
     context.scatter_all();
-    // Per kind and fixed place of each image one list over the steps.
+    // One list over all steps per kind of view and fixed position of each image.
     let mut ratios: Vec<(&str, Vec<f64>)> = Vec::new();
     for step in 0..=STEPS {
         let beyond_deg = -3.0 + 0.5 * f64::from(step);
@@ -56,8 +57,8 @@ pub(in crate::verify) fn leaves_frame(context: &mut Context<'_>) -> Result<Vec<F
             let inwards = [8.0, 15.0, 28.0].map(|inside_deg| off_axis(half_deg - inside_deg, 0.0));
             for place in inwards.into_iter().chain([off_axis(0.5 * half_deg, 50.0)]) {
                 let mapping = picture.hdr.mapping();
-                let at = mapping.pixel_from_direction(place).ok_or(CheckError::Missing("a pixel"))?;
-                let ratio = picture.ratio(&*kernel, [at.x as u32, at.y as u32]);
+                let pixel = mapping.pixel_from_direction(place).ok_or(CheckError::Missing("a pixel"))?;
+                let ratio = picture.ratio(&*kernel, [pixel.x as u32, pixel.y as u32]);
                 if step == 0 {
                     ratios.push((name, Vec::new()));
                 }
@@ -67,8 +68,8 @@ pub(in crate::verify) fn leaves_frame(context: &mut Context<'_>) -> Result<Vec<F
         }
     }
     let figure = |(name, ..): &(&str, ViewKind, f64)| {
-        let of_kind = ratios.iter().filter(|(of, _)| of == name);
-        // In parts of the veil before the star comes to the border.
+        let of_kind = ratios.iter().filter(|(kind, _)| kind == name);
+        // Relative to the veil before the star reaches the border.
         let jumps =
             of_kind.flat_map(|(_, ratios)| ratios.windows(2).map(|pair| ((pair[1] - pair[0]) / ratios[0]).abs()));
         Figure::at_most(format!("jump of the veil, {name}"), worst(jumps), 0.02, "relative")
@@ -76,7 +77,8 @@ pub(in crate::verify) fn leaves_frame(context: &mut Context<'_>) -> Result<Vec<F
     Ok(kinds.iter().map(figure).collect())
 }
 
-/// Faint stars, then the Sun among them, then the faint stars again: no frame shows anything of the one before.
+/// Draws faint stars, then the Sun among them, then the faint stars again: no frame may show a remainder of the
+/// previous one.
 pub(in crate::verify) fn night_to_sun(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     const SAMPLES: usize = 200;
     let night: Vec<StarRecord> = spiral(300).map(|direction| star(direction, 5.0)).collect();

@@ -1,4 +1,4 @@
-//! Glare against a convolution on the sphere in f64.
+//! Compares glare with a convolution on the sphere in f64.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -23,13 +23,13 @@ use crate::{
     },
 };
 
-/// A source that close to a pixel leaves it out if more than this share of the pixel's scattered light is its own. The image of a
-/// source covers these pixels and its glare there cannot be told from it, so methods may put the sum of that light where they like;
-/// sources that add less than the errors allowed do not matter.
+/// A pixel next to a source is left out if the source gives more than this share of the pixel's scattered light. The
+/// image of a source covers these pixels and its glare there cannot be distinguished from it, so methods may place the
+/// sum of that light anywhere among them; sources that add less than the limits do not matter.
 const UNRESOLVED_SHARE: f64 = 0.05;
-/// Stars that are seen without a telescope.
+/// Number of stars visible without a telescope.
 const STARS: usize = 9000;
-/// Pixels compared in each view, of one star and of many.
+/// Number of compared pixels in each view, for one star and for many.
 const SAMPLES: [usize; 2] = [2000, 250];
 
 fn views() -> Result<Rig, CheckError> {
@@ -44,19 +44,19 @@ fn views() -> Result<Rig, CheckError> {
     ])?)
 }
 
-/// From red to blue.
+/// Returns a star with a colour from red to blue, depending on its index.
 fn coloured(direction: DVec3, magnitude: f32, index: usize) -> StarRecord {
     StarRecord { temperature_k: [3200.0, 5800.0, 9600.0, 20000.0][index % 4], ..star(direction, magnitude) }
 }
 
-/// Stars of magnitude -1.4 to 6.5, ten times as many for every two magnitudes.
+/// Returns stars of magnitude -1.4 to 6.5; their number grows tenfold every two magnitudes.
 pub(super) fn sky() -> SceneSnapshot {
     let magnitude = |rank: usize| 6.5 - 2.0 * (STARS as f64 / (1.0 + rank as f64)).log10();
     let records = spiral(STARS).enumerate();
     snapshot(records.map(|(i, d)| coloured(d, magnitude((i * 7919) % STARS) as f32, i)).collect())
 }
 
-/// 21: one star, and a sky of 9000, in every projection.
+/// 21: measures one star, and a sky of 9000 stars, in every projection.
 pub(in crate::verify) fn against_reference(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let rig = views()?;
     let one = snapshot(vec![coloured(DVec3::new(0.1, 0.2, -1.0), 0.0, 2)]);
@@ -69,7 +69,7 @@ pub(in crate::verify) fn against_reference(context: &mut Context<'_>) -> Result<
     Ok(figures)
 }
 
-/// Compares pixels of pictures of scattered light, channel by channel.
+/// Compares the pixels of pictures of scattered light for each channel.
 pub(super) fn compare(
     context: &Context<'_>,
     name: &str,
@@ -87,7 +87,7 @@ pub(super) fn compare(
         pairs.push((picture.name, of_picture));
     }
     let together: Vec<(f64, f64)> = pairs.iter().flat_map(|(_, pairs)| pairs.iter().flatten().copied()).collect();
-    let (scale, told) = context.glare_scale(&together)?;
+    let (scale, scale_note) = context.glare_scale(&together)?;
     let (mut rms, mut largest) = ((0.0, ""), (0.0, ""));
     for (view, pairs) in &pairs {
         let scaled: Vec<_> = pairs.iter().flatten().map(|(found, expected)| (scale * found, *expected)).collect();
@@ -99,16 +99,16 @@ pub(super) fn compare(
         }
     }
     Ok(vec![
-        Figure::at_most(format!("{name}: rms{told}, {}", rms.1), rms.0, 0.02, "relative"),
+        Figure::at_most(format!("{name}: rms{scale_note}, {}", rms.1), rms.0, 0.02, "relative"),
         Figure::at_most(format!("largest, {}", largest.1), largest.0, 0.06, "relative"),
-        Figure::informative("left out beside sources", left_out as f64 / all as f64, "of the pixels"),
+        Figure::informative("left out next to sources", left_out as f64 / all as f64, "of the pixels"),
     ])
 }
 
-/// What pixels show and should show in each channel; those beside a source that outshines the rest are left out.
+/// Returns measured and expected values in each channel; pixels next to a source that dominates them are left out.
 fn pairs_of(picture: &Picture<'_>, kernel: &dyn GlareKernel, pixels: &[[u32; 2]]) -> Vec<[(f64, f64); 3]> {
     let mapping = picture.hdr.mapping();
-    let middle_rad = picture.of_view.projection.middle_pixel_rad();
+    let middle_rad = picture.view_image.projection.middle_pixel_rad();
     let of_pixel = |[x, y]: &[u32; 2]| {
         let expected = picture.veil(kernel).over_pixel(mapping, [*x, *y])?;
         let centre = mapping.direction_from_pixel(pixel_centre(*x, *y))?;

@@ -1,4 +1,4 @@
-//! The shape of the glare of one star: round in view space, falling off as the kernel does, and holding the right light.
+//! The shape of the glare of one star: round in view space, with the falloff of the kernel and the correct light.
 
 use glam::DVec3;
 
@@ -20,13 +20,13 @@ use crate::{
     view::{Rig, View, ViewKind, projection::FisheyeMapping},
 };
 
-/// Radii of circles around a star, pixels of the middle of a picture. Luminance between the pixels adds 0.5 % to the deviation on the
-/// narrowest.
+/// Radii of circles around a star, in pixels at the centre of the picture. Interpolation between pixels adds 0.5 % to
+/// the deviation on the smallest.
 const CIRCLES_PX: [f64; 3] = [12.0, 20.0, 32.0];
-/// Where the star stands in camera axes: in no symmetric place of a cube.
+/// Direction of the star in camera axes: not a symmetric position of a cube.
 const PLACE: DVec3 = DVec3::new(0.3, 0.5, -0.8);
 
-/// 20: on the axis, 45 and 60 degrees off it, or as far as 0.85 of the half field.
+/// 20: measures roundness on the axis and 45 and 60 degrees off it, at most 0.85 of the half field.
 pub(in crate::verify) fn roundness(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     // Off the axis towards an edge, and towards a corner.
     let within = |half_deg: f64| {
@@ -37,7 +37,7 @@ pub(in crate::verify) fn roundness(context: &mut Context<'_>) -> Result<Vec<Figu
         ("perspective-60", flat(256, 60.0), within(30.0)),
         ("perspective-110", flat(256, 110.0), within(55.0)),
         ("stereo", stereo(200, 80.0), within(40.0)),
-        // Beside an edge of a face, and beside a corner.
+        // Next to an edge of a face, and next to a corner.
         ("cube", cube(96), vec![off_axis(0.0, 0.0), off_axis(44.0, 0.0), DVec3::new(0.97, 0.95, -1.0)]),
         ("fisheye-180", fisheye(256, FisheyeMapping::Equidistant, 180.0), within(90.0)),
         ("fisheye-220", fisheye(256, FisheyeMapping::Equisolid, 220.0), within(110.0)),
@@ -63,7 +63,7 @@ pub(in crate::verify) fn roundness(context: &mut Context<'_>) -> Result<Vec<Figu
     for (view, kind) in rig.views().iter().zip(of_kind) {
         let of_view: Vec<&Picture<'_>> = pictures.iter().filter(|picture| picture.name == view.name).collect();
         let pixel_rad = view.images[0].projection.middle_pixel_rad();
-        // The faces of a cube are one picture of the sky; two eyes are two.
+        // The faces of a cube form one picture of the sky; two eyes are two pictures.
         let together = if matches!(view.kind, ViewKind::Stereo { .. }) { 1 } else { of_view.len() };
         for some in of_view.chunks(together) {
             let some: Vec<HdrView<'_>> = some.iter().map(|picture| picture.hdr).collect();
@@ -79,21 +79,21 @@ pub(in crate::verify) fn roundness(context: &mut Context<'_>) -> Result<Vec<Figu
     Ok(kinds.iter().zip(deviations).map(figure).collect())
 }
 
-/// Fields of flat pictures, degrees, and the angles from the star that their pixels resolve, degrees.
+/// Fields of view of flat pictures, degrees, and the range of angles from the star that their pixels resolve, degrees.
 const FIELDS: [(f64, [f64; 2]); 3] = [(4.0, [0.2, 1.9]), (24.0, [1.0, 11.0]), (80.0, [4.0, 30.0])];
-/// Side of these, pixels.
+/// Side of these pictures, pixels.
 const SIDE: u32 = 256;
-/// Rings of each.
+/// Number of rings in each picture.
 const RINGS: u32 = 12;
-/// Light within this many pixels of a star counts as its own image.
+/// Radius within which light counts as the star's own image, pixels.
 const IMAGE_PX: f64 = 8.0;
 
-/// The fall-off from 0.2 to 30 degrees, the light that is scattered over the sphere, and the light that is not.
+/// Measures the falloff from 0.2 to 30 degrees, the light scattered over the sphere, and the unscattered light.
 pub(in crate::verify) fn profile(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let mut figures = profile_of(context, "")?;
     let default = GlareSettings { method: context.glare.method, ..GlareSettings::default() };
     let has_default_kernel = GlareSettings { weights: context.glare.weights, ..default.clone() } == context.glare;
-    if !has_default_kernel && !context.scatters_by_its_own_kernel() {
+    if !has_default_kernel && !context.has_fixed_kernel() {
         let kept = (context.glare.clone(), context.expected_glare.clone());
         (context.glare, context.expected_glare) = (default.clone(), default);
         figures.extend(profile_of(context, "default ")?);
@@ -110,7 +110,7 @@ fn profile_of(context: &mut Context<'_>, which: &str) -> Result<Vec<Figure>, Che
     let flat_views = FIELDS
         .iter()
         .enumerate()
-        // The star stands between the middle of a pixel and its corner.
+        // The star lies between the centre of a pixel and its corner.
         .map(|(index, (degrees, _))| {
             turned(&format!("flat-{index}"), &flat(SIDE, *degrees), off_axis(0.3 * degrees / 256.0, 30.0), PLACE)
         })
@@ -123,14 +123,14 @@ fn profile_of(context: &mut Context<'_>, which: &str) -> Result<Vec<Figure>, Che
         let [least, most] = between_deg.map(f64::to_radians);
         let edges: Vec<f64> =
             (0..=RINGS).map(|i| least * (most / least).powf(f64::from(i) / f64::from(RINGS))).collect();
-        // A kernel from a table may end.
+        // A tabulated kernel may end.
         let lit = edges.partition_point(|edge| kernel.per_sr(*edge) > 0.0);
         rings.extend(metrics::radial_profile(&[picture.hdr], PLACE.normalize(), &edges[..lit], |angle| {
             light_lx * kernel.per_sr(angle)
         })?);
     }
     let pairs: Vec<_> = rings.iter().map(|ring| (ring.luminance_cd_m2, ring.expected_cd_m2)).collect();
-    let (scale, told) = context.glare_scale(&pairs)?;
+    let (scale, scale_note) = context.glare_scale(&pairs)?;
     let largest = worst(pairs.iter().map(|(found, expected)| (scale * found / expected - 1.0).abs()));
     let all = [0.0, f64::INFINITY];
     let slope = metrics::log_log_slope(&rings, all)?;
@@ -138,8 +138,8 @@ fn profile_of(context: &mut Context<'_>, which: &str) -> Result<Vec<Figure>, Che
         rings.iter().map(|ring| Annulus { luminance_cd_m2: ring.expected_cd_m2, ..*ring }).collect();
     let kernel_slope = metrics::log_log_slope(&expected_rings, all)?;
 
-    // The whole sphere holds all that is scattered: on a corner of pixels and elsewhere. Pixels are a third of a degree wide; the wider
-    // they are, the more of that light lies in the few around the star.
+    // The whole sphere receives all scattered light, with the star on a corner of pixels and elsewhere. Pixels are a
+    // third of a degree wide; the wider they are, the more of that light lies in the few pixels around the star.
     let kinds = [("cube", cube(256)), ("equirectangular", ViewKind::Equirectangular { size: [1024, 512] })];
     let mut views = Vec::new();
     for (name, kind) in &kinds {
@@ -150,7 +150,7 @@ fn profile_of(context: &mut Context<'_>, which: &str) -> Result<Vec<Figure>, Che
     let lights = context.light_lx(&scene, &Rig::new(views)?)?;
     let scattered = worst(lights.iter().map(|lx| (lx / light_lx - 1.0).abs()));
 
-    // What is not scattered is the star's own image.
+    // The unscattered light forms the star's own image.
     let fraction = context.glare.fraction_scattered();
     context.settings.glare = context.glare.clone();
     let frame = context.render(&scene, &flat_rig)?;
@@ -159,14 +159,14 @@ fn profile_of(context: &mut Context<'_>, which: &str) -> Result<Vec<Figure>, Che
     Ok(vec![
         Figure::informative(format!("{which}slope from 0.2 to 30 degrees"), slope, ""),
         Figure::at_most("off the kernel's", (slope - kernel_slope).abs(), 0.01, ""),
-        Figure::at_most(format!("{which}largest error{told}"), largest, 0.02, "relative"),
+        Figure::at_most(format!("{which}largest error{scale_note}"), largest, 0.02, "relative"),
         Figure::at_most("scattered light", scattered, 5e-3, "relative"),
         Figure::at_most("light of the own image", own, 5e-3, "relative"),
     ])
 }
 
-/// Light near the star in the picture with the narrowest pixels, lx, and the share of the scattered light that the kernel has there.
-/// Where pixels are wider than the plateau, more of that share than is left at the end lies within them.
+/// Returns the light near the star in the picture with the smallest pixels, lx, and the kernel's share of the scattered
+/// light there. If pixels are wider than the plateau, more of that share lies within them than is left at the end.
 fn own_image(
     scene: &SceneSnapshot,
     rig: &Rig,
@@ -175,7 +175,7 @@ fn own_image(
 ) -> Result<(f64, f64), CheckError> {
     let pictures = pictures(scene, rig, frame)?;
     let picture = pictures.first().ok_or(CheckError::Missing("an image"))?;
-    let radius = IMAGE_PX * picture.of_view.projection.middle_pixel_rad();
+    let radius = IMAGE_PX * picture.view_image.projection.middle_pixel_rad();
     let light = metrics::illuminance_near_direction_lx(&[picture.hdr], PLACE.normalize(), radius)?;
     Ok((light, kernel.share_within(radius)))
 }

@@ -1,4 +1,4 @@
-//! Bodies: their light at every size and place, how they shrink to points, and the stars that they hide.
+//! Bodies: their light at every size and position, the transition to points, and the stars that they hide.
 
 use std::sync::Arc;
 
@@ -26,20 +26,24 @@ use crate::{
     view::ViewImage,
 };
 
-/// Where bodies stand, m.
+/// Distance of the bodies, m.
 const DISTANCE_M: f64 = 1e8;
-/// Diameters that are looked at, rad: from 0.004 pixels in the coarsest picture to 100 in the finest.
+/// Tested diameters, rad: from 0.004 pixels in the coarsest picture to 100 in the finest.
 const DIAMETERS_RAD: [f64; 8] = [6e-5, 1e-3, 6e-3, 0.014, 0.03, 0.07, 0.2, 0.55];
 
-/// A grey body in a direction.
+/// Returns a grey body in a direction.
 fn grey(direction: DVec3, radii_m: DVec3, albedo: f64) -> Body {
     let law = ReflectionLaw::LommelSeeliger;
-    let surface =
-        Surface { law, geometric_albedo: [0.3, 0.2, 0.1].map(|of| of * albedo), phase_curve: None, texture: None };
+    let surface = Surface {
+        law,
+        geometric_albedo: [0.3, 0.2, 0.1].map(|channel| channel * albedo),
+        phase_curve: None,
+        texture: None,
+    };
     Body { surface, ..black("body", direction.normalize() * DISTANCE_M, radii_m) }
 }
 
-/// What a body of a scene gives to the camera, lx; the fault is the truth's.
+/// Returns the light of a scene's body at the camera, lx; the fault applies to this truth.
 fn expected_lx(scene: &SceneSnapshot, fault: Fault) -> f64 {
     let of_body = |body: &Arc<Body>| {
         let mut body = body.as_ref().clone();
@@ -50,8 +54,8 @@ fn expected_lx(scene: &SceneSnapshot, fault: Fault) -> f64 {
     scene.objects.bodies.first().map_or(f64::NAN, of_body)
 }
 
-/// The light of an ellipsoid in every projection, from hundredths of a pixel to a hundred, and at the hard places of pictures of the whole
-/// sphere.
+/// Measures the light of an ellipsoid in every projection, from hundredths of a pixel to a hundred pixels, and at
+/// difficult places of pictures of the whole sphere.
 pub(in crate::verify) fn light(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let everywhere = rig(all_views())?;
     let whole = rig(all_views().into_iter().filter(|(name, _)| matches!(*name, "cube" | "equirectangular")))?;
@@ -89,7 +93,8 @@ pub(in crate::verify) fn light(context: &mut Context<'_>) -> Result<Vec<Figure>,
     Ok(figures)
 }
 
-/// A disc of even light that shrinks from six pixels to one, at four places of a pixel: its light and its middle.
+/// Shrinks a uniformly bright disc from six pixels to one at four sub-pixel positions; measures its light and its
+/// centre.
 pub(in crate::verify) fn shrinks(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     const SIDE: u32 = 64;
     const PIXEL_RAD: f64 = 2e-3;
@@ -121,32 +126,37 @@ pub(in crate::verify) fn shrinks(context: &mut Context<'_>) -> Result<Vec<Figure
     }
     let jumps = ratios.iter().flat_map(|ratios| ratios.windows(2).map(|pair| (pair[1] - pair[0]).abs()));
     Ok(vec![
-        Figure::at_most("error of light", worst(ratios.iter().flatten().map(|of| (of - 1.0).abs())), 0.01, "relative"),
+        Figure::at_most(
+            "error of light",
+            worst(ratios.iter().flatten().map(|ratio| (ratio - 1.0).abs())),
+            0.01,
+            "relative",
+        ),
         Figure::at_most("jump of light in a step", worst(jumps), 0.01, "relative"),
-        Figure::at_most("middle", worst(middles.iter().flatten().map(|of| of.length())), 0.05, "px"),
+        Figure::at_most("middle", worst(middles.iter().flatten().map(|offset| offset.length())), 0.05, "px"),
     ])
 }
 
-/// A transit: the stars that are missing from each picture are those behind the body, and no others.
+/// Transit: exactly the stars behind the body are missing from each picture.
 pub(in crate::verify) fn hides_stars(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let stars: Vec<DVec3> = spiral(40_000).collect();
     let sky = Arc::new(StarSet::from_records(stars.iter().map(|direction| star(*direction, 6.0)).collect()));
     let rig = rig(all_views())?;
-    let shown = |context: &mut Context<'_>, bodies: Vec<Body>| -> Result<(SceneSnapshot, Frame), CheckError> {
+    let rendered = |context: &mut Context<'_>, bodies: Vec<Body>| -> Result<(SceneSnapshot, Frame), CheckError> {
         let scene = SceneSnapshot { stars: sky.clone(), ..scene_of(bodies, Vec::new()) };
         let frame = context.render(&scene, &rig)?;
         Ok((scene, frame))
     };
-    let (_, open) = shown(context, Vec::new())?;
+    let (_, open) = rendered(context, Vec::new())?;
     let open_lx = light_of_views_lx(&open, &rig)?;
     let star_lx = illuminance_lx_from_magnitude(6.0);
     let (mut hidden_stars, mut wrong, mut light) = (0, 0, Vec::new());
     for direction in [DVec3::new(0.12, -0.05, -1.0), DVec3::new(-0.08, 0.14, -1.0)] {
-        // An ellipsoid askew: its outline is no circle.
+        // A tilted ellipsoid: its outline is not a circle.
         let orientation = DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 1.1, -0.3);
         let radii_m = DVec3::new(0.24, 0.15, 0.09) * DISTANCE_M;
         let body = Body { orientation, ..black("dark", direction.normalize() * DISTANCE_M, radii_m) };
-        let (scene, frame) = shown(context, vec![body])?;
+        let (scene, frame) = rendered(context, vec![body])?;
         let lx = light_of_views_lx(&frame, &rig)?;
         let mut body = scene.objects.bodies[0].as_ref().clone();
         body.radii_m *= context.object_fault.radius;
@@ -170,7 +180,7 @@ pub(in crate::verify) fn hides_stars(context: &mut Context<'_>) -> Result<Vec<Fi
     }
     Ok(vec![
         Figure::informative("stars behind bodies", hidden_stars as f64, ""),
-        Figure::at_most("stars shown or hidden wrongly", wrong as f64, 0.0, ""),
-        Figure::at_most("light of those hidden", worst(light), 1e-3, "relative"),
+        Figure::at_most("stars rendered or hidden wrongly", wrong as f64, 0.0, ""),
+        Figure::at_most("light of hidden stars", worst(light), 1e-3, "relative"),
     ])
 }

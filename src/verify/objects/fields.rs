@@ -1,4 +1,5 @@
-//! The light of fields of asteroids: as meshes, impostors and points, in every projection and over its seams, and what hides it.
+//! The light of asteroid fields: as meshes, impostors and points, in every projection and over its seams, and with
+//! occlusion.
 
 use std::sync::{Arc, OnceLock};
 
@@ -28,10 +29,10 @@ use crate::{
 
 /// Distance of the fields, m.
 const DISTANCE_M: f64 = 1000.0;
-/// Phase at which they are lit, rad.
+/// Phase angle of the illumination, rad.
 const PHASE_RAD: f64 = 0.7;
 
-/// Asteroids in a box of a side, m; those of one size are made once.
+/// Returns asteroids in a box with a given side, m.
 fn instances(count: u32, side_m: f64, radius_m: [f64; 2]) -> Result<Arc<Instances>, CheckError> {
     let parameters = FieldParameters {
         instances: count,
@@ -51,7 +52,7 @@ fn small() -> Result<Arc<Instances>, CheckError> {
     if let Some(known) = SMALL.get() {
         return Ok(known.clone());
     }
-    // They cover a hundredth of their box, so that hardly any hides another: points hide nothing.
+    // They cover a hundredth of their box, so that they rarely hide each other: points hide nothing.
     let made = instances(12, 200.0, [2.0, 6.0])?;
     Ok(SMALL.get_or_init(|| made).clone())
 }
@@ -65,7 +66,7 @@ fn large() -> Result<Arc<Instances>, CheckError> {
     Ok(LARGE.get_or_init(|| made).clone())
 }
 
-/// A field in a direction, lit at a phase.
+/// Returns a field in a direction, lit at a phase angle.
 fn lit(instances: Arc<Instances>, direction: DVec3, phase_rad: f64, fault: Fault, bodies: Vec<Body>) -> SceneSnapshot {
     let direction = direction.normalize();
     let to_sun = DQuat::from_axis_angle(direction.any_orthonormal_vector(), phase_rad) * -direction;
@@ -81,7 +82,7 @@ fn lit(instances: Arc<Instances>, direction: DVec3, phase_rad: f64, fault: Fault
     scene_of(bodies.into_iter().chain([sun(to_sun)]).collect(), vec![field])
 }
 
-/// Light of every view around the field in a direction, lx, with other settings of asteroids.
+/// Measures the light of every view around the field in a direction, lx, with other settings of asteroids.
 fn light_lx(
     context: &mut Context<'_>,
     scene: &SceneSnapshot,
@@ -92,17 +93,18 @@ fn light_lx(
     let kept = std::mem::replace(&mut context.settings.asteroids, settings);
     let frame = context.render(scene, rig);
     context.settings.asteroids = kept;
-    // All but the light of the sun, which stands on the other side.
+    // Exclude the light of the sun, which is on the opposite side.
     light_around_lx(&frame?, rig, direction, 0.6)
 }
 
-/// One field in windows whose pixels are ever coarser, so that meshes give way to impostors and points, and in every projection.
+/// Measures one field in windows with increasingly coarse pixels, so that meshes are replaced by impostors and points,
+/// and in every projection.
 pub(in crate::verify) fn light(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     const WINDOWS: [(&str, f64); 5] =
         [("fine", 3e-4), ("medium", 8e-4), ("coarse", 2e-3), ("points", 6e-3), ("far", 3e-2)];
     let windows = WINDOWS.map(|(name, pixel_rad)| (name, window((0.3 / pixel_rad).ceil() as u32, pixel_rad, 0.0)));
     let finest = context.finest();
-    // Edges, which are sampled, count as little as they can.
+    // Sampling errors at edges matter as little as possible.
     let settings = AsteroidSettings { samples: 4, ..context.settings.asteroids.clone() };
     let truth_rig = rig([windows[0].clone()])?;
     let ahead: Vec<(&str, ViewKind)> = vec![
@@ -115,8 +117,9 @@ pub(in crate::verify) fn light(context: &mut Context<'_>) -> Result<Vec<Figure>,
     let names: Vec<&str> = kinds.iter().map(|(name, _)| *name).collect();
     let rig = rig(kinds)?;
     let mut figures = Vec::new();
-    // At full phase all of an outline is equally bright, so a point has the very light of its outline. Else a point shines as a sphere
-    // does, and single shapes by some tenths more or less; of twelve the mean errs by some per cent.
+    // At full phase all of an outline is equally bright, so a point has exactly the light of its outline. Otherwise a
+    // point shines like a sphere, and single shapes differ from it by some tenths; the mean of twelve has an error of
+    // some per cent.
     for (phase, phase_rad, limit) in [("full phase", 1e-3, 0.02), ("40 deg phase", PHASE_RAD, 0.05)] {
         let truth_scene = lit(small()?, DVec3::NEG_Z, phase_rad, context.object_fault, Vec::new());
         let truth_lx = light_lx(context, &truth_scene, &truth_rig, DVec3::NEG_Z, finest.clone())?[0];
@@ -130,8 +133,8 @@ pub(in crate::verify) fn light(context: &mut Context<'_>) -> Result<Vec<Figure>,
     Ok(figures)
 }
 
-/// Large asteroids over the edges and corners of a cube, the date line and a pole of an equirectangular picture, and the rim of two round
-/// ones back to back.
+/// Measures large asteroids over the edges and corners of a cube, the date line and a pole of an equirectangular
+/// picture, and the rims of two round pictures back to back.
 pub(in crate::verify) fn seams(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let places = [
         ("edge", DVec3::new(1.0, 0.1, -1.0)),
@@ -152,7 +155,7 @@ pub(in crate::verify) fn seams(context: &mut Context<'_>) -> Result<Vec<Figure>,
     let views = kinds().map(|(name, kind, orientation)| View::new(name, kind, orientation, DVec3::ZERO));
     let rig_of_all = Rig::new(views.into_iter().collect::<Result<_, _>>()?)?;
     let finest = context.finest();
-    // Edges, which are sampled, do not count.
+    // Sampling errors at edges must not matter.
     let settings = AsteroidSettings { samples: 4, ..context.settings.asteroids.clone() };
     let mut figures = Vec::new();
     for (name, direction) in places {
@@ -162,10 +165,14 @@ pub(in crate::verify) fn seams(context: &mut Context<'_>) -> Result<Vec<Figure>,
         let truth_scene = lit(large()?, direction, PHASE_RAD, context.object_fault, Vec::new());
         let truth_lx = light_lx(context, &truth_scene, &Rig::new(vec![flat])?, direction, finest.clone())?[0];
         let scene = lit(large()?, direction, PHASE_RAD, Fault::NONE, Vec::new());
-        let of = light_lx(context, &scene, &rig_of_all, direction, settings.clone())?;
-        for (kind, light) in [("cube", of[0]), ("equirectangular", of[1]), ("two domes", of[2] + of[3])] {
+        let light_of_views = light_lx(context, &scene, &rig_of_all, direction, settings.clone())?;
+        for (kind, light) in [
+            ("cube", light_of_views[0]),
+            ("equirectangular", light_of_views[1]),
+            ("two domes", light_of_views[2] + light_of_views[3]),
+        ] {
             let error = (light / truth_lx - 1.0).abs();
-            // The rim of a round picture is a staircase: a pixel belongs to it with its middle, as a whole.
+            // The rim of a round picture is a staircase: a pixel belongs to the picture if its centre does.
             let on_rim = kind == "two domes" && direction.z.abs() < 0.5;
             let limit = if on_rim { 0.04 } else { 0.02 };
             figures.push(Figure::at_most(format!("error of light over the {name}, {kind}"), error, limit, "relative"));
@@ -174,7 +181,7 @@ pub(in crate::verify) fn seams(context: &mut Context<'_>) -> Result<Vec<Figure>,
     Ok(figures)
 }
 
-/// Asteroids before and behind a body, and stars behind an asteroid: as meshes, impostors and points.
+/// Measures asteroids in front of and behind a body, and stars behind an asteroid: as meshes, impostors and points.
 pub(in crate::verify) fn occlusion(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let kinds = || {
         let pixels = [("fine-asteroids", 1e-3), ("coarse-asteroids", 2e-3), ("points", 8e-3)];
@@ -183,7 +190,7 @@ pub(in crate::verify) fn occlusion(context: &mut Context<'_>) -> Result<Vec<Figu
     let rig_of_windows = rig(kinds())?;
     let open_lx =
         context.light_lx(&lit(small()?, DVec3::NEG_Z, PHASE_RAD, Fault::NONE, Vec::new()), &rig_of_windows)?;
-    // Before them it covers all of them, behind them nothing.
+    // In front of the asteroids the body covers all of them, behind them none.
     let radius = context.object_fault.radius;
     let body = |distance_m: f64, radius_m: f64| black("body", DVec3::NEG_Z * distance_m, DVec3::splat(radius_m));
     let before = lit(small()?, DVec3::NEG_Z, PHASE_RAD, Fault::NONE, vec![body(700.0, 160.0 / radius)]);
@@ -193,10 +200,10 @@ pub(in crate::verify) fn occlusion(context: &mut Context<'_>) -> Result<Vec<Figu
     let mut figures = vec![Figure::at_most("light of asteroids behind a body", worst(share(&before)), 1e-3, "of all")];
     for ((name, _), share) in kinds().into_iter().zip(share(&behind)) {
         let change = (share - 1.0).abs();
-        figures.push(Figure::at_most(format!("change of {name} before a body"), change, 0.01, "relative"));
+        figures.push(Figure::at_most(format!("change of {name} in front of a body"), change, 0.01, "relative"));
     }
 
-    // A grid of stars behind one asteroid: as a mesh, and where its impostor stands alone.
+    // A grid of stars behind one asteroid: as a mesh, and at the distance where only its impostor is drawn.
     let single = rig([("window", window(96, 2e-3, 0.0))])?;
     let image = &single.views()[0].images[0];
     let detail = Detail::new(&context.settings.asteroids, &image.projection, DVec3::NEG_Z, 0.0);

@@ -1,4 +1,4 @@
-//! A head that rolls, turns and moves aside: what is shown of an asteroid goes by where the eye is, and by nothing else.
+//! A head that rolls, turns and moves sideways: the picture of an asteroid depends only on the position of the eye.
 
 use glam::{DQuat, DVec3};
 
@@ -13,13 +13,13 @@ use crate::view::{Rig, View, ViewKind};
 
 /// Pixel of the windows, rad.
 const PIXEL_RAD: f64 = 1e-3;
-/// Orientations of the asteroid that are looked at.
+/// Number of tested orientations of the asteroid.
 const ORIENTATIONS: usize = 6;
-/// How far the eyes move aside, m: half of the asteroid's mean radius.
+/// Sideways movement of the eyes, m: half of the asteroid's mean radius.
 const ASIDE_M: f64 = 0.5;
 
-/// A movement of the head: its name, camera axes from those of the view, the eye's place in m, and the angle that the asteroid then
-/// stands off the axis, rad.
+/// A movement of the head: name, rotation from view axes to camera axes, position of the eye in m, and the resulting
+/// angle of the asteroid off the axis, rad.
 struct Movement {
     name: &'static str,
     turn: DQuat,
@@ -35,7 +35,7 @@ fn movements() -> Vec<Movement> {
         eye_m: DVec3::ZERO,
         off_axis_rad: 0.0,
     };
-    // To the left, so that the asteroid stands to the right.
+    // To the left, so that the asteroid moves to the right.
     let yaw = |name, degrees: f64, roll: f64| Movement {
         name,
         turn: DQuat::from_rotation_y(degrees.to_radians()) * DQuat::from_rotation_z(roll),
@@ -54,11 +54,12 @@ fn movements() -> Vec<Movement> {
     ]
 }
 
-/// Silhouettes against the finest mesh's after each movement, at the nearest distance of impostors, and whether the picture turns with
-/// the head: a quarter turn of a square picture back is exact.
+/// Compares silhouettes with the finest mesh after each movement, at the smallest distance of impostors; also checks
+/// that the picture turns with the head: turning a square picture back by a quarter turn is exact.
 pub(in crate::verify) fn moves(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let movements = movements();
-    // As large as the quality, which draws impostors near, asks for; an even number, so that the axis lies between pixels.
+    // The quality setting may start impostors near, so the window grows with it; an even size puts the axis between
+    // pixels.
     let side = 2 * (24.0 / context.settings.asteroids.quality.min(1.0)).ceil() as u32;
     let view = |index: usize, movement: &Movement| {
         let kind: ViewKind = window(side, PIXEL_RAD, movement.off_axis_rad);
@@ -82,29 +83,31 @@ pub(in crate::verify) fn moves(context: &mut Context<'_>) -> Result<Vec<Figure>,
         };
         let [drawn, truth] = context.drawn_and_true(&[pose], Light::Wall, &rig)?;
         let mut silhouettes = Vec::new();
-        for (number, ((drawn, truth), of)) in drawn.iter().zip(&truth).zip(&images).enumerate() {
-            let to_asteroid = of.camera_from_view.conjugate() * (pose.place_m - of.eye_position_m).normalize();
+        for (number, ((drawn, truth), view_image)) in drawn.iter().zip(&truth).zip(&images).enumerate() {
+            let to_asteroid =
+                view_image.camera_from_view.conjugate() * (pose.place_m - view_image.eye_position_m).normalize();
             let within_rad = 1.5 * (bound_m() / distance_m).asin();
-            let of_drawn = silhouette(drawn, of, to_asteroid, within_rad)?;
-            differing[number].push(1.0 - iou(&of_drawn, &silhouette(truth, of, to_asteroid, within_rad)?));
+            let of_drawn = silhouette(drawn, view_image, to_asteroid, within_rad)?;
+            differing[number].push(1.0 - iou(&of_drawn, &silhouette(truth, view_image, to_asteroid, within_rad)?));
             silhouettes.push(of_drawn);
         }
         turned.push(1.0 - iou(&silhouettes[0], &rolled_back(&silhouettes[1], side as usize)));
     }
-    let of = |(movement, differing): (&Movement, Vec<f64>)| {
+    let figure = |(movement, differing): (&Movement, Vec<f64>)| {
         Figure::at_most(format!("1 - IoU, {}", movement.name), worst(differing), 0.05, "")
     };
-    let mut figures: Vec<Figure> = movements.iter().zip(differing).map(of).collect();
-    // Rows of samples lie where columns lay: rounding of a sample at an edge is left.
+    let mut figures: Vec<Figure> = movements.iter().zip(differing).map(figure).collect();
+    // After the turn, rows of samples lie where columns were; only rounding of samples at an edge remains.
     figures.push(Figure::at_most("1 - IoU, rolled back by 90 deg", worst(turned), 0.01, ""));
     Ok(figures)
 }
 
-/// A square picture seen with the head rolled to the left by a quarter turn, as seen upright: what was at the top is on the right.
+/// Turns a square picture seen with the head rolled to the left by a quarter turn upright: the upper side is on its
+/// right.
 fn rolled_back(pixels: &[f64], side: usize) -> Vec<f64> {
-    let at = |x: usize, y: usize| pixels.get(y * side + x).copied().unwrap_or(f64::NAN);
-    // Upright (x, y) is seen at the same place from the axes that have turned: right of it is up.
-    (0..side * side).map(|index| at(side - 1 - index / side, index % side)).collect()
+    let pixel = |x: usize, y: usize| pixels.get(y * side + x).copied().unwrap_or(f64::NAN);
+    // The upright pixel (x, y) is at the same place seen from the turned axes, whose right is up.
+    (0..side * side).map(|index| pixel(side - 1 - index / side, index % side)).collect()
 }
 
 #[cfg(test)]
@@ -112,8 +115,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_head_rolled_to_the_left_sees_the_top_on_the_right() {
-        // Upright: 1 at the top left, 2 at the top right, 3 and 4 below. Rolled to the left, to the right of the view is up in the world.
+    fn head_rolled_left_sees_the_top_on_the_right() {
+        // Upright: 1 at the top left, 2 at the top right, 3 and 4 below. After the roll to the left, the view's right
+        // is up in the world.
         let rolled = [3.0, 1.0, 4.0, 2.0];
         assert_eq!(rolled_back(&rolled, 2), vec![1.0, 2.0, 3.0, 4.0]);
     }

@@ -1,8 +1,9 @@
-//! Bodies and asteroids: their light, their outlines, what they hide, and what stands in for their meshes.
+//! Bodies and asteroids: their light, their outlines, occlusion, and replacements of meshes.
 //!
-//! Truth of an asteroid is its finest mesh, drawn with 4 x 4 samples a pixel; of a body's light the integral over its disc in f64
-//! ([`crate::plan::bodies::light`]). What impostors, levels of detail and points may differ by follows from the half pixel that the
-//! plan keeps. The settings say what is under test: `asteroids.impostor`, `asteroids.quality` and the others.
+//! The truth of an asteroid is its finest mesh, drawn with 4 x 4 samples per pixel; the truth of a body's light is the
+//! integral over its disc in f64 ([`crate::plan::bodies::light`]). The allowed difference of impostors, levels of
+//! detail and points follows from the half pixel that the plan guarantees. The settings select the methods under test:
+//! `asteroids.impostor`, `asteroids.quality` and others.
 
 mod bodies;
 mod fields;

@@ -1,7 +1,9 @@
-//! A stage for single asteroids: up to 64 of them, each before an eye of its own, before a bright wall or in the light of a sun.
+//! A stage for single asteroids: up to 64 of them, each in front of a separate eye, in front of a bright wall or in the
+//! light of a sun.
 //!
-//! Black asteroids before a wall of 1 cd/m^2 show their silhouettes, whatever they are drawn as: what is missing of the wall is
-//! what they cover. Every scene has the same number of fields with the same instances and shapes, so that atlases are baked once.
+//! Black asteroids in front of a wall of 1 cd/m^2 show their silhouettes, however they are drawn: they cover the
+//! missing part of the wall. Every scene has the same number of fields with the same instances and shapes, so that
+//! atlases are baked once.
 
 use std::{
     f64::consts::PI,
@@ -38,9 +40,9 @@ use crate::{
 
 /// Mean radius of the asteroids, m.
 pub const RADIUS_M: f64 = 1.0;
-/// Asteroids of a scene at most.
+/// Maximum number of asteroids in a scene.
 pub const PLACES: usize = 64;
-/// Where the camera stands: far from the origin, as in the Solar System.
+/// Position of the camera: far from the origin, as in the Solar System.
 const CAMERA_M: DVec3 = DVec3::new(1.3e11, -7e10, 2e10);
 /// Distance of the wall, m, and its radius: it covers 70 degrees around -z.
 const WALL_M: [f64; 2] = [1e10, 9.4e9];
@@ -49,65 +51,65 @@ const SUN_M: f64 = 1e11;
 /// Geometric albedo of lit asteroids.
 pub const ALBEDO: f64 = 0.2;
 
-/// How the truth differs from what is drawn: not at all, unless a test sees a check fail.
+/// Difference between the truth and the drawn objects: none, unless a test makes a check fail.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fault {
-    /// Factor on albedos.
+    /// Factor of albedos.
     pub albedo: f64,
-    /// Factor on radii of bodies.
+    /// Factor of the radii of bodies.
     pub radius: f64,
     /// Shift of asteroids to the right of the camera, mean radii.
     pub shift: f64,
 }
 
 impl Fault {
-    /// None.
+    /// No difference.
     pub const NONE: Self = Self { albedo: 1.0, radius: 1.0, shift: 0.0 };
 }
 
 /// An asteroid on the stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Posed {
-    /// Where it stands, camera axes, m.
+    /// Position, camera axes, m.
     pub place_m: DVec3,
     /// Rotation from the shape's axes to those of the camera.
     pub camera_from_shape: DQuat,
 }
 
-/// What asteroids are seen by.
+/// Illumination of asteroids.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Light {
-    /// Black before a wall that covers 70 degrees around -z.
+    /// Black in front of a wall that covers 70 degrees around -z.
     Wall,
     /// Grey in the light of a sun in this direction, camera axes.
     Sun(DVec3),
 }
 
-/// The set of one shape, the longest: it shows most how it is turned.
+/// Returns a set with only the most elongated shape, whose orientation is most visible.
 pub fn shape() -> Arc<ShapeSet> {
     static SHAPE: OnceLock<Arc<ShapeSet>> = OnceLock::new();
     let longest = || {
         let mut set = all_shapes().as_ref().clone();
         set.shapes = set.shapes.pop().into_iter().collect();
-        // Another set than that of all, which is told by its digest.
+        // The digest identifies a set, so this set needs a different one.
         set.digest = set.digest.rotate_left(17) ^ 1;
         Arc::new(set)
     };
     SHAPE.get_or_init(longest).clone()
 }
 
-/// The procedural shapes.
+/// Returns the procedural shapes.
 pub fn all_shapes() -> Arc<ShapeSet> {
     static SHAPES: OnceLock<Arc<ShapeSet>> = OnceLock::new();
     SHAPES.get_or_init(|| Arc::new(ShapeSet::procedural(4))).clone()
 }
 
-/// Radius of the sphere that holds an asteroid, m.
+/// Radius of the bounding sphere of an asteroid, m.
 pub fn bound_m() -> f64 {
     shape().shapes.first().map_or(1.0, |shape| shape.bound) * RADIUS_M
 }
 
-/// One asteroid that does not turn, its axes those of its field.
+/// One asteroid that does not rotate, with the axes of its field.
 fn one() -> Arc<Instances> {
     static ONE: OnceLock<Arc<Instances>> = OnceLock::new();
     let make = || {
@@ -133,7 +135,7 @@ fn one() -> Arc<Instances> {
     ONE.get_or_init(make).clone()
 }
 
-/// A black body.
+/// Returns a black body.
 pub fn black(name: &str, position_m: DVec3, radii_m: DVec3) -> Body {
     Body {
         name: name.to_owned(),
@@ -148,7 +150,7 @@ pub fn black(name: &str, position_m: DVec3, radii_m: DVec3) -> Body {
     }
 }
 
-/// A scene of bodies and fields whose places are relative to the camera, camera axes.
+/// Returns a scene of bodies and fields whose positions are relative to the camera, camera axes.
 pub fn scene_of(bodies: Vec<Body>, fields: Vec<AsteroidField>) -> SceneSnapshot {
     let body = |body: Body| Arc::new(Body { position_m: CAMERA_M + body.position_m, ..body });
     let field = |field: AsteroidField| Arc::new(AsteroidField { position_m: CAMERA_M + field.position_m, ..field });
@@ -164,13 +166,13 @@ pub fn scene_of(bodies: Vec<Body>, fields: Vec<AsteroidField>) -> SceneSnapshot 
     }
 }
 
-/// A sun in a direction, which gives the stage some 1e5 lx.
+/// Returns a sun in a direction, which illuminates the stage with some 1e5 lx.
 pub fn sun(direction: DVec3) -> Body {
     let emission = Some(Emission { luminance_cd_m2: [2e9; 3], limb_darkening: 0.0, corona: false });
     Body { emission, ..black("sun", direction.normalize() * SUN_M, DVec3::splat(4e8)) }
 }
 
-/// Asteroids on the stage; those that are not named stand behind the camera, out of sight.
+/// Returns asteroids on the stage; the remaining ones are behind the camera, out of sight.
 pub fn scene(posed: &[Posed], light: Light, fault: Fault) -> SceneSnapshot {
     let body = match light {
         Light::Wall => {
@@ -196,13 +198,13 @@ pub fn scene(posed: &[Posed], light: Light, fault: Fault) -> SceneSnapshot {
     scene_of(vec![body], (0..PLACES).map(field).collect())
 }
 
-/// Where the eye of a place of the stage stands, camera axes, m: on a square of eight by eight.
+/// Position of the eye for a place of the stage, camera axes, m: on a grid of eight by eight.
 pub fn eye_m(place: usize, spacing_m: f64) -> DVec3 {
     let along = |index: usize| (index as f64 - 3.5) * spacing_m;
     DVec3::new(along(place % 8), along(place / 8), 0.0)
 }
 
-/// A square flat window of `side` pixels of `pixel_rad` around a direction that lies `off_axis_rad` to the right.
+/// Returns a square flat window of `side` pixels of `pixel_rad` around a direction `off_axis_rad` to the right.
 pub fn window(side: u32, pixel_rad: f64, off_axis_rad: f64) -> ViewKind {
     let (middle, step) = (off_axis_rad.tan(), pixel_rad / off_axis_rad.cos().powi(2));
     let half = 0.5 * f64::from(side) * step;
@@ -215,15 +217,15 @@ pub fn window(side: u32, pixel_rad: f64, off_axis_rad: f64) -> ViewKind {
     ViewKind::OffAxis { size: [side; 2], fov }
 }
 
-/// Where detail is left out, for an asteroid of the stage in a direction (view axes, unit) of a picture.
+/// Distances at which detail is reduced, for an asteroid of the stage in a direction (view axes, unit) of a picture.
 pub struct Detail {
-    /// Angle of a pixel there, over the quality, rad.
+    /// Angle of a pixel there divided by the quality, rad.
     allowed_rad: f64,
     impostor: Option<ImpostorReach>,
 }
 
 impl Detail {
-    /// For eyes that are `eyes_m` apart.
+    /// Computes the distances for eyes that are `eyes_m` apart.
     pub fn new(settings: &AsteroidSettings, projection: &Projection, direction: DVec3, eyes_m: f64) -> Self {
         let along = match projection {
             Projection::Equirectangular(_) => direction.y,
@@ -233,31 +235,31 @@ impl Detail {
         Self { allowed_rad: pixel_rad / settings.quality, impostor: impostor_reach(settings, eyes_m) }
     }
 
-    /// Distance from which on its impostor stands alone, m; without impostors its coarsest mesh.
+    /// Distance from which only its impostor is drawn, m; without impostors only its coarsest mesh.
     pub fn nearest_m(&self) -> f64 {
         let coarsest = || {
             let error = shape().shapes.iter().flat_map(|shape| &shape.lods).map(|lod| lod.error).fold(0.0, f64::max);
             2.0 * error * RADIUS_M / self.allowed_rad
         };
         let start_m = self.impostor.map_or_else(coarsest, |reach| reach.start_m(bound_m(), self.allowed_rad));
-        // A hair's breadth after the end of the fade.
+        // Slightly beyond the end of the fade.
         start_m * (1.0 + BAND) * 1.001
     }
 
-    /// Distance from which on it is partly a point, m.
+    /// Distance from which it is partly drawn as a point, m.
     pub fn points_m(&self) -> f64 {
         RADIUS_M / self.allowed_rad
     }
 }
 
 impl Context<'_> {
-    /// Asteroids in all detail, 4 x 4 samples a pixel.
+    /// Settings for asteroids in full detail, 4 x 4 samples per pixel.
     pub(super) fn finest(&self) -> AsteroidSettings {
         AsteroidSettings { finest_only: true, samples: 4, ..self.settings.asteroids.clone() }
     }
 
-    /// Renders the asteroids of the stage as they are drawn and in all detail, both with 4 x 4 samples a pixel: so edges, which are
-    /// sampled, do not count. The second is the truth.
+    /// Renders the asteroids of the stage with the settings and in full detail, both with 4 x 4 samples per pixel, so
+    /// that sampling of edges does not matter. The second frame is the truth.
     pub(super) fn drawn_and_true(
         &mut self,
         posed: &[Posed],
@@ -274,33 +276,33 @@ impl Context<'_> {
     }
 }
 
-/// What an asteroid covers of a wall of 1 cd/m^2: per pixel within an angle of a direction (view axes) the covered share of its
-/// solid angle, sr; 0 elsewhere.
+/// Coverage of a wall of 1 cd/m^2 by an asteroid: for each pixel within an angle of a direction (view axes) the covered
+/// share of its solid angle, sr; 0 elsewhere.
 pub fn silhouette(
     image: &FrameImage,
-    of: &ViewImage,
+    view_image: &ViewImage,
     direction: DVec3,
     within_rad: f64,
 ) -> Result<Vec<f64>, CheckError> {
-    let mapping = of.projection.mapping();
+    let mapping = view_image.projection.mapping();
     let pixels = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y))).zip(hdr_pixels(image)?);
     Ok(pixels
         .map(|((x, y), [r, g, b, _])| {
-            let at = mapping.direction_from_pixel(pixel_centre(x, y));
-            let near = at.is_some_and(|at| at.angle_between(direction) <= within_rad);
+            let seen = mapping.direction_from_pixel(pixel_centre(x, y));
+            let near = seen.is_some_and(|seen| seen.angle_between(direction) <= within_rad);
             let covered = 1.0 - luminance([*r, *g, *b].map(f64::from));
             if near { covered.clamp(0.0, 1.0) * mapping.solid_angle_sr(x, y) } else { 0.0 }
         })
         .collect())
 }
 
-/// What two silhouettes have in common over what either covers; not a number where both are empty.
+/// Intersection over union of two silhouettes; NaN if both are empty.
 pub fn iou(a: &[f64], b: &[f64]) -> f64 {
     let sum = |pick: fn(f64, f64) -> f64| a.iter().zip(b).map(|(a, b)| pick(*a, *b)).sum::<f64>();
     sum(f64::min) / sum(f64::max)
 }
 
-/// Light of an image, lx, and the middle of it in pixels.
+/// Measures the light of an image, lx, and its centroid in pixels.
 pub fn light_and_middle(image: &FrameImage, mapping: &dyn PlaneMapping) -> Result<(f64, DVec2), CheckError> {
     let view = HdrView::new(mapping, hdr_pixels(image)?)?;
     let (mut sum, mut middle) = (0.0, DVec2::ZERO);
@@ -314,13 +316,13 @@ pub fn light_and_middle(image: &FrameImage, mapping: &dyn PlaneMapping) -> Resul
     Ok((sum, middle / sum))
 }
 
-/// Light of every view around a direction in camera axes, lx; of one eye.
+/// Measures the light of every view around a direction in camera axes, lx, for one eye.
 pub fn light_around_lx(frame: &Frame, rig: &Rig, direction: DVec3, reach_rad: f64) -> Result<Vec<f64>, CheckError> {
     let mut light = vec![0.0; rig.views().len()];
-    for (image, of) in images(frame, rig) {
-        let view = hdr_view(image, of.projection.mapping())?.turned(of.camera_from_view);
-        // Points reach four pixels around.
-        let reach_rad = reach_rad + 12.0 * of.projection.middle_pixel_rad();
+    for (image, view_image) in images(frame, rig) {
+        let view = hdr_view(image, view_image.projection.mapping())?.turned(view_image.camera_from_view);
+        // Points extend four pixels around their centre.
+        let reach_rad = reach_rad + 12.0 * view_image.projection.middle_pixel_rad();
         let eyes = if matches!(rig.views()[image.view].kind, ViewKind::Stereo { .. }) { 2.0 } else { 1.0 };
         light[image.view] += metrics::illuminance_near_direction_lx(&[view], direction, reach_rad)? / eyes;
     }
@@ -332,16 +334,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn silhouettes_are_compared_by_what_they_share() {
+    fn iou_is_intersection_over_union() {
         let iou_of = |a: &[f64], b: &[f64]| iou(a, b);
         assert_eq!(iou_of(&[1.0, 1.0, 0.0], &[1.0, 1.0, 0.0]), 1.0);
         assert_eq!(iou_of(&[1.0, 1.0, 0.0], &[0.0, 1.0, 1.0]), 1.0 / 3.0);
         assert_eq!(iou_of(&[1.0, 0.5], &[0.5, 1.0]), 0.5);
-        assert!(iou_of(&[0.0], &[0.0]).is_nan(), "nothing is no silhouette");
+        assert!(iou_of(&[0.0], &[0.0]).is_nan(), "empty silhouettes have no IoU");
     }
 
     #[test]
-    fn every_place_has_its_own_eye_and_windows_hold_their_direction() {
+    fn places_have_separate_eyes_and_windows_contain_their_direction() {
         for (index, place) in (0..PLACES).map(|place| eye_m(place, 2.0)).enumerate() {
             assert!((0..index).all(|other| (eye_m(other, 2.0) - place).length() > 1.9));
         }

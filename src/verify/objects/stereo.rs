@@ -1,4 +1,4 @@
-//! Two eyes, and an asteroid that moves away through all thresholds of detail, from its finest mesh to a point.
+//! Two eyes see an asteroid that recedes through all thresholds of detail, from its finest mesh to a point.
 
 use glam::{DQuat, DVec2, DVec3};
 
@@ -16,27 +16,28 @@ use crate::{
 
 /// Angle of a pixel, rad.
 const PIXEL_RAD: f64 = 3e-3;
-/// Nearest distance, mean radii: there the finest mesh is right.
+/// Nearest distance, mean radii: there the finest mesh is correct.
 const NEAREST: f64 = 14.0;
 /// Growth of the distance from one step to the next.
 const GROWTH: f64 = 1.04;
-/// Distance between the eyes, mean radii: disparity decides where impostors begin, and is many pixels there.
+/// Distance between the eyes, mean radii: disparity determines where impostors start, and is many pixels there.
 const EYES: f64 = 1.0;
-/// Places of a pixel that each step is seen at.
+/// Sub-pixel positions at which each step is seen.
 const SUB_PIXEL: [DVec2; 4] =
     [DVec2::new(0.13, 0.41), DVec2::new(0.63, 0.16), DVec2::new(0.38, 0.66), DVec2::new(0.88, 0.91)];
 
-/// What both eyes see of an asteroid: its light, lx, and its middle, px.
-type Seen = [(f64, DVec2); 2];
+/// Light, lx, and centroid, px, of an asteroid in both eyes.
+type Measured = [(f64, DVec2); 2];
 
-/// A step at one place of a pixel, drawn and true, and the greatest disparity that is right for it, px.
+/// A step at one sub-pixel position, drawn and true, and the largest correct disparity, px.
 struct Step {
-    drawn: Seen,
-    truth: Seen,
+    drawn: Measured,
+    truth: Measured,
     distance_m: f64,
 }
 
-/// 25: disparity against that of the finest mesh and of the closed form, height in both eyes, and what changes from step to step.
+/// 25: compares disparity with the finest mesh and with the closed form, and height in both eyes; measures changes from
+/// step to step.
 pub(in crate::verify) fn in_stereo(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let eyes_m = EYES * RADIUS_M;
     let projection = Rig::new(vec![View::new("eye", window(64, PIXEL_RAD, 0.0), DQuat::IDENTITY, DVec3::ZERO)?])?;
@@ -47,35 +48,35 @@ pub(in crate::verify) fn in_stereo(context: &mut Context<'_>) -> Result<Vec<Figu
     let count = ((2.5 * detail.points_m() / nearest_m).ln() / GROWTH.ln()).ceil() as usize;
     let distances: Vec<f64> = (0..count).map(|step| nearest_m * GROWTH.powi(step as i32)).collect();
 
-    // A rig holds 64 images, two of them for each of four places of a pixel: eight steps.
+    // A rig holds 64 images. A step needs two images at each of four sub-pixel positions: eight steps.
     let mut steps: Vec<Vec<Step>> = Vec::new();
     for some in distances.chunks(PLACES / 2 / SUB_PIXEL.len()) {
         let cases: Vec<(f64, DVec2)> = some.iter().flat_map(|d| SUB_PIXEL.map(|place| (*d, place))).collect();
-        let seen = seen(context, &cases, eyes_m)?;
-        let mut seen = seen.into_iter();
+        let measured = measured(context, &cases, eyes_m)?;
+        let mut measured = measured.into_iter();
         for distance_m in some {
-            let of_step = seen.by_ref().take(SUB_PIXEL.len());
+            let of_step = measured.by_ref().take(SUB_PIXEL.len());
             steps.push(of_step.map(|[drawn, truth]| Step { drawn, truth, distance_m: *distance_m }).collect());
         }
     }
 
-    let disparity = |seen: &Seen| seen[0].1.x - seen[1].1.x;
-    let height = |seen: &Seen| seen[0].1.y - seen[1].1.y;
+    let disparity = |measured: &Measured| measured[0].1.x - measured[1].1.x;
+    let height = |measured: &Measured| measured[0].1.y - measured[1].1.y;
     let all = || steps.iter().flatten();
     let closed = all().map(|step| {
-        // Pixels of a flat window are even in tangents.
+        // Pixels of a flat window are evenly spaced in tangents.
         let expected = eyes_m / step.distance_m / PIXEL_RAD;
-        // What is lit of it, and so its middle, lies up to a radius before or behind its place.
+        // The lit part, and so the centroid, lies up to a radius in front of or behind the asteroid's position.
         let depth = eyes_m / (step.distance_m - RADIUS_M) / PIXEL_RAD - expected;
         (disparity(&step.drawn) - expected).abs() - depth
     });
     let error = all().map(|step| (disparity(&step.drawn) - disparity(&step.truth)).abs());
     let vertical = all().map(|step| (height(&step.drawn) - height(&step.truth)).abs());
-    // Means over the places of a pixel: edges are sampled.
-    let mean = |of: &dyn Fn(&Step) -> f64| -> Vec<f64> {
-        steps.iter().map(|step| step.iter().map(of).sum::<f64>() / step.len() as f64).collect()
+    // Average over the sub-pixel positions, because edges are sampled.
+    let mean = |figure: &dyn Fn(&Step) -> f64| -> Vec<f64> {
+        steps.iter().map(|step| step.iter().map(figure).sum::<f64>() / step.len() as f64).collect()
     };
-    // Where the samples of a mesh are few its light goes as the square of the distance from where they are many.
+    // With few samples per mesh, compare the light scaled by the squared distance with the light at many samples.
     let squared = |step: &Step| step.distance_m * step.distance_m;
     let many_m = 0.4 * detail.points_m();
     let known = all().filter(|step| step.distance_m > many_m && step.distance_m < many_m * GROWTH.powi(3));
@@ -86,9 +87,9 @@ pub(in crate::verify) fn in_stereo(context: &mut Context<'_>) -> Result<Vec<Figu
         eyes(&step.drawn) / truth
     });
     let aside = [0, 1].map(|axis| mean(&|step: &Step| step.drawn[0].1[axis] - step.truth[0].1[axis]));
-    // By how much the mean of some steps differs from that of as many before, per step.
+    // Difference between the means of `some` steps and of as many preceding steps, per step.
     let jumps = |values: &[f64], some: usize| {
-        let means: Vec<f64> = values.windows(some).map(|of| of.iter().sum::<f64>() / some as f64).collect();
+        let means: Vec<f64> = values.windows(some).map(|window| window.iter().sum::<f64>() / some as f64).collect();
         worst(means.iter().zip(means.iter().skip(some)).map(|(before, after)| (after - before).abs() / some as f64))
     };
     let points_m = detail.points_m();
@@ -111,34 +112,34 @@ pub(in crate::verify) fn in_stereo(context: &mut Context<'_>) -> Result<Vec<Figu
         Figure::at_most("light of meshes and impostors", lost(&|distance_m| distance_m < points_m), 0.05, "relative"),
         Figure::informative("of the point", lost(&|distance_m| distance_m >= 2.0 * points_m), "relative"),
         Figure::at_most("change of light in a step", jumps(&flux[..near], 3), 0.02, "relative"),
-        // Of its few samples at a pixel or two across six steps are a mean.
+        // A point covers few samples at a diameter of one or two pixels, so average six steps.
         Figure::at_most("while the point takes over", jumps(&flux[near..], 6), 0.02, "relative"),
         Figure::at_most("middle against the mesh", off, 0.5, "px"),
         Figure::at_most("change of the middle in a step", jumps(&aside[0], 3).max(jumps(&aside[1], 3)), 0.1, "px"),
     ])
 }
 
-/// Mean light of both eyes, lx.
-fn eyes(seen: &Seen) -> f64 {
-    0.5 * (seen[0].0 + seen[1].0)
+/// Returns the mean light of both eyes, lx.
+fn eyes(measured: &Measured) -> f64 {
+    0.5 * (measured[0].0 + measured[1].0)
 }
 
-/// What two eyes see of asteroids at distances and places of a pixel, drawn and true.
-fn seen(context: &mut Context<'_>, cases: &[(f64, DVec2)], eyes_m: f64) -> Result<Vec<[Seen; 2]>, CheckError> {
-    // As far apart as the field of the farthest.
+/// Measures asteroids in two eyes at distances and sub-pixel positions, drawn and true.
+fn measured(context: &mut Context<'_>, cases: &[(f64, DVec2)], eyes_m: f64) -> Result<Vec<[Measured; 2]>, CheckError> {
+    // Space the eyes by the field of the farthest asteroid.
     let spacing_m = cases.iter().map(|(distance_m, _)| *distance_m).fold(0.0, f64::max) * 0.6 + 4.0 * eyes_m;
     let pose = |(index, (distance_m, place)): (usize, &(f64, DVec2))| Posed {
-        // Across a plane, so that its depth is the distance.
+        // On a plane, so that the depth equals the distance.
         place_m: eye_m(index, spacing_m) + DVec3::new(place.x * PIXEL_RAD, place.y * PIXEL_RAD, -1.0) * *distance_m,
         camera_from_shape: DQuat::from_euler(glam::EulerRot::XYZ, 0.5, 1.1, 0.3),
     };
     let posed: Vec<Posed> = cases.iter().enumerate().map(pose).collect();
-    // As large as the nearest asks for.
+    // The nearest asteroid determines the size of the window.
     let nearest_m = cases.iter().map(|(distance_m, _)| *distance_m).fold(f64::INFINITY, f64::min);
     let side = (2.0 * (bound_m() / (nearest_m - bound_m()) / PIXEL_RAD).ceil()) as u32 + 12;
     let tangent = 0.5 * f64::from(side) * PIXEL_RAD;
     let views = cases.iter().enumerate().map(|(index, (distance_m, _))| {
-        // Each eye's window is shifted by half the disparity, in whole pixels, as those of a headset with canted fields are.
+        // Each eye's window is shifted by half the disparity in whole pixels, like the canted fields of a headset.
         let shift = (0.5 * eyes_m / distance_m / PIXEL_RAD).round() * PIXEL_RAD;
         let fov_left = Fov {
             left_rad: (shift - tangent).atan(),
@@ -152,11 +153,11 @@ fn seen(context: &mut Context<'_>, cases: &[(f64, DVec2)], eyes_m: f64) -> Resul
     let rig = Rig::new(views.collect::<Result<_, _>>()?)?;
     let light = Light::Sun(DVec3::new(0.8, 0.3, 0.8));
     let [drawn, truth] = context.drawn_and_true(&posed, light, &rig)?;
-    // Places are counted in one window for both eyes.
-    let measure = |images: &[FrameImage]| -> Result<Vec<Seen>, CheckError> {
-        let of = rig.views().iter().flat_map(|view| &view.images);
-        let each = images.iter().zip(of).map(|(image, of)| {
-            let mapping = of.projection.mapping();
+    // Positions are measured in one common window for both eyes.
+    let measure = |images: &[FrameImage]| -> Result<Vec<Measured>, CheckError> {
+        let view_images = rig.views().iter().flat_map(|view| &view.images);
+        let each = images.iter().zip(view_images).map(|(image, view_image)| {
+            let mapping = view_image.projection.mapping();
             let (light, middle) = light_and_middle(image, mapping)?;
             let axis = mapping.pixel_from_direction(DVec3::NEG_Z).ok_or(CheckError::Missing("a pixel"))?;
             Ok((light, middle - axis))

@@ -1,5 +1,5 @@
-//! Which pictures of its atlas a method shows: by how much their directions err, how many are ever shown, and how far what is shown
-//! swings when an asteroid is tilted a little. On the CPU, from the functions that the shaders are compared with.
+//! Checks which atlas pictures a method shows: their direction errors, how many are ever used, and how far the picture
+//! swings when an asteroid is tilted slightly. Runs on the CPU with the functions that the shaders are compared with.
 
 use std::{collections::BTreeSet, f64::consts::TAU};
 
@@ -19,10 +19,10 @@ use crate::plan::asteroids::{
     },
 };
 
-/// Orientations that are looked at.
+/// Number of tested orientations.
 const ORIENTATIONS: usize = 40_000;
 
-/// Rotations spread over all: directions evenly, turns by the golden angle.
+/// Returns rotations spread over all orientations: directions evenly, turns by the golden angle.
 fn orientations(count: usize) -> impl Iterator<Item = DMat3> {
     spiral(count).enumerate().map(|(index, towards)| {
         let turn = DQuat::from_rotation_z((index as f64 * 0.618_033_988_749_895).fract() * TAU);
@@ -30,7 +30,7 @@ fn orientations(count: usize) -> impl Iterator<Item = DMat3> {
     })
 }
 
-/// Mean and greatest, degrees.
+/// Mean and maximum, degrees.
 fn mean_and_greatest_deg(angles_rad: impl Iterator<Item = f64>) -> [f64; 2] {
     let (mut sum, mut greatest, mut count) = (0.0, 0.0_f64, 0.0);
     for angle in angles_rad {
@@ -39,7 +39,7 @@ fn mean_and_greatest_deg(angles_rad: impl Iterator<Item = f64>) -> [f64; 2] {
     [sum / count, greatest].map(f64::to_degrees)
 }
 
-/// The weaknesses of atlases, measured for the method under test; without impostors there is nothing to err.
+/// Measures the weaknesses of atlases for the method under test; without impostors there are no errors.
 pub(in crate::verify) fn tiles(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let (method, tiles) = (context.settings.asteroids.impostor.chosen(), context.settings.asteroids.tiles);
     let (Some(layout), Some(bound_rad)) = (AtlasLayout::of(method), direction_error_bound_rad(method, tiles)) else {
@@ -51,7 +51,7 @@ pub(in crate::verify) fn tiles(context: &mut Context<'_>) -> Result<Vec<Figure>,
         mean_and_greatest_deg(errors)
     };
     let [mean, greatest] = error(DVec3::Z);
-    // The asteroid 35 degrees to the left: the eye is to its right.
+    // The asteroid is 35 degrees to the left, so the eye is to its right.
     let (sin, cos) = 35.0_f64.to_radians().sin_cos();
     let [mean_aside, greatest_aside] = error(DVec3::new(sin, 0.0, cos));
     let bound_deg = bound_rad.to_degrees();
@@ -80,8 +80,8 @@ pub(in crate::verify) fn tiles(context: &mut Context<'_>) -> Result<Vec<Figure>,
     ])
 }
 
-/// By how many degrees the place at which an atlas is entered, and the turn of its picture, move when an asteroid whose gimbal pole
-/// is 0.129 degrees from the eye is tilted by 0.06 degrees.
+/// Returns by how many degrees the lookup position in an atlas and the turn of its picture move when an asteroid whose
+/// gimbal pole is 0.129 degrees from the eye is tilted by 0.06 degrees.
 fn swing_deg(method: ImpostorMethod, tiles: u32) -> f64 {
     let (from_pole, tilt) = (0.129_f64.to_radians(), 0.06_f64.to_radians());
     if AtlasLayout::of(method) == Some(AtlasLayout::Euler) {
@@ -92,10 +92,10 @@ fn swing_deg(method: ImpostorMethod, tiles: u32) -> f64 {
         DQuat::from_rotation_arc(DVec3::X, DVec3::Z) * DQuat::from_rotation_y(from_pole) * DQuat::from_rotation_x(0.3),
     );
     let after = DMat3::from_rotation_y(tilt) * before;
-    // The direction alone says where the map is entered.
+    // The direction alone determines the lookup position.
     let entered = [before, after].map(|view_from_shape| view_from_shape.transpose() * DVec3::Z);
     let direction = angle_between_rad(entered[0], entered[1]);
-    // The picture of one and the same tile follows the asteroid.
+    // The picture of the same tile follows the asteroid.
     let turn = tiles_shown(method, before, DVec3::Z, tiles).and_then(|shown| {
         let picture = |view_from_shape| shown_view_from_shape(method, shown[0].0, view_from_shape, DVec3::Z, tiles);
         Some(rotation_angle_rad(picture(before)?, picture(after)?))
@@ -103,14 +103,14 @@ fn swing_deg(method: ImpostorMethod, tiles: u32) -> f64 {
     (direction.max(turn.unwrap_or(f64::NAN)) - tilt).to_degrees().max(0.0)
 }
 
-/// How much less than before the eye a small square spans 35 degrees off the axis.
+/// Returns by how much the span of a small square shrinks 35 degrees off the axis, relative to straight ahead.
 fn narrower(method: ImpostorMethod) -> f64 {
     let (sin, cos) = 35.0_f64.to_radians().sin_cos();
     let middle = 1e4 * DVec3::new(sin, 0.0, -cos);
     let along = match AtlasLayout::of(method) {
         // Parallel to the image plane.
         Some(AtlasLayout::Euler) => DVec3::X,
-        // Across the line of sight.
+        // Perpendicular to the line of sight.
         _ => DVec3::new(cos, 0.0, sin),
     };
     1.0 - 1e4 * angle_between_rad(middle - 0.5 * along, middle + 0.5 * along)

@@ -1,5 +1,5 @@
-//! An asteroid that tumbles: its eye passes the poles of the shape, where an atlas of angles is singular, and the corners and folds of
-//! an octahedral map.
+//! A tumbling asteroid: its eye passes the poles of the shape, where an atlas of angles is singular, and the corners
+//! and folds of an octahedral map.
 
 use std::f64::consts::{PI, TAU};
 
@@ -18,13 +18,13 @@ use crate::{
     view::{Rig, View, ViewKind},
 };
 
-/// Degrees of a turn between two pictures.
+/// Angle between two pictures, degrees.
 const STEP_DEG: f64 = 0.5;
 /// Pixel of the windows, rad.
 const PIXEL_RAD: f64 = 1e-3;
 
-/// Turns about one axis, in stretches of steps: to the eye points, in the shape's axes, what is turned about y from z on, and all of that
-/// by `circle`.
+/// Rotations about one axis in several stretches of steps. The direction to the eye, in the axes of the shape, starts
+/// at z, is turned about y, and then rotated by `circle`.
 struct Tumble {
     circle: DMat3,
     /// First angle of each stretch, degrees, and its number of pictures.
@@ -32,15 +32,15 @@ struct Tumble {
 }
 
 impl Tumble {
-    /// Over the pole +z, the gimbal's pole +x and the map's corner -z, missing each by some tenth of a degree, so that nothing is
-    /// met exactly.
+    /// Passes the pole +z, the gimbal's pole +x and the map's corner -z, each at a distance of some tenths of a degree,
+    /// so that none is hit exactly.
     fn over_poles(steps: usize) -> Self {
         let circle = DMat3::from_rotation_z(0.003) * DMat3::from_rotation_x(0.002);
         let before_deg = 0.5 * STEP_DEG * steps as f64;
         Self { circle, stretches: [0.0, 90.0, 180.0].map(|pole_deg| (pole_deg - before_deg, steps)).to_vec() }
     }
 
-    /// Askew over faces, folds and an edge of the map.
+    /// Passes obliquely over faces, folds and an edge of the map.
     fn oblique() -> Self {
         let circle = DMat3::from_rotation_y(0.9) * DMat3::from_rotation_x(0.7) * DMat3::from_rotation_z(0.4);
         Self { circle, stretches: vec![(62.0, PLACES)] }
@@ -54,20 +54,20 @@ impl Tumble {
         self.stretches.iter().flat_map(stretch)
     }
 
-    /// Rotation from the shape's axes to those of a view from which it stands in a direction (view axes, unit), at an angle.
+    /// Rotation from the shape's axes to those of a view that sees it in a direction (view axes, unit), at an angle.
     fn view_from_shape(&self, angle_deg: f64, direction: DVec3) -> DQuat {
         let (sin, cos) = angle_deg.to_radians().sin_cos();
         let (to_eye, axis) = (self.circle * DVec3::new(sin, 0.0, cos), self.circle.y_axis);
         let shape = DMat3::from_cols(axis, to_eye.cross(axis), to_eye);
         let right = direction.cross(DVec3::Y).normalize();
         let view = DMat3::from_cols(right, right.cross(direction), -direction);
-        // Askew, so that the rows of the picture are no special direction.
+        // Oblique, so that the rows of the picture are not a special direction.
         DQuat::from_axis_angle(direction, 0.6) * DQuat::from_mat3(&(view * shape.transpose()))
     }
 }
 
-/// Largest angle between neighbouring tiles, rad: of pitch and yaw 2 pi / n; of the octahedral map, whose tiles are largest in the
-/// middles of its faces, 2 sqrt(6) / n.
+/// Largest angle between neighbouring tiles, rad: 2 pi / n for pitch and yaw; 2 sqrt(6) / n for the octahedral map,
+/// whose tiles are largest at the centres of its faces.
 fn tile_rad(layout: Option<AtlasLayout>, tiles: u32) -> f64 {
     let n = f64::from(tiles);
     match layout {
@@ -76,7 +76,7 @@ fn tile_rad(layout: Option<AtlasLayout>, tiles: u32) -> f64 {
     }
 }
 
-/// A kind of picture, where the asteroid stands in it (view axes), and how it tumbles.
+/// A kind of picture, the direction of the asteroid in it (view axes), and how it tumbles.
 struct Scene {
     name: &'static str,
     kind: ViewKind,
@@ -84,10 +84,10 @@ struct Scene {
     tumbles: Vec<Tumble>,
 }
 
-/// With windows as large as the quality, which draws impostors near, asks for.
+/// Returns the scenes; windows grow with the quality, which may start impostors near.
 fn scenes(quality: f64) -> [Scene; 3] {
     let side = (44.0 / quality.min(1.0)).ceil() as u32;
-    // The middle of a dome: a whole one with pixels as fine is large.
+    // Only the centre of a dome: a whole dome with equally fine pixels would be large.
     let dome = ViewKind::DomeMaster { size: 192, fov_rad: 0.5 * PI, tilt_rad: 0.0 };
     let off_axis = window(side, PIXEL_RAD, 30.0_f64.to_radians());
     let both = vec![Tumble::over_poles(PLACES / 3), Tumble::oblique()];
@@ -99,7 +99,7 @@ fn scenes(quality: f64) -> [Scene; 3] {
     ]
 }
 
-/// 24: per step of half a degree the silhouette against that of the finest mesh, and how far it changes.
+/// 24: compares, in steps of half a degree, the silhouette with that of the finest mesh, and measures its change.
 pub(in crate::verify) fn tumbles(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let mut figures = Vec::new();
     for Scene { name, kind, off_axis_deg, tumbles } in scenes(context.settings.asteroids.quality) {
@@ -118,8 +118,9 @@ pub(in crate::verify) fn tumbles(context: &mut Context<'_>) -> Result<Vec<Figure
     Ok(figures)
 }
 
-/// For an asteroid at the nearest distance of impostors times a factor: the greatest 1 - IoU with the truth, and the greatest area that
-/// changes in a step over the greatest that the truth changes by in a turn of a step and a tile.
+/// For an asteroid at the smallest distance of impostors times a factor: returns the largest 1 - IoU with the truth,
+/// and the largest area that changes in a step, relative to the largest change of the truth in a turn of a step and a
+/// tile.
 fn measure(
     context: &mut Context<'_>,
     kind: &ViewKind,
@@ -130,10 +131,10 @@ fn measure(
     let settings = context.settings.asteroids.clone();
     let single = View::new("single", kind.clone(), DQuat::IDENTITY, DVec3::ZERO)?;
     let image = single.images.first().ok_or(CheckError::Missing("an image"))?;
-    // Images of a dome are turned against the camera's axes: back again.
+    // Images of a dome are rotated relative to the camera's axes; undo that rotation.
     let orientation = image.camera_from_view.conjugate();
     let detail = Detail::new(&settings, &image.projection, direction, 0.0);
-    // Beyond, points take over, which cover nothing.
+    // Points take over beyond this distance, and they cover nothing.
     let distance_m = (times * detail.nearest_m()).min(detail.points_m());
     let spacing_m = 3.0 * distance_m;
     let pose = |(place, angle_deg): (usize, f64)| Posed {
@@ -149,8 +150,12 @@ fn measure(
 
     let within_rad = 1.5 * (bound_m() / distance_m).asin();
     let silhouettes = |images: &[FrameImage]| -> Result<Vec<Vec<f64>>, CheckError> {
-        let of = rig.views().iter().flat_map(|view| &view.images);
-        images.iter().zip(of).map(|(image, of)| silhouette(image, of, direction, within_rad)).collect()
+        let view_images = rig.views().iter().flat_map(|view| &view.images);
+        images
+            .iter()
+            .zip(view_images)
+            .map(|(image, view_image)| silhouette(image, view_image, direction, within_rad))
+            .collect()
     };
     let [drawn, truth] = context.drawn_and_true(&posed, Light::Wall, &rig)?;
     let [drawn, truth] = [silhouettes(&drawn)?, silhouettes(&truth)?];

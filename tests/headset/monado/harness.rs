@@ -1,5 +1,5 @@
-//! A test binary's `main` for tests that need Monado: libtest cannot ignore a test at run time, so such a binary has
-//! `harness = false`. Where Monado cannot run, its tests are shown as ignored, with the reason; with
+//! The `main` function of a test binary for tests that need Monado: libtest cannot ignore a test at run time, so such a
+//! binary has `harness = false`. If Monado cannot run, its tests are reported as ignored with the reason; with
 //! `STERADIAN_REQUIRE_XR=1` they fail. The arguments are those of libtest.
 
 use std::process::ExitCode;
@@ -8,27 +8,27 @@ use libtest_mimic::{Arguments, Completion, Failed, Trial};
 
 use super::Monado;
 
-/// Names, for a run of this executable, the function to run in place of the tests: see [`super::Service::run_inner`].
+/// Environment variable that names the function to run instead of the tests: see [`super::Service::run_inner`].
 pub const INNER_VARIABLE: &str = "STERADIAN_TEST_INNER";
-/// If set, and neither empty nor 0, a test that cannot run is a failure.
+/// Environment variable: if set and neither empty nor 0, a test that cannot run fails.
 pub const REQUIRE_VARIABLE: &str = "STERADIAN_REQUIRE_XR";
 
-/// A test. It fails by a panic.
+/// A test, which fails by a panic.
 #[derive(Clone, Copy)]
 pub enum Test {
-    /// One that needs Monado.
+    /// Needs Monado.
     WithMonado(&'static str, fn(&'static Monado)),
-    /// One that needs Monado and takes long: `make test-long`.
+    /// Needs Monado and takes long: `make test-long`.
     Long(&'static str, fn(&'static Monado)),
-    /// One that runs anywhere.
+    /// Runs anywhere.
     Anywhere(&'static str, fn()),
 }
 
-/// A function that runs in a process of its own, started through Monado's dynamic linker; its result is what it prints.
+/// A function that runs in a separate process started through Monado's dynamic linker; its result is its output.
 pub type Inner = (&'static str, fn());
 
-/// Runs the inner function that the environment names, or the tests, one at a time: each starts a service and draws with
-/// a software driver, which takes all cores.
+/// Runs the inner function named in the environment, or the tests one at a time, because each starts a service and
+/// draws with a software driver that uses all cores.
 pub fn main(tests: &[Test], inners: &[Inner]) -> ExitCode {
     if let Some(wanted) = std::env::var_os(INNER_VARIABLE) {
         let (_, inner) = inners
@@ -57,7 +57,9 @@ fn with_monado(run: fn(&'static Monado)) -> Result<Completion, Failed> {
             run(monado);
             Ok(Completion::Completed)
         }
-        Err(reason) if required() => Err(format!("{REQUIRE_VARIABLE} is set, and there is no Monado: {reason}").into()),
+        Err(reason) if required() => {
+            Err(format!("{REQUIRE_VARIABLE} is set, and Monado is not available: {reason}").into())
+        }
         Err(reason) => Ok(Completion::ignored_with(format!("no Monado: {reason}"))),
     }
 }

@@ -1,10 +1,10 @@
-//! Monado, a real OpenXR runtime that needs no headset, for the tests of the headset. `scripts/monado.sh` fetches it;
-//! here are its services ([`Service`]), the poses that a test gives it ([`Remote`]) and a harness that shows the tests as
-//! ignored, with the reason, where it cannot run ([`harness`]).
+//! Monado, a real OpenXR runtime that needs no headset, for the headset tests. `scripts/monado.sh` fetches it; this
+//! module has its services ([`Service`]), the poses that a test sends ([`Remote`]) and a harness that reports the tests
+//! as ignored, with the reason, if it cannot run ([`harness`]).
 //!
-//! Monado's libraries want a newer C library than a test's own process may have, so a test never loads them itself. It
-//! starts a program through the dynamic linker that was fetched along with them: Steradian ([`Service::command`]), or a
-//! function of its own executable ([`Service::run_inner`]).
+//! Monado's libraries need a newer C library than the process of a test may have, so a test never loads them itself. It
+//! starts a program through the dynamic linker that was fetched with them: Steradian ([`Service::command`]), or a
+//! function of the test executable ([`Service::run_inner`]).
 #![allow(dead_code, unused_imports, reason = "each test binary uses its own part of this")]
 
 pub mod harness;
@@ -24,14 +24,14 @@ pub use self::{
     service::{Driver, Lifetime, Service},
 };
 
-/// What `scripts/monado.sh` writes about the folder that it unpacked Monado to.
+/// Description of the folder with the unpacked Monado, written by `scripts/monado.sh`.
 #[derive(Clone, Debug, Deserialize)]
 pub struct Monado {
     /// Number of the script's recipe.
     pub recipe: u32,
-    /// The folder that all of this stands in.
+    /// Folder with all files.
     pub folder: PathBuf,
-    /// Dynamic linker of the C library that the runtime wants.
+    /// Dynamic linker of the C library that the runtime needs.
     pub linker: PathBuf,
     /// Argument of the linker's `--library-path`.
     pub library_path: String,
@@ -52,21 +52,21 @@ pub struct Monado {
 }
 
 impl Monado {
-    /// Finds Monado, fetching it if it is not there yet; once per process.
+    /// Finds Monado, and fetches it if necessary; once per process.
     ///
     /// # Errors
-    /// The reason why it cannot be had here, in one line.
+    /// The reason why it is not available, in one line.
     pub fn find() -> Result<&'static Self, String> {
         static FOUND: OnceLock<Result<Monado, String>> = OnceLock::new();
         FOUND.get_or_init(fetch).as_ref().map_err(Clone::clone)
     }
 
-    /// A command that starts a program with Monado's C library and Vulkan driver. The program's own libraries are looked
-    /// for among Monado's too: it must need none but those of C, and what it opens at run time.
+    /// Returns a command that starts a program with Monado's C library and Vulkan driver. The program's libraries are
+    /// also searched among Monado's: it must not need any except those of C and those that it opens at run time.
     pub fn command(&self, program: &Path) -> Command {
         let mut command = Command::new(&self.linker);
         command.arg("--library-path").arg(&self.library_path).arg(program);
-        // Nothing of this machine's or user's set-up may change a result.
+        // No setting of this machine or user may change a result.
         for (name, _) in std::env::vars_os() {
             let prefixes = ["XR_", "XRT_", "IPC_", "SIMULATED_", "REMOTE_", "U_PACING_", "VK_", "MESA_", "LD_"];
             if name.to_str().is_some_and(|name| prefixes.iter().any(|prefix| name.starts_with(prefix))) {
@@ -82,7 +82,7 @@ impl Monado {
     }
 }
 
-/// Runs the script, and reads what it wrote.
+/// Runs the script and reads its description.
 fn fetch() -> Result<Monado, String> {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/monado.sh");
     let output = Command::new(&script)
@@ -90,7 +90,7 @@ fn fetch() -> Result<Monado, String> {
         .output()
         .map_err(|error| format!("{} cannot be started: {error}", script.display()))?;
     if !output.status.success() {
-        // The script's last line says why; what stands before are the messages of its tools.
+        // The last line of the script gives the reason; the lines before it are messages of its tools.
         let messages = String::from_utf8_lossy(&output.stderr);
         let reason = messages.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("it gives no reason");
         return Err(format!("{} ({})", reason.trim_start_matches("setup: "), output.status));

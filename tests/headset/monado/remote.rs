@@ -1,9 +1,9 @@
-//! Client of Monado's remote driver, which takes the headset's and the controllers' state over TCP.
+//! Client of Monado's remote driver, which receives the state of the headset and the controllers over TCP.
 //!
-//! One message is the driver's `struct r_remote_data` (`r_interface.h` of Monado 25.0.0, header `mndrmt3`) in little-endian
-//! byte order: 376 bytes, without a length before it. For each connection the driver first sends the state that it starts
-//! with and the state that it has now, in the same form. It serves one connection at a time, and keeps the state when one
-//! ends.
+//! A message is the driver's `struct r_remote_data` (`r_interface.h` of Monado 25.0.0, header `mndrmt3`) in
+//! little-endian byte order: 376 bytes without a length prefix. For each connection the driver first sends its initial
+//! state and its current state in the same form. It serves one connection at a time, and keeps the state when a
+//! connection ends.
 
 use std::{
     io::{Read, Write},
@@ -29,7 +29,7 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// The pose of the space itself.
+    /// Pose at the origin of the space.
     pub const IDENTITY: Self = Self { orientation: [0.0, 0.0, 0.0, 1.0], position_m: [0.0; 3] };
 
     /// A pose of an orientation and a position.
@@ -37,7 +37,7 @@ impl Pose {
         Self { orientation: orientation.to_array(), position_m: position_m.to_array() }
     }
 
-    /// `inner`, which is relative to this pose, in the space of this pose.
+    /// Converts `inner`, which is relative to this pose, to the space of this pose.
     pub fn then(&self, inner: &Self) -> Self {
         let rotation = Quat::from_array(self.orientation);
         Self::new(
@@ -47,16 +47,16 @@ impl Pose {
     }
 }
 
-/// One eye of the headset.
+/// An eye of the headset.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Eye {
-    /// Angles of the field of view's edges, rad: left, right, up, down. Left and down are negative.
+    /// Angles of the edges of the field of view, rad: left, right, up, down. Left and down are negative.
     pub fov_rad: [f32; 4],
     /// Pose relative to the head.
     pub pose: Pose,
 }
 
-/// Buttons of a controller, which is that of the Valve Index: `/interaction_profiles/valve/index_controller`.
+/// Buttons of a controller of the Valve Index: `/interaction_profiles/valve/index_controller`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Buttons {
     pub system_click: bool,
@@ -72,16 +72,16 @@ pub struct Buttons {
     pub trackpad_touch: bool,
 }
 
-/// One controller.
+/// A controller.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Controller {
-    /// Whether it is switched on. Without, its inputs are inactive.
+    /// Whether it is switched on; otherwise its inputs are inactive.
     pub active: bool,
     /// Pose of its grip in the tracking space.
     pub pose: Pose,
     /// Velocity, m/s.
     pub linear_velocity_m_s: [f32; 3],
-    /// Angular velocity in the controller's own axes, rad/s.
+    /// Angular velocity in the controller's axes, rad/s.
     pub angular_velocity_rad_s: [f32; 3],
     /// Trigger, 0 to 1.
     pub trigger: f32,
@@ -89,17 +89,17 @@ pub struct Controller {
     pub squeeze: f32,
     /// Force of the squeeze, 0 to 1.
     pub squeeze_force: f32,
-    /// Thumbstick, -1 to 1: to the right, forwards.
+    /// Thumbstick, -1 to 1: right, forwards.
     pub thumbstick: [f32; 2],
     /// Force on the trackpad, 0 to 1.
     pub trackpad_force: f32,
-    /// Finger on the trackpad, -1 to 1: to the right, forwards.
+    /// Finger on the trackpad, -1 to 1: right, forwards.
     pub trackpad: [f32; 2],
     pub buttons: Buttons,
 }
 
 impl Controller {
-    /// A controller that is held at a pose, at rest, with nothing pressed.
+    /// Returns a controller held at a pose, at rest, with nothing pressed.
     pub const fn at(pose: Pose) -> Self {
         Self {
             active: true,
@@ -129,7 +129,7 @@ impl Controller {
     }
 }
 
-/// Everything that the remote driver is told.
+/// Complete state sent to the remote driver.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RemoteState {
     /// The eyes, left and right.
@@ -141,7 +141,7 @@ pub struct RemoteState {
 }
 
 impl Default for RemoteState {
-    /// A head 1.6 m above the floor that looks along -z, eyes 64 mm apart with fields of view of 90 degrees.
+    /// A head 1.6 m above the floor that looks along -z, with eyes 64 mm apart and fields of view of 90 degrees.
     fn default() -> Self {
         let edge_rad = std::f32::consts::FRAC_PI_4;
         let eye = |x_m| Eye {
@@ -158,12 +158,12 @@ impl Default for RemoteState {
 }
 
 impl RemoteState {
-    /// Poses of the eyes in the tracking space.
+    /// Returns the poses of the eyes in the tracking space.
     pub fn eye_poses(&self) -> [Pose; 2] {
         self.eyes.map(|eye| self.head.then(&eye.pose))
     }
 
-    /// The driver's message.
+    /// Returns the driver's message.
     fn message(&self) -> [u8; MESSAGE_LEN] {
         let mut message = Message::default();
         message.bytes(&HEADER);
@@ -173,17 +173,17 @@ impl RemoteState {
             message.bytes(&[0; 4]);
         }
         message.pose(&self.head);
-        // Says that the eyes above count. Without, the runtime makes up its own.
+        // Enables the eyes above; otherwise the runtime invents them.
         message.bytes(&[1, 0, 0, 0]);
         for controller in &self.controllers {
             message.controller(controller);
         }
-        assert_eq!(message.len, MESSAGE_LEN, "the fields fill the driver's structure");
+        assert_eq!(message.len, MESSAGE_LEN, "the fields must fill the driver's structure");
         message.buffer
     }
 }
 
-/// A message that is being filled.
+/// A message under construction.
 struct Message {
     buffer: [u8; MESSAGE_LEN],
     len: usize,
@@ -216,14 +216,14 @@ impl Message {
         self.pose(&controller.pose);
         self.floats(&controller.linear_velocity_m_s);
         self.floats(&controller.angular_velocity_rad_s);
-        // The curl of five fingers, for tracked hands.
+        // Curl of five fingers, for tracked hands.
         self.floats(&[0.0; 5]);
         self.floats(&[controller.trigger, controller.squeeze, controller.squeeze_force]);
         self.floats(&controller.thumbstick);
         self.floats(&[controller.trackpad_force]);
         self.floats(&controller.trackpad);
         let buttons = &controller.buttons;
-        // The first says whether hands are tracked.
+        // The first flag enables hand tracking.
         let flags = [
             false,
             controller.active,
@@ -254,20 +254,21 @@ impl Remote {
     /// Connects to the driver that listens, or soon will, on a port of this machine.
     ///
     /// # Errors
-    /// Nobody answers there in time, or not as the driver does.
+    /// No driver answers in time.
     pub fn connect(port: u16) -> Result<Self, String> {
         let (stream, _) = greeted(port)?;
         Ok(Self { port, stream })
     }
 
-    /// Sends a state and returns when the driver has it: every pose that a program asks for after that is of this state.
+    /// Sends a state and returns when the driver has received it: every pose that a program queries afterwards has this
+    /// state.
     ///
-    /// The driver acknowledges nothing. But it takes the next connection only when it has read all of the one before, and
-    /// then tells the state that it has. So this ends the connection and makes another. The driver keeps a file open for
-    /// each connection, so a service stands some 800 of these calls.
+    /// The driver acknowledges nothing. But it accepts the next connection only after it has read all of the previous
+    /// one, and then sends its state. So this function ends the connection and opens another. The driver keeps a file
+    /// open for each connection, so a service supports some 800 of these calls.
     ///
     /// # Errors
-    /// The driver is gone, or has another state.
+    /// The driver has ended, or has another state.
     pub fn send(&mut self, state: &RemoteState) -> Result<(), String> {
         self.send_unconfirmed(state)?;
         self.stream.shutdown(Shutdown::Both).map_err(|error| format!("remote driver: {error}"))?;
@@ -276,16 +277,16 @@ impl Remote {
         if current == state.message() { Ok(()) } else { Err("the remote driver has another state".into()) }
     }
 
-    /// Sends a state. The driver gets it some time after this returns, and states in the order in which they were sent.
+    /// Sends a state without confirmation. The driver receives states later, in the order in which they were sent.
     ///
     /// # Errors
-    /// The driver is gone.
+    /// The driver has ended.
     pub fn send_unconfirmed(&mut self, state: &RemoteState) -> Result<(), String> {
         self.stream.write_all(&state.message()).map_err(|error| format!("remote driver: {error}"))
     }
 }
 
-/// A new connection, and the state that the driver tells.
+/// Opens a connection and returns it with the driver's current state.
 fn greeted(port: u16) -> Result<(TcpStream, [u8; MESSAGE_LEN]), String> {
     let start = Instant::now();
     let mut stream = loop {
@@ -302,7 +303,7 @@ fn greeted(port: u16) -> Result<(TcpStream, [u8; MESSAGE_LEN]), String> {
         .set_nodelay(true)
         .and_then(|()| stream.set_read_timeout(Some(TIME_LIMIT)))
         .and_then(|()| stream.read_exact(&mut greeting))
-        .map_err(|error| format!("what listens on port {port} is no remote driver: {error}"))?;
+        .map_err(|error| format!("the server on port {port} is not a remote driver: {error}"))?;
     let mut current = [0; MESSAGE_LEN];
     current.copy_from_slice(&greeting[MESSAGE_LEN..]);
     Ok((stream, current))

@@ -1,4 +1,4 @@
-//! One run of Monado's service, with the null compositor, which shows its frames nowhere.
+//! Monado's service with the null compositor, which displays its frames nowhere.
 
 use std::{
     fs::{File, OpenOptions},
@@ -12,72 +12,73 @@ use tempfile::TempDir;
 
 use super::{Monado, Remote, harness::INNER_VARIABLE};
 
-/// How long a service may take to start or to end, on a busy machine. It takes some 0.1 s.
+/// Maximum time for a service to start or end on a busy machine; it usually takes 0.1 s.
 const START_LIMIT: Duration = Duration::from_secs(60);
 /// Lines of the service's log in an error.
 const LOG_LINES: usize = 40;
 /// Name of the core validation layer.
 const VALIDATION_LAYER: &str = "XR_APILAYER_LUNARG_core_validation";
 
-/// The headset that a service has.
+/// Headset of a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Driver {
-    /// A simulated one, which moves on its own.
+    /// A simulated headset, which moves by itself.
     Simulated,
-    /// One whose poses the test sends: see [`Remote`].
+    /// A headset whose poses the test sends: see [`Remote`].
     Remote,
 }
 
-/// When a service ends by itself.
+/// Condition under which a service ends by itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lifetime {
-    /// Never: programs come and go.
+    /// Never: programs may connect and disconnect.
     UntilDropped,
-    /// When its first program leaves.
+    /// When its first program disconnects.
     UntilProgramLeaves,
 }
 
-/// A running service with a folder of its own. Ends when dropped, and also if the test's process ends in any other way.
+/// A running service with a separate folder. It ends when dropped, and also if the test's process ends in any other
+/// way.
 pub struct Service {
     monado: &'static Monado,
     driver: Driver,
     lifetime: Lifetime,
     port: Option<u16>,
     process: Option<Process>,
-    /// `XDG_RUNTIME_DIR` of the service and of its programs; the service's socket, configuration and log are in it.
+    /// `XDG_RUNTIME_DIR` of the service and its programs, with the service's socket, configuration and log.
     folder: TempDir,
 }
 
 struct Process {
     child: Child,
-    /// The service ends when its standard input does.
+    /// The service ends when its standard input is closed.
     input: ChildStdin,
 }
 
 impl Service {
-    /// Starts a service with a simulated headset; for several programs, one after the other or at once.
+    /// Starts a service with a simulated headset, for several programs one after the other or at once.
     ///
     /// # Panics
-    /// It does not start.
+    /// If it does not start.
     pub fn simulated(monado: &'static Monado) -> Self {
         Self::start(monado, Driver::Simulated, Lifetime::UntilDropped)
     }
 
-    /// The same with a headset whose poses the test sends.
+    /// Starts a service with a headset whose poses the test sends.
     ///
     /// # Panics
-    /// It does not start.
+    /// If it does not start.
     pub fn remote(monado: &'static Monado) -> Self {
         Self::start(monado, Driver::Remote, Lifetime::UntilDropped)
     }
 
-    /// Starts a service and waits until it takes programs.
+    /// Starts a service and waits until it accepts programs.
     ///
     /// # Panics
-    /// It does not start; with its log.
+    /// If it does not start; the message has its log.
     pub fn start(monado: &'static Monado, driver: Driver, lifetime: Lifetime) -> Self {
-        // Only its owner may enter it, as the runtime wants. It stands directly in the folder for temporary files, since
-        // the path of a socket must be short.
+        // The runtime requires a folder that only its owner may enter. It is directly in the folder for temporary
+        // files, because the path of a socket must be short.
         let folder = tempfile::Builder::new().prefix("monado-").tempdir().expect("a temporary folder");
         let port = (driver == Driver::Remote).then(|| {
             let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).expect("a free port");
@@ -89,7 +90,7 @@ impl Service {
         service
     }
 
-    /// Writes the configuration, for both drivers: the service is to find this one, and not the user's.
+    /// Writes the configuration for both drivers, so that the service does not use the user's configuration.
     fn configure(&self) {
         let folder = self.folder.path().join("config/monado");
         std::fs::create_dir_all(&folder).expect("a folder for the configuration");
@@ -103,12 +104,13 @@ impl Service {
         std::fs::write(folder.join("config_v0.json"), configuration.to_string()).expect("the configuration is written");
     }
 
-    /// Starts the service again, after [`Self::kill`] or if it has ended by itself: same folder, same port.
+    /// Starts the service again in the same folder and on the same port, after [`Self::kill`] or if it has ended by
+    /// itself.
     ///
     /// # Panics
-    /// It still runs, or does not start; with its log.
+    /// If it still runs, or does not start; the message has its log.
     pub fn restart(&mut self) {
-        assert!(!self.is_running(), "the service still runs");
+        assert!(!self.is_running(), "the service must not run");
         let socket = self.socket();
         // A killed service leaves its socket behind.
         if socket.exists() {
@@ -129,7 +131,7 @@ impl Service {
             command.env("IPC_EXIT_ON_DISCONNECT", "1");
         }
         let mut child = command.spawn().expect("the dynamic linker of Monado starts");
-        let input = child.stdin.take().expect("standard input was asked for");
+        let input = child.stdin.take().expect("standard input is piped");
         self.process = Some(Process { child, input });
 
         let start = Instant::now();
@@ -137,7 +139,11 @@ impl Service {
             if let Some(status) = self.wait(Duration::ZERO) {
                 panic!("the service ended while starting ({status}); its log:\n{}", self.log_tail());
             }
-            assert!(start.elapsed() < START_LIMIT, "the service takes no programs; its log:\n{}", self.log_tail());
+            assert!(
+                start.elapsed() < START_LIMIT,
+                "the service does not accept programs; its log:\n{}",
+                self.log_tail()
+            );
             std::thread::sleep(Duration::from_millis(10));
         }
     }
@@ -145,24 +151,24 @@ impl Service {
     /// Kills the service at once (SIGKILL), as a crash would.
     ///
     /// # Panics
-    /// It does not run.
+    /// If it does not run.
     pub fn kill(&mut self) {
         let mut process = self.process.take().expect("the service runs");
         process.child.kill().expect("the service is killed");
         process.child.wait().expect("the service has ended");
     }
 
-    /// Ends the service in good order, as a user would.
+    /// Ends the service in order, as a user would.
     ///
     /// # Panics
-    /// It does not run, or does not end; with its log.
+    /// If it does not run, or does not end; the message has its log.
     pub fn quit(&mut self) {
         let mut process = self.process.take().expect("the service runs");
         drop(process.input);
         if wait(&mut process.child, START_LIMIT).is_none() {
             process.child.kill().expect("the service is killed");
             process.child.wait().expect("the service has ended");
-            panic!("the service does not end when asked to; its log:\n{}", self.log_tail());
+            panic!("the service does not end on request; its log:\n{}", self.log_tail());
         }
     }
 
@@ -171,10 +177,10 @@ impl Service {
         self.process.is_some() && self.wait(Duration::ZERO).is_none()
     }
 
-    /// Waits until the service has ended by itself. None: it still runs after this time.
+    /// Waits until the service has ended by itself; `None` if it still runs after this time.
     ///
     /// # Panics
-    /// It was not running in the first place.
+    /// If it was not running.
     pub fn wait(&mut self, limit: Duration) -> Option<ExitStatus> {
         let process = self.process.as_mut().expect("the service runs");
         let status = wait(&mut process.child, limit);
@@ -184,10 +190,10 @@ impl Service {
         status
     }
 
-    /// The service's process.
+    /// Returns the process id of the service.
     ///
     /// # Panics
-    /// It does not run.
+    /// If it does not run.
     pub fn process_id(&self) -> u32 {
         self.process.as_ref().expect("the service runs").child.id()
     }
@@ -195,22 +201,22 @@ impl Service {
     /// Connects to the remote driver.
     ///
     /// # Panics
-    /// The service has none, or it does not answer.
+    /// If the service has no remote driver, or the driver does not answer.
     pub fn connect_remote(&self) -> Remote {
         Remote::connect(self.remote_port())
             .unwrap_or_else(|error| panic!("{error}; the service's log:\n{}", self.log_tail()))
     }
 
-    /// The port of the remote driver, for programs that connect to it themselves.
+    /// Returns the port of the remote driver, for programs that connect to it themselves.
     ///
     /// # Panics
-    /// The service has none.
+    /// If the service has no remote driver.
     pub fn remote_port(&self) -> u16 {
         self.port.expect("a service with the remote driver")
     }
 
-    /// A command that starts a program which finds this service's runtime: through Monado's dynamic linker, and so also
-    /// with Monado's OpenXR loader, Vulkan loader and software Vulkan driver. For a second service's program, or none,
+    /// Returns a command that starts a program which finds this service's runtime, through Monado's dynamic linker and
+    /// so also with Monado's OpenXR loader, Vulkan loader and software Vulkan driver. To use another service or none,
     /// change `XDG_RUNTIME_DIR` of the command.
     ///
     /// In the program, `std::env::current_exe` is the dynamic linker.
@@ -220,7 +226,7 @@ impl Service {
         command
     }
 
-    /// Puts the core validation layer between the program of a command and the runtime. It writes its complaints to
+    /// Inserts the core validation layer between the program of a command and the runtime. It writes its complaints to
     /// `log`: see [`Self::complaints`].
     pub fn validated<'a>(&self, command: &'a mut Command, log: &Path) -> &'a mut Command {
         command
@@ -230,10 +236,10 @@ impl Service {
             .env("XR_CORE_VALIDATION_FILE_NAME", log)
     }
 
-    /// What the core validation layer complains of.
+    /// Returns the complaints of the core validation layer.
     ///
     /// # Panics
-    /// The layer was not loaded.
+    /// If the layer was not loaded.
     pub fn complaints(log: &Path) -> Vec<String> {
         let log = read(log);
         assert!(log.contains("Core Validation Layer is initialized"), "not a log of the validation layer: {log}");
@@ -244,16 +250,16 @@ impl Service {
             .collect()
     }
 
-    /// Starts this test's own executable anew, as a program of this service, with an inner function in place of the
-    /// tests (see [`super::harness::main`]); returns what that prints.
+    /// Starts this test executable again as a program of this service, with an inner function instead of the tests (see
+    /// [`super::harness::main`]); returns its output.
     ///
     /// # Panics
-    /// It fails, or takes longer than the limit.
+    /// If it fails or exceeds the time limit.
     pub fn run_inner(&self, name: &str, limit: Duration) -> String {
         self.run(&mut self.inner(name), limit).unwrap_or_else(|error| panic!("{error}"))
     }
 
-    /// The command that [`Self::run_inner`] runs.
+    /// Returns the command that [`Self::run_inner`] runs.
     pub fn inner(&self, name: &str) -> Command {
         let program = std::env::current_exe().expect("the path of this executable");
         let mut command = self.command(&program);
@@ -261,12 +267,12 @@ impl Service {
         command
     }
 
-    /// Runs a command to its end, and returns what it prints to standard output.
+    /// Runs a command to its end and returns its standard output.
     ///
     /// # Errors
-    /// It fails, or takes longer than the limit: what it says, and the service's log.
+    /// It fails or exceeds the time limit; the error has its output and the service's log.
     pub fn run(&self, command: &mut Command, limit: Duration) -> Result<String, String> {
-        // Files, since a pipe that nobody reads fills up.
+        // Use files, because an unread pipe fills up.
         let folder = tempfile::tempdir_in(self.folder.path()).expect("a temporary folder");
         let [out, err] = ["out", "err"].map(|name| folder.path().join(name));
         let create = |path: &PathBuf| File::create(path).expect("a file for what the program prints");
@@ -287,17 +293,17 @@ impl Service {
         }
     }
 
-    /// Runs `monado-ctl`: no argument lists the programs and devices, `-c` recentres, `-f ID` gives a program the focus,
-    /// `-p ID` makes it the one that is shown, `-i ID` gives it or takes from it the controllers.
+    /// Runs `monado-ctl`: without arguments it lists the programs and devices, `-c` recentres, `-f ID` gives a program
+    /// the focus, `-p ID` makes it the primary one, `-i ID` enables or disables its input.
     ///
     /// # Panics
-    /// It fails.
+    /// If it fails.
     pub fn control(&self, arguments: &[&str]) -> String {
         let mut command = self.command(&self.monado.control);
         self.run(command.args(arguments), Duration::from_secs(60)).unwrap_or_else(|error| panic!("monado-ctl: {error}"))
     }
 
-    /// What the service has written, over all of its starts.
+    /// Returns the log of all starts of the service.
     pub fn log(&self) -> String {
         read(&self.log_path())
     }
@@ -316,7 +322,7 @@ impl Service {
         self.folder.path().join("monado_comp_ipc")
     }
 
-    /// What tells a program of Monado where the service is, and nothing of the user's.
+    /// Sets the environment in which a program of Monado finds the service, and nothing of the user's.
     fn environment<'a>(&self, command: &'a mut Command) -> &'a mut Command {
         command.env("XDG_RUNTIME_DIR", self.folder.path()).env("XDG_CONFIG_HOME", self.folder.path().join("config"))
     }
@@ -332,7 +338,7 @@ impl Drop for Service {
     }
 }
 
-/// Whether somebody listens on a socket. The file is there a little earlier, and to connect would count as a program.
+/// Whether a socket has a listener. The file appears a little earlier, and connecting would count as a program.
 fn listens(socket: &Path) -> bool {
     /// `SO_ACCEPTCON`, the flag of a listening socket in this table (proc(5)).
     const ACCEPTS_CONNECTIONS: &str = "00010000";
@@ -344,7 +350,7 @@ fn listens(socket: &Path) -> bool {
     })
 }
 
-/// Waits for the end of a process, for a limited time.
+/// Waits for the end of a process for a limited time.
 fn wait(child: &mut Child, limit: Duration) -> Option<ExitStatus> {
     let start = Instant::now();
     loop {

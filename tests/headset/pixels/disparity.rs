@@ -1,4 +1,4 @@
-//! Depth: where bodies stand in the two images.
+//! Depth: positions of bodies in the two images.
 
 use glam::{DVec2, DVec3, Quat};
 use steradian::{
@@ -12,13 +12,13 @@ use crate::{
     monado::{Eye, Monado, Pose, RemoteState, Service},
 };
 
-/// Between the eyes, m.
+/// Distance between the eyes, m.
 const BASELINE_M: f64 = 0.064;
-/// Heights of the eyes above the floor, m.
+/// Height of the eyes above the floor, m.
 const HEIGHT_M: f64 = 1.6;
-/// Edges of the left eye's field of view, rad; the right eye's are those of its mirror image.
+/// Edges of the left eye's field of view, rad; the right eye has the mirror image.
 const FOV_RAD: [f32; 4] = [-0.85, 0.75, 0.7, -0.72];
-/// Depth, m; direction from between the eyes, as a multiple of the depth; radius as an angle, rad.
+/// Depth, m; direction from the midpoint between the eyes, as a multiple of the depth; angular radius, rad.
 const BODIES: [(f64, [f64; 2], f64); 3] =
     [(1.0, [-0.2, 0.12], 0.03), (10.0, [0.03, -0.08], 0.008), (1000.0, [0.22, 0.1], 0.05)];
 const SCENE: &str = r#"
@@ -33,7 +33,7 @@ ev100 = 0.0
 operator = "srgb"
 "#;
 
-/// A head that is rolled, and whose right eye stands higher than the left one.
+/// Returns a state with a rolled head whose right eye is higher than the left one.
 fn state(roll_deg: f32, raised_m: f32) -> RemoteState {
     let [left, right, up, down] = FOV_RAD;
     let half_m = BASELINE_M as f32 / 2.0;
@@ -43,17 +43,17 @@ fn state(roll_deg: f32, raised_m: f32) -> RemoteState {
     head(Quat::from_rotation_z(roll_deg.to_radians()), eyes)
 }
 
-/// Where a body stands, m.
+/// Returns the position of a body, m.
 fn place_m((depth_m, [x, y], _): (f64, [f64; 2], f64)) -> DVec3 {
     DVec3::new(x, y, -1.0) * depth_m + HEIGHT_M * DVec3::Y
 }
 
-/// Difference of the places in the left and in the right image in closed form: of the angle under which the baseline is seen,
-/// and of the edges from which pixels are counted.
+/// Difference of the positions in the left and right image in closed form: from the angle of the baseline, and from the
+/// edges at which pixels are counted.
 fn closed_form_px(depth_m: f64, roll_rad: f64, [x, y]: [f64; 2], width: f64) -> f64 {
     let [left, right] = [FOV_RAD[0], FOV_RAD[1]].map(|edge| f64::from(edge).tan());
     let px_per_tangent = width / (right - left);
-    // Along the eyes' own x, which rolls with the head.
+    // Direction along the eyes' x axis, which rolls with the head.
     let along = x * roll_rad.cos() + y * roll_rad.sin();
     let half = BASELINE_M / 2.0 / depth_m;
     let left_px = (along + half - left) * px_per_tangent;
@@ -61,31 +61,31 @@ fn closed_form_px(depth_m: f64, roll_rad: f64, [x, y]: [f64; 2], width: f64) -> 
     left_px - right_px
 }
 
-/// Where the middle of a body's light is in the images of both eyes, pixels; `None`: none of its light is where it should be.
-/// `images`: which image is taken for the left and for the right eye's.
-fn seen_px(shot: &Shot, state: &RemoteState, body: (f64, [f64; 2], f64), images: [usize; 2]) -> Option<[DVec2; 2]> {
+/// Returns the centroid of a body's light in the images of both eyes, pixels; `None` if there is no light at the
+/// expected position. `images`: the images used for the left and the right eye.
+fn measured_px(shot: &Shot, state: &RemoteState, body: (f64, [f64; 2], f64), images: [usize; 2]) -> Option<[DVec2; 2]> {
     let eyes = sent_eyes(state, [shot.images[0].size, shot.images[1].size]);
     let rig = rig(eyes);
-    let seen = [0, 1].map(|eye| {
+    let centroids = [0, 1].map(|eye| {
         let mapping = mapping(&rig, eye);
         let view = HdrView::new(mapping, shot.linear(images[eye])).unwrap();
         let expected = eyes[eye].room_from_eye.conjugate() * (place_m(body) - eyes[eye].position_m);
-        // The mean direction of a disc is that of its middle; the middle of its image in a plane is not.
+        // The mean direction of a disc is that of its centre, unlike the centroid of its plane image.
         match centroid_direction(&[view], expected, body.2 + 0.02) {
             Ok(direction) => mapping.pixel_from_direction(direction),
             Err(MetricError::NoLight(_)) => None,
             Err(error) => panic!("{error}"),
         }
     });
-    let [left, right] = seen;
+    let [left, right] = centroids;
     Some([left?, right?])
 }
 
-/// Bodies at 1, 10 and 1000 m, with the head upright and rolled by 30 degrees.
+/// Tests bodies at 1, 10 and 1000 m with the head upright and rolled by 30 degrees.
 pub fn bodies_have_the_disparity_of_their_distance(monado: &'static Monado) {
     let service = Service::remote(monado);
     let (mut error, mut vertical) = (figures::HEADSET_DISPARITY.worst(), figures::HEADSET_VERTICAL_DISPARITY.worst());
-    // The last has one eye higher than the other, to show that vertical disparity is seen where there is some.
+    // The last head has one eye higher than the other, to show that vertical disparity is detected.
     let heads = [(0.0, 0.0), (30.0, 0.0), (0.0, 0.002)];
     let spheres = BODIES.map(|body| Sphere {
         position_m: place_m(body).to_array(),
@@ -103,7 +103,7 @@ pub fn bodies_have_the_disparity_of_their_distance(monado: &'static Monado) {
         let roll_rad = f64::from(roll_deg).to_radians();
         for body in BODIES {
             let (depth_m, direction, radius_rad) = body;
-            let [left, right] = seen_px(shot, &state(roll_deg, raised_m), body, [0, 1]).unwrap();
+            let [left, right] = measured_px(shot, &state(roll_deg, raised_m), body, [0, 1]).unwrap();
             let disparity_px = left - right;
             let expected_px = closed_form_px(depth_m, roll_rad, direction, width);
             let infinity_px = closed_form_px(f64::INFINITY, roll_rad, direction, width);
@@ -118,11 +118,11 @@ pub fn bodies_have_the_disparity_of_their_distance(monado: &'static Monado) {
                 let along = figures::HEADSET_DISPARITY.holds(disparity_px.x - expected_px);
                 along && figures::HEADSET_VERTICAL_DISPARITY.holds(disparity_px.y)
             };
-            let of = format!("{depth_m} m, rolled by {roll_deg} degrees");
-            error.add(disparity_px.x - expected_px, &of);
-            vertical.add(disparity_px.y, &of);
-            // The images in each other's place do not fit, nor does another distance as far as pixels can tell.
-            let swapped = seen_px(shot, &state(roll_deg, raised_m), body, [1, 0]);
+            let case = format!("{depth_m} m, rolled by {roll_deg} degrees");
+            error.add(disparity_px.x - expected_px, &case);
+            vertical.add(disparity_px.y, &case);
+            // Swapped images do not fit, nor does another distance, as far as the pixels resolve it.
+            let swapped = measured_px(shot, &state(roll_deg, raised_m), body, [1, 0]);
             assert!(swapped.is_none_or(|[left, right]| !fits(left - right, expected_px)), "{swapped:?}");
             let other_m = if depth_m < 100.0 { 0.9 * depth_m } else { 100.0 };
             assert!(!fits(disparity_px, closed_form_px(other_m, roll_rad, direction, width)), "{other_m} m");
@@ -130,7 +130,7 @@ pub fn bodies_have_the_disparity_of_their_distance(monado: &'static Monado) {
     }
     error.print();
     vertical.print();
-    let [left, right] = seen_px(&shots[2], &state(heads[2].0, heads[2].1), BODIES[0], [0, 1]).unwrap();
+    let [left, right] = measured_px(&shots[2], &state(heads[2].0, heads[2].1), BODIES[0], [0, 1]).unwrap();
     println!("with one eye 2 mm higher: vertical disparity {:.4} px at 1 m", (left - right).y);
     let expected_px = f64::from(heads[2].1) * f64::from(shots[2].images[0].size[1])
         / (f64::from(FOV_RAD[2]).tan() - f64::from(FOV_RAD[3]).tan());

@@ -1,4 +1,4 @@
-//! The light of stars in each eye, against the catalogue.
+//! The light of stars in each eye, compared with the catalogue.
 
 use std::collections::BTreeSet;
 
@@ -20,14 +20,14 @@ use crate::{
     monado::{Monado, Service},
 };
 
-/// Stars that must be measured.
+/// Minimum number of measured stars.
 const STARS: usize = 100;
-/// The light of a star lies within this, pixels.
+/// Radius around a star that contains its light, pixels.
 const RADIUS_PX: f64 = 6.0;
 /// Exposure at which the brightest star does not reach display white.
 const EV100: f64 = 0.0;
 
-/// The light within a radius of a place, lx; solid angles are those of a mapping.
+/// Returns the light within a radius of a position, lx; solid angles come from a mapping.
 fn light_lx(image: &[[f32; 4]], centre: DVec2, mapping: &dyn PlaneMapping) -> f64 {
     let [width, height] = mapping.size();
     let range = |middle: f64, side: u32| {
@@ -46,7 +46,7 @@ fn light_lx(image: &[[f32; 4]], centre: DVec2, mapping: &dyn PlaneMapping) -> f6
     sum_lx
 }
 
-/// Stars that stand in both eyes' images, all of their light, and none beside them: number in the catalogue, places.
+/// Returns stars that both eyes' images show completely and isolated: number in the catalogue, positions.
 fn isolated(directions: &[DVec3], eyes: &[Eye; 2], rig: &Rig) -> Vec<(usize, [DVec2; 2])> {
     let places: Vec<[Option<DVec2>; 2]> = directions
         .iter()
@@ -54,21 +54,21 @@ fn isolated(directions: &[DVec3], eyes: &[Eye; 2], rig: &Rig) -> Vec<(usize, [DV
             [0, 1].map(|eye| mapping(rig, eye).pixel_from_direction(eyes[eye].room_from_eye.conjugate() * *direction))
         })
         .collect();
-    let inside = |eye: usize, at: DVec2| {
+    let inside = |eye: usize, position: DVec2| {
         let [width, height] = eyes[eye].size.map(f64::from);
         let margin = RADIUS_PX + 2.0;
-        (margin..width - margin).contains(&at.x) && (margin..height - margin).contains(&at.y)
+        (margin..width - margin).contains(&position.x) && (margin..height - margin).contains(&position.y)
     };
-    let alone = |star: usize, eye: usize, at: DVec2| {
+    let alone = |star: usize, eye: usize, position: DVec2| {
         let others = places.iter().enumerate().filter(|(other, _)| *other != star);
-        others.filter_map(|(_, places)| places[eye]).all(|other| (other - at).length() > 2.0 * RADIUS_PX + 2.0)
+        others.filter_map(|(_, places)| places[eye]).all(|other| (other - position).length() > 2.0 * RADIUS_PX + 2.0)
     };
     let both = places.iter().enumerate().filter_map(|(star, places)| Some((star, [places[0]?, places[1]?])));
     both.filter(|(star, places)| [0, 1].iter().all(|&eye| inside(eye, places[eye]) && alone(*star, eye, places[eye])))
         .collect()
 }
 
-/// The same eyes with one edge of each field of view 1 % farther out.
+/// Returns the same eyes with one edge of each field of view 1 % farther out.
 fn wider(eyes: [Eye; 2]) -> [Eye; 2] {
     eyes.map(|mut eye| {
         eye.fov.right_rad *= 1.01;
@@ -76,7 +76,7 @@ fn wider(eyes: [Eye; 2]) -> [Eye; 2] {
     })
 }
 
-/// For both layouts of swapchains and eyes that differ in everything.
+/// Tests both layouts of swapchains with eyes of different orientation and field of view.
 pub fn stars_have_the_light_of_the_catalogue(monado: &'static Monado) {
     let service = Service::remote(monado);
     let mut worst = figures::HEADSET_FLUX.worst();

@@ -1,5 +1,6 @@
-//! What the wearer sees: poses, fields of view, light, depth, exposure and glare of the images that the runtime is handed.
-//! A program of the runtime takes them out of its swapchains (`program`); the tests measure them here, in f64.
+//! The images that the wearer sees: poses, fields of view, light, depth, exposure and glare of the images submitted to
+//! the runtime. A program of the runtime reads them from its swapchains (`program`); the tests measure them here in
+//! f64.
 
 mod disparity;
 mod light;
@@ -13,7 +14,7 @@ mod smoke;
 use crate::monado::harness::{Inner, Test};
 
 pub const TESTS: &[Test] = &[
-    Test::Long("three_hundred_frames_without_a_complaint", smoke::three_hundred_frames),
+    Test::Long("three_hundred_frames_cause_no_complaint", smoke::three_hundred_frames),
     Test::WithMonado("eyes_are_those_sent", poses::eyes_are_those_sent),
     Test::WithMonado("stars_have_the_light_of_the_catalogue", light::stars_have_the_light_of_the_catalogue),
     Test::WithMonado("pixels_are_those_of_render", rendering::pixels_are_those_of_render),

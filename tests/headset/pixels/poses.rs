@@ -1,4 +1,4 @@
-//! The eyes that a frame is drawn for.
+//! The eyes for which a frame is drawn.
 
 use glam::{Quat, Vec3};
 use steradian::{
@@ -9,23 +9,23 @@ use steradian::{
 use super::shots::{Assignment, canted_eyes, head, sent_eyes, settings, take};
 use crate::monado::{Monado, Pose, RemoteState, Service};
 
-/// Greatest difference of a component of orientation or position that f32 leaves.
+/// Largest difference of a component of orientation or position caused by f32.
 const LIMIT: f64 = 1e-6;
 
-/// Greatest difference of a component, and whether the fields of view are the same bits.
-fn difference(seen: &[Eye; 2], sent: &[Eye; 2]) -> (f64, bool) {
+/// Returns the largest difference of a component, and whether the fields of view are identical.
+fn difference(drawn: &[Eye; 2], sent: &[Eye; 2]) -> (f64, bool) {
     let mut worst = 0.0_f64;
-    for (seen, sent) in seen.iter().zip(sent) {
+    for (drawn, sent) in drawn.iter().zip(sent) {
         // A quaternion and its negative are the same rotation.
-        let sign = seen.room_from_eye.dot(sent.room_from_eye).signum();
-        let orientation = (seen.room_from_eye * sign - sent.room_from_eye).to_array();
-        let position = (seen.position_m - sent.position_m).to_array();
+        let sign = drawn.room_from_eye.dot(sent.room_from_eye).signum();
+        let orientation = (drawn.room_from_eye * sign - sent.room_from_eye).to_array();
+        let position = (drawn.position_m - sent.position_m).to_array();
         worst = orientation.iter().chain(&position).fold(worst, |worst, part| worst.max(part.abs()));
     }
-    (worst, [0, 1].iter().all(|&eye| seen[eye].fov == sent[eye].fov))
+    (worst, [0, 1].iter().all(|&eye| drawn[eye].fov == sent[eye].fov))
 }
 
-/// Each frame is drawn for the state that was sent before it, and for no other.
+/// Each frame is drawn for exactly the state that was sent before it.
 pub fn eyes_are_those_sent(monado: &'static Monado) {
     let service = Service::remote(monado);
     let far = Pose::new(Quat::from_euler(glam::EulerRot::YXZ, 2.5, -0.4, 0.3), Vec3::new(2.25, 0.4, -3.5));
@@ -45,12 +45,12 @@ pub fn eyes_are_those_sent(monado: &'static Monado) {
         let (error, same_fov) = difference(&shot.eyes, &sent[index]);
         assert!(error < LIMIT && same_fov, "state {index}: {error:e}, {:?} for {:?}", shot.eyes, sent[index]);
         worst = worst.max(error);
-        // Other states, and the eyes in each other's place, are told apart.
+        // Other states, and swapped eyes, are distinguishable.
         for (other, eyes) in sent.iter().enumerate().filter(|(_, eyes)| **eyes != sent[index]) {
             assert!(difference(&shot.eyes, eyes).0 > 1e3 * LIMIT, "states {index} and {other}");
         }
         let [left, right] = shot.eyes;
-        assert!(difference(&[right, left], &sent[index]).0 > 1e3 * LIMIT, "eyes in each other's place");
+        assert!(difference(&[right, left], &sent[index]).0 > 1e3 * LIMIT, "swapped eyes");
     }
     println!("{} states: fields of view exact, orientations and positions within {worst:.1e}", shots.len());
 }

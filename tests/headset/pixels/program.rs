@@ -1,4 +1,4 @@
-//! What runs as a program of the runtime.
+//! Inner functions that run as programs of the runtime.
 
 use std::{
     path::PathBuf,
@@ -19,14 +19,14 @@ use steradian::{
 
 use super::{
     shots::{Assignment, EyeBits, FOLDER_VARIABLE, Order, Taken, file},
-    smoke::{FRAMES, Seen},
+    smoke::{FRAMES, Observations},
 };
 use crate::monado::{Remote, RemoteState};
 
-/// How long the runtime may take until a frame is shown.
+/// Maximum time until a frame is shown.
 const LIMIT: Duration = Duration::from_secs(60);
 
-/// A host that shows what it is told to, and keeps what it gets.
+/// A host that shows an assignment and keeps the published frames.
 struct Photographer {
     shown: Mutex<Shown>,
     mirrors: AtomicBool,
@@ -50,7 +50,7 @@ impl Host for Photographer {
     }
 
     fn fly(&self, flight: &Flight) {
-        panic!("nobody touches the controllers: {flight:?}");
+        panic!("the controllers are not used: {flight:?}");
     }
 
     fn mirror(&self) -> Wanted {
@@ -92,7 +92,7 @@ pub fn photograph() {
         if shot > 0 {
             *host.shown.lock().unwrap() = shown(assignment);
         }
-        // Every pose that is asked for from here on is of this state.
+        // Every pose queried from here on has this state.
         remote.send(&assignment.state).unwrap();
         headset.captures = true;
         host.mirrors.store(assignment.mirrored, Ordering::Relaxed);
@@ -100,11 +100,11 @@ pub fn photograph() {
         headset.captures = false;
         host.mirrors.store(false, Ordering::Relaxed);
         if assignment.mirrored {
-            // A frame is finished while the next one is made.
+            // A frame is finished while the next one is rendered.
             drawn_frame(&mut headset, &host);
         }
         let published = std::mem::take(&mut *host.published.lock().unwrap());
-        assert_eq!(published.len(), usize::from(assignment.mirrored), "one frame is wanted of each shot");
+        assert_eq!(published.len(), usize::from(assignment.mirrored), "the host requests one frame per shot");
         let images = frame.captured.unwrap();
         for (eye, image) in images.iter().enumerate() {
             let bytes = match &image.pixels {
@@ -133,32 +133,32 @@ fn le_bytes(pixels: &[[f32; 4]]) -> Vec<u8> {
     pixels.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
-/// Shows some hundred frames, and leaves in good order.
+/// Shows some hundred frames and ends the session in order.
 pub fn show_frames() {
     let host = Photographer::new(&Assignment::new(RemoteState::default(), super::smoke::SCENE));
     let mut headset = Headset::connect(&Default::default(), Recorder::default()).unwrap();
-    let mut seen = Seen::default();
+    let mut observations = Observations::default();
     let start = Instant::now();
     while headset.recorder().figures().rendered < FRAMES {
-        assert!(start.elapsed() < LIMIT, "{seen:?}");
+        assert!(start.elapsed() < LIMIT, "{observations:?}");
         match headset.step(&host).unwrap() {
-            Step::Frame(frame) => seen.frame(&frame),
+            Step::Frame(frame) => observations.frame(&frame),
             Step::Idle => {}
             step => panic!("the session is over: {step:?}"),
         }
-        seen.status(headset.status());
+        observations.status(headset.status());
     }
     headset.request_exit().unwrap();
     loop {
-        assert!(start.elapsed() < LIMIT, "{seen:?}");
+        assert!(start.elapsed() < LIMIT, "{observations:?}");
         match headset.step(&host).unwrap() {
             Step::Exited => break,
-            Step::Frame(frame) => seen.frame(&frame),
+            Step::Frame(frame) => observations.frame(&frame),
             Step::Idle => {}
-            Step::HostEnded => panic!("the host does not end"),
+            Step::HostEnded => panic!("the host never ends"),
         }
-        seen.status(headset.status());
+        observations.status(headset.status());
     }
-    seen.statistics(&headset.close().figures());
-    println!("{}", serde_json::to_string(&seen).unwrap());
+    observations.statistics(&headset.close().figures());
+    println!("{}", serde_json::to_string(&observations).unwrap());
 }

@@ -1,5 +1,5 @@
-//! The images in the swapchains against those that `render` draws of the same eyes, with the driver of this machine, and
-//! against the frames that the host gets.
+//! Compares the images in the swapchains with those that `render` draws for the same eyes with this machine's driver,
+//! and with the frames that the host receives.
 
 use glam::{DQuat, Quat};
 use steradian::{
@@ -21,7 +21,7 @@ use crate::{
     monado::{Monado, Service},
 };
 
-/// The bright stars, with glare, metered exposure, a film's curve, dither.
+/// Bright stars with glare, metered exposure, a filmic curve and dither.
 const NIGHT: &str = r#"
 [exposure]
 metering = "mean"
@@ -34,7 +34,7 @@ display_codes = 0.0
 desaturation = 0.0
 "#;
 
-/// Asteroids before Mars, in the light of the Sun. Their impostors are coarse, to be made in a short time.
+/// Asteroids in front of Mars in sunlight. Their impostors are coarse, so that they are baked quickly.
 const DAY: &str = r#"
 [scene.camera]
 position_m = [227895500000.0, 7794228.6, 0.0]
@@ -68,27 +68,27 @@ adaptation_s = 0.0
 desaturation = 0.0
 "#;
 
-/// Bytes may differ by so many codes, where two drivers round differently, and so large a share of them. Monado draws with a
-/// software driver. Where `render` does too, a channel in many thousands falls on the next half float, by 1e-9 of white, and bytes do not differ at all
-/// ([`figures::HEADSET_PIXELS`]).
+/// Allowed difference of bytes, in codes, and share of differing bytes, because two drivers round differently. Monado
+/// draws with a software driver. If `render` does too, one channel in many thousands falls on the next half float, by
+/// 1e-9 of white, and bytes are identical ([`figures::HEADSET_PIXELS`]).
 const CODES: u8 = 1;
 const SHARE: f64 = 0.01;
-/// Linear light may differ by so much of display white, beyond the rounding to halves.
+/// Allowed difference of linear light as a share of display white, beyond the rounding to half floats.
 const LIGHT: f64 = 1e-3;
-/// Exposures may differ by so much, EV.
+/// Allowed difference of exposures, EV.
 const EXPOSURE_EV: f64 = 1e-4;
 
-/// How far an image is from the expected one.
+/// Difference between an image and the expected one.
 #[derive(Clone, Copy, Debug)]
 struct Difference {
-    /// Greatest difference: codes, or shares of display white.
+    /// Largest difference: codes, or shares of display white.
     most: f64,
-    /// Share of the channels that differ at all, of light: beyond the rounding to halves.
+    /// Share of differing channels; for light beyond the rounding to half floats.
     share: f64,
 }
 
 impl Difference {
-    fn of(differences: impl ExactSizeIterator<Item = f64>) -> Self {
+    fn from_values(differences: impl ExactSizeIterator<Item = f64>) -> Self {
         let count = differences.len();
         let (most, different) =
             differences.fold((0.0_f64, 0), |(most, different), d| (most.max(d), different + usize::from(d > 0.0)));
@@ -101,7 +101,7 @@ impl Difference {
     }
 }
 
-/// How far an eye's image is from what a frame shows.
+/// Compares an eye's image with a frame.
 fn difference(
     shot: &Shot,
     eye: usize,
@@ -111,55 +111,61 @@ fn difference(
     tone_map: &ToneMapSettings,
 ) -> Difference {
     match &shot.images[eye].pixels {
-        CapturedPixels::Srgb8(seen) => {
-            let seen = seen.as_flattened();
-            assert_eq!(seen.len(), display.len());
-            Difference::of(seen.iter().zip(display).map(|(a, b)| f64::from(a.abs_diff(*b))))
+        CapturedPixels::Srgb8(captured) => {
+            let captured = captured.as_flattened();
+            assert_eq!(captured.len(), display.len());
+            Difference::from_values(captured.iter().zip(display).map(|(a, b)| f64::from(a.abs_diff(*b))))
         }
-        CapturedPixels::Linear(seen) => {
-            assert_eq!(seen.len(), hdr.len());
+        CapturedPixels::Linear(captured) => {
+            assert_eq!(captured.len(), hdr.len());
             let white = white_luminance_cd_m2(ev100);
-            let shown =
+            let expected_light =
                 |[r, g, b, _]: [f32; 4]| tone_map.display_rgb([r, g, b].map(f64::from), white).map(linear_from_srgb);
-            let beyond_rounding = |(seen, hdr): (&[f32; 4], &[f32; 4])| {
-                assert_eq!(seen[3].to_bits(), 1_f32.to_bits(), "alpha");
-                let differences = seen.iter().zip(shown(*hdr)).map(|(seen, expected)| {
+            let beyond_rounding = |(captured, hdr): (&[f32; 4], &[f32; 4])| {
+                assert_eq!(captured[3].to_bits(), 1_f32.to_bits(), "alpha");
+                let differences = captured.iter().zip(expected_light(*hdr)).map(|(captured, expected)| {
                     let rounding = expected.max(2_f64.powi(-14)) * 2_f64.powi(-11);
-                    ((f64::from(*seen) - expected).abs() - rounding).max(0.0)
+                    ((f64::from(*captured) - expected).abs() - rounding).max(0.0)
                 });
                 differences.fold(0.0, f64::max)
             };
-            Difference::of(seen.iter().zip(hdr).map(beyond_rounding))
+            Difference::from_values(captured.iter().zip(hdr).map(beyond_rounding))
         }
     }
 }
 
-fn difference_from_frame(shot: &Shot, eye: usize, frame: &Frame, of: usize, tone_map: &ToneMapSettings) -> Difference {
-    let image = &frame.images[of];
+fn difference_from_frame(
+    shot: &Shot,
+    eye: usize,
+    frame: &Frame,
+    index: usize,
+    tone_map: &ToneMapSettings,
+) -> Difference {
+    let image = &frame.images[index];
     let (display, hdr) = (image.display.as_ref().unwrap(), image.hdr.as_ref().unwrap());
     difference(shot, eye, display, hdr, frame.exposure_ev100, tone_map)
 }
 
 fn render(renderer: &mut Renderer, scene: &(SceneSnapshot, RenderSettings), eyes: [Eye; 2]) -> Frame {
-    // One frame with both images, as the mirror of a headset gets it.
+    // Render both images in one frame, like the mirror of a headset.
     let rig = rig(eyes);
     let request = FrameRequest::new(&scene.0, &rig).settings(&scene.1).wanted(Wanted::both());
     let submitted = renderer.submit(request).unwrap();
     renderer.finish(submitted).unwrap()
 }
 
-/// The same eyes, turned by a tenth of a degree.
+/// Returns the same eyes turned by a tenth of a degree.
 fn turned(eyes: [Eye; 2]) -> [Eye; 2] {
     let turn = DQuat::from_rotation_y(0.1_f64.to_radians());
     eyes.map(|eye| Eye { room_from_eye: turn * eye.room_from_eye, ..eye })
 }
 
-/// A scene, and what `render` makes of it.
+/// A scene and its expected frames.
 struct Expected {
     name: &'static str,
     assignment: Assignment,
     scene: (SceneSnapshot, RenderSettings),
-    /// Eyes, what they see, and what they would see if the head were turned a little.
+    /// Eyes, the expected frame, and the frame expected for a slightly turned head.
     frames: Option<([Eye; 2], (Frame, Frame))>,
 }
 
@@ -170,17 +176,18 @@ impl Expected {
         Self { name, assignment, scene, frames: None }
     }
 
-    /// The frame, and that of the turned head; rendered once.
+    /// Returns the frame and that of the turned head; they are rendered once.
     fn frames(&mut self, renderer: &mut Renderer, eyes: [Eye; 2]) -> &(Frame, Frame) {
-        let (of, frames) = self.frames.get_or_insert_with(|| {
+        let (known_eyes, frames) = self.frames.get_or_insert_with(|| {
             (eyes, (render(renderer, &self.scene, eyes), render(renderer, &self.scene, turned(eyes))))
         });
-        assert_eq!(*of, eyes, "the runtime gives the same poses in every session");
+        assert_eq!(*known_eyes, eyes, "the runtime must give the same poses in every session");
         frames
     }
 }
 
-/// For every format, in every layout of swapchains, by day and by night; and what the host gets is what the runtime gets.
+/// Tests every format in every layout of swapchains, by day and by night; also tests that the host and the runtime get
+/// the same images.
 pub fn pixels_are_those_of_render(monado: &'static Monado) {
     let service = Service::remote(monado);
     let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default()).unwrap());
@@ -215,19 +222,19 @@ pub fn pixels_are_those_of_render(monado: &'static Monado) {
                 println!(
                     "    eye {eye}, from render's pixels {}; from the host's {}; from those of a head turned by 0.1 degrees {}; \
                      from the other eye's {}",
-                    told(of_render, format),
-                    told(of_mirror, format),
-                    told(of_turned, format),
-                    told(of_other_eye, format),
+                    described(of_render, format),
+                    described(of_mirror, format),
+                    described(of_turned, format),
+                    described(of_other_eye, format),
                 );
                 assert!(of_render.is_small(format) && of_mirror.is_small(format));
                 if both_by_software {
                     share.add(of_render.share, format_args!("{name} in {format:?}, eye {eye}"));
                 }
                 if format != SwapchainFormat::Rgba16f {
-                    assert_eq!(of_mirror.most, 0.0, "the host gets the bytes that the runtime gets");
+                    assert_eq!(of_mirror.most, 0.0, "the host must get the bytes that the runtime gets");
                 }
-                assert!(!of_turned.is_small(format) && !of_other_eye.is_small(format), "wrong images are told");
+                assert!(!of_turned.is_small(format) && !of_other_eye.is_small(format), "wrong images must be detected");
             }
         }
     }
@@ -237,7 +244,7 @@ pub fn pixels_are_those_of_render(monado: &'static Monado) {
     }
 }
 
-fn told(difference: Difference, format: SwapchainFormat) -> String {
+fn described(difference: Difference, format: SwapchainFormat) -> String {
     let Difference { most, share } = difference;
     let share = 100.0 * share;
     if format == SwapchainFormat::Rgba16f {

@@ -1,4 +1,4 @@
-//! What both eyes share: the exposure, and the glare around a star that is at infinity for both.
+//! Light shared by both eyes: the exposure, and the glare around a star at infinity.
 
 use std::f64::consts::TAU;
 
@@ -22,35 +22,35 @@ use crate::{
     monado::{Monado, Service},
 };
 
-/// Relative difference of the factors from light to display.
+/// Limit of the relative difference of the factors from light to display.
 const EXPOSURE_LIMIT: f64 = 1e-4;
-/// Relative difference of the glare from the kernel.
+/// Limit of the relative difference of the glare from the kernel.
 const KERNEL_LIMIT: f64 = 0.02;
 
-/// Of an eye's image: what the display shows over what was there, in units of what the exposure asks for, smallest and
-/// greatest over the pixels that are bright enough for halves.
+/// Ratio of displayed light to scene light in an eye's image, in units of the factor given by the exposure: minimum and
+/// maximum over the pixels that are bright enough for half floats.
 fn factors(shot: &Shot, eye: usize, ev100: f64) -> [f64; 2] {
     let (_, mirrors) = shot.mirror.as_ref().unwrap();
     let mut sums = [0.0; 2];
     let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
-    for (shown, light) in shot.linear(eye).iter().zip(&mirrors[eye].hdr) {
-        for (shown, light) in shown.iter().zip(light).take(3) {
-            // Neither clipped nor among the halves of fewer digits.
-            if (1e-3..0.99).contains(shown) {
-                let factor = f64::from(*shown) / f64::from(*light) * white_luminance_cd_m2(ev100);
+    for (displayed, light) in shot.linear(eye).iter().zip(&mirrors[eye].hdr) {
+        for (displayed, light) in displayed.iter().zip(light).take(3) {
+            // Neither clipped nor among the half floats with reduced precision.
+            if (1e-3..0.99).contains(displayed) {
+                let factor = f64::from(*displayed) / f64::from(*light) * white_luminance_cd_m2(ev100);
                 (least, most) = (least.min(factor), most.max(factor));
-                sums[0] += f64::from(*shown);
+                sums[0] += f64::from(*displayed);
                 sums[1] += f64::from(*light) / white_luminance_cd_m2(ev100);
             }
         }
     }
     assert!(least.is_finite(), "some pixels are bright enough");
-    // Half a unit in the last place of a half is 2^-11 of it at most.
+    // Half a unit in the last place of a half float is at most 2^-11 of its value.
     assert!(most / least - 1.0 < 2.0 * 2_f64.powi(-11) + EXPOSURE_LIMIT, "{least} {most}");
     [sums[0] / sums[1], most / least - 1.0]
 }
 
-/// What the meter would read if there were one eye alone, EV.
+/// Returns the exposure that the meter would read for one eye alone, EV.
 fn alone_ev100(renderer: &mut Renderer, assignment: &Assignment, eye: &Eye) -> f64 {
     let (scene, settings) = assignment.load();
     let kind = ViewKind::OffAxis { size: eye.size, fov: eye.fov };
@@ -58,7 +58,7 @@ fn alone_ev100(renderer: &mut Renderer, assignment: &Assignment, eye: &Eye) -> f
     renderer.render(FrameRequest::new(&scene, &rig).settings(&settings).wanted(Wanted::hdr())).unwrap().exposure_ev100
 }
 
-/// Metered over both eyes, which see different parts of the sky, and used for both.
+/// The exposure is metered over both eyes, which see different parts of the sky, and used for both.
 pub fn both_eyes_have_one_exposure(monado: &'static Monado) {
     let service = Service::remote(monado);
     let scene = "[exposure]\nmetering = \"mean\"\nadaptation_s = 0.0\ncompensation_ev = 6.0\n[tone_map]\noperator = \"srgb\"\ndesaturation = 0.0\n";
@@ -71,7 +71,7 @@ pub fn both_eyes_have_one_exposure(monado: &'static Monado) {
     let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default()).unwrap());
     let alone = [0, 1].map(|eye| alone_ev100(&mut renderer, &assignment, &shot.eyes[eye]));
     println!(
-        "exposure {ev100:.4} EV: factor from light to display, over what the exposure asks for, {:.6} and {:.6}, apart by {:.1e}; \
+        "exposure {ev100:.4} EV: factor from light to display, relative to the exposure, {:.6} and {:.6}, apart by {:.1e}; \
          pixels spread by {:.1e} and {:.1e}; metered by one eye alone it would be {:.4} and {:.4} EV",
         left[0],
         right[0],
@@ -82,12 +82,13 @@ pub fn both_eyes_have_one_exposure(monado: &'static Monado) {
         alone[1],
     );
     assert!((left[0] / right[0] - 1.0).abs() < EXPOSURE_LIMIT && (left[0] - 1.0).abs() < EXPOSURE_LIMIT);
-    // Had each eye an exposure of its own, it would be seen.
+    // Separate exposures of the eyes would be detected.
     assert!(((alone[0] - alone[1]).exp2() - 1.0).abs() > 10.0 * EXPOSURE_LIMIT);
 }
 
-/// Luminance of the glare in a direction, in units of display white: between the four pixels around. What is interpolated is
-/// the luminance times the square of the angle from the star, which hardly varies.
+/// Returns the luminance of the glare in a direction, in units of display white, interpolated between the four
+/// surrounding pixels. The interpolated quantity is the luminance times the square of the angle from the star, which
+/// varies little.
 fn glare_at(
     image: &[[f32; 4]],
     mapping: &dyn PlaneMapping,
@@ -95,9 +96,9 @@ fn glare_at(
     star: DVec3,
     direction: DVec3,
 ) -> f64 {
-    let at = mapping.pixel_from_direction(room_from_eye.conjugate() * direction).unwrap() - 0.5;
-    let corner = at.floor();
-    let share = at - corner;
+    let position = mapping.pixel_from_direction(room_from_eye.conjugate() * direction).unwrap() - 0.5;
+    let corner = position.floor();
+    let share = position - corner;
     let mut sum = 0.0;
     for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
         let (x, y) = (corner.x as u32 + i, corner.y as u32 + j);
@@ -110,7 +111,8 @@ fn glare_at(
     sum / direction.angle_between(star).powi(2)
 }
 
-/// Greatest and mean relative difference of the glare in both eyes in the same directions, and of each from the kernel.
+/// Largest and mean relative difference of the glare between both eyes in the same directions, and largest difference
+/// from the kernel.
 struct GlareDifference {
     between_eyes: f64,
     mean: f64,
@@ -132,8 +134,8 @@ fn compare_glare(shot: &Shot, eyes: &[Eye; 2], star: DVec3, expected: impl Fn(f6
             let difference = (left / right - 1.0).abs();
             between_eyes = between_eyes.max(difference);
             sum += difference;
-            for seen in [left, right] {
-                from_kernel = from_kernel.max((seen / expected(angle) - 1.0).abs());
+            for luminance in [left, right] {
+                from_kernel = from_kernel.max((luminance / expected(angle) - 1.0).abs());
             }
             samples += 1;
         }
@@ -141,7 +143,7 @@ fn compare_glare(shot: &Shot, eyes: &[Eye; 2], star: DVec3, expected: impl Fn(f6
     GlareDifference { between_eyes, mean: sum / f64::from(samples), from_kernel, samples: samples as usize }
 }
 
-/// Sirius alone, for eyes with different axes and fields of view: rings of 1 to 8 degrees around it.
+/// Compares Sirius for eyes with different axes and fields of view on rings of 1 to 8 degrees around it.
 pub fn glare_is_the_same_around_a_star_for_both_eyes(monado: &'static Monado) {
     let service = Service::remote(monado);
     let mut between_eyes = figures::HEADSET_VEIL.worst();
@@ -149,10 +151,10 @@ pub fn glare_is_the_same_around_a_star_for_both_eyes(monado: &'static Monado) {
     let scene = format!(
         "[stars]\nmagnitude_limit = -1.0\n[exposure]\nmode = \"manual\"\nev100 = {ev100:?}\n[tone_map]\noperator = \"srgb\"\ndesaturation = 0.0\n"
     );
-    // At the default time, 2026-01-01: since J2000.0 it has moved by 35 arcsec.
+    // Position at the default time, 2026-01-01: it has moved by 35 arcsec since J2000.0.
     let sirius = named_bright_stars(26.0).into_iter().find(|star| star.name == "Sirius").unwrap().star;
     let star = sirius.position.normalize();
-    // Off the axes of both eyes, and with the head rolled.
+    // Off the axes of both eyes, and with a rolled head.
     let ahead = Quat::from_rotation_arc(glam::Vec3::NEG_Z, star.as_vec3());
     let states = [(0.1, -0.08, 0.35), (-0.12, 0.15, -0.8)]
         .map(|(yaw, pitch, roll)| head(ahead * Quat::from_euler(EulerRot::YXZ, yaw, pitch, roll), canted_eyes()));

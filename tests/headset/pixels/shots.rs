@@ -1,5 +1,5 @@
-//! Images out of the swapchains: what a test orders, and what it gets. They travel from the program of the runtime to the
-//! test in files.
+//! Images from the swapchains: the order of a test and its result, which the program of the runtime passes to the test
+//! in files.
 
 use std::{
     path::{Path, PathBuf},
@@ -23,15 +23,15 @@ use steradian::{
 
 use crate::monado::{Pose, RemoteState, Service};
 
-/// Names, for the program, the folder of its order and of its images.
+/// Environment variable that names the folder with the order and the images.
 pub const FOLDER_VARIABLE: &str = "STERADIAN_TEST_FOLDER";
-/// How long a program may take; each takes some seconds on an idle machine.
+/// Maximum time of a program; it takes some seconds on an idle machine.
 const LIMIT: Duration = Duration::from_secs(240);
 
-/// A glowing sphere, as bright all over its disc.
+/// A sphere with uniform luminance over its disc.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Sphere {
-    /// Its middle in the room, m.
+    /// Position of its centre in the room, m.
     pub position_m: [f64; 3],
     /// Its radius, m.
     pub radius_m: f64,
@@ -39,16 +39,16 @@ pub struct Sphere {
     pub luminance_cd_m2: f64,
 }
 
-/// What is to be shown to a head.
+/// Content of a shot.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Assignment {
-    /// The headset.
+    /// State of the headset.
     pub state: RemoteState,
-    /// The scene and how it is drawn: a configuration, TOML.
+    /// Configuration with the scene and its settings, TOML.
     pub scene: String,
-    /// Bodies besides those of the configuration.
+    /// Bodies in addition to those of the configuration.
     pub spheres: Vec<Sphere>,
-    /// Whether the host wants the frame too.
+    /// Whether the host requests the frame too.
     pub mirrored: bool,
 }
 
@@ -61,7 +61,7 @@ impl Assignment {
         Self { mirrored: true, ..self }
     }
 
-    /// The scene, and how it is drawn.
+    /// Loads the scene and its settings.
     pub fn load(&self) -> (SceneSnapshot, RenderSettings) {
         let config = Config::from_text(&self.scene, "the test's scene", Path::new(""), &[]).unwrap();
         let (stars, _) = load_stars(&config.star_sources(), &config.epoch(), &mut |_| {}).unwrap();
@@ -82,7 +82,7 @@ impl Assignment {
     }
 }
 
-/// What the program does.
+/// Order for the program.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Order {
     /// Port of the remote driver.
@@ -91,17 +91,17 @@ pub struct Order {
     pub assignments: Vec<Assignment>,
 }
 
-/// What the program prints of each shot. Numbers are bits of f64, so that none is rounded on the way.
+/// Output of the program for each shot. Numbers are the bits of f64, so that none is rounded.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Taken {
     pub eyes: [EyeBits; 2],
     /// Whether the images hold linear light.
     pub linear: bool,
-    /// Exposure of the frame as the host got it.
+    /// Exposure of the frame received by the host.
     pub exposure_ev100: Option<u64>,
 }
 
-/// An eye, in bits of f64.
+/// An eye, as bits of f64.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct EyeBits {
     /// Width and height, pixels.
@@ -110,7 +110,7 @@ pub struct EyeBits {
     fov: [u64; 4],
     /// x, y, z, w.
     orientation: [u64; 4],
-    /// In the room, m.
+    /// Position in the room, m.
     position: [u64; 3],
 }
 
@@ -137,12 +137,12 @@ impl From<EyeBits> for Eye {
     }
 }
 
-/// Names of the files of a shot and an eye.
-pub fn file(folder: &Path, shot: usize, eye: usize, what: &str) -> PathBuf {
-    folder.join(format!("{shot}-{eye}-{what}"))
+/// Returns the file name of a shot and an eye.
+pub fn file(folder: &Path, shot: usize, eye: usize, kind: &str) -> PathBuf {
+    folder.join(format!("{shot}-{eye}-{kind}"))
 }
 
-/// What the host got of an eye.
+/// Images of an eye received by the host.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mirror {
     /// The display image.
@@ -151,28 +151,28 @@ pub struct Mirror {
     pub hdr: Vec<[f32; 4]>,
 }
 
-/// A frame as it was handed to the runtime.
+/// A frame as submitted to the runtime.
 #[derive(Clone, Debug)]
 pub struct Shot {
-    /// Left and right as they were drawn.
+    /// Left and right eye as drawn.
     pub eyes: [Eye; 2],
-    /// What lay in the swapchain.
+    /// Contents of the swapchain images.
     pub images: [CapturedImage; 2],
-    /// Exposure and images as the host got them, if it wanted them.
+    /// Exposure and images received by the host, if requested.
     pub mirror: Option<(f64, [Mirror; 2])>,
 }
 
 impl Shot {
-    /// The linear light of an eye's image, display white is 1.
+    /// Returns the linear light of an eye's image; display white is 1.
     pub fn linear(&self, eye: usize) -> &[[f32; 4]] {
         match &self.images[eye].pixels {
             CapturedPixels::Linear(pixels) => pixels,
-            CapturedPixels::Srgb8(_) => panic!("the image has eight bits"),
+            CapturedPixels::Srgb8(_) => panic!("the image has 8 bits"),
         }
     }
 }
 
-/// Settings with exact poses: the local space would be at the head's height.
+/// Returns settings with exact poses: the local space would be at the height of the head.
 pub fn settings(format: SwapchainFormat, swapchains: SwapchainLayout, resolution_scale: f64) -> HeadsetSettings {
     HeadsetSettings {
         format,
@@ -183,7 +183,7 @@ pub fn settings(format: SwapchainFormat, swapchains: SwapchainLayout, resolution
     }
 }
 
-/// Has the shots taken, one after the other, in one session.
+/// Takes the shots one after the other in one session.
 pub fn take(service: &Service, settings: HeadsetSettings, assignments: Vec<Assignment>) -> Vec<Shot> {
     let folder = tempfile::tempdir().unwrap();
     let order = Order { port: service.remote_port(), settings, assignments };
@@ -197,12 +197,12 @@ pub fn take(service: &Service, settings: HeadsetSettings, assignments: Vec<Assig
 }
 
 fn read(folder: &Path, shot: usize, taken: &Taken) -> Shot {
-    let bytes = |eye: usize, what: &str| std::fs::read(file(folder, shot, eye, what)).unwrap();
-    let floats = |eye: usize, what: &str| -> Vec<[f32; 4]> {
+    let bytes = |eye: usize, kind: &str| std::fs::read(file(folder, shot, eye, kind)).unwrap();
+    let floats = |eye: usize, kind: &str| -> Vec<[f32; 4]> {
         let of_pixel = |bytes: &[u8; 16]| {
             std::array::from_fn(|c| f32::from_le_bytes(std::array::from_fn(|byte| bytes[4 * c + byte])))
         };
-        bytes(eye, what).as_chunks().0.iter().map(of_pixel).collect()
+        bytes(eye, kind).as_chunks().0.iter().map(of_pixel).collect()
     };
     let image = |eye: usize| CapturedImage {
         size: Eye::from(taken.eyes[eye]).size,
@@ -220,7 +220,7 @@ fn read(folder: &Path, shot: usize, taken: &Taken) -> Shot {
     }
 }
 
-/// The eyes that a program should see of a state, in f64.
+/// Returns the expected eyes of a state, in f64.
 pub fn sent_eyes(state: &RemoteState, sizes: [[u32; 2]; 2]) -> [Eye; 2] {
     let rotation = |pose: &Pose| DQuat::from_array(pose.orientation.map(f64::from)).normalize();
     let position = |pose: &Pose| DVec3::from_array(pose.position_m.map(f64::from));
@@ -237,23 +237,23 @@ pub fn sent_eyes(state: &RemoteState, sizes: [[u32; 2]; 2]) -> [Eye; 2] {
     })
 }
 
-/// The rig of one view of both eyes.
+/// Returns the rig with one view of both eyes.
 pub fn rig(eyes: [Eye; 2]) -> Rig {
     let view = View::new("eyes", ViewKind::Headset { eyes }, DQuat::IDENTITY, DVec3::ZERO).unwrap();
     Rig::new(vec![view]).unwrap()
 }
 
-/// The mapping of an eye of a rig.
+/// Returns the mapping of an eye of a rig.
 pub fn mapping(rig: &Rig, eye: usize) -> &dyn PlaneMapping {
     rig.views()[0].images[eye].projection.mapping()
 }
 
-/// A state of a head at 1.6 m with this orientation.
+/// Returns the state of a head at 1.6 m with this orientation.
 pub fn head(orientation: Quat, eyes: [crate::monado::Eye; 2]) -> RemoteState {
     RemoteState { head: Pose::new(orientation, Vec3::new(0.0, 1.6, 0.0)), eyes, ..RemoteState::default() }
 }
 
-/// Eyes that differ in everything: canted outwards by 5 and 6 degrees, fields of view of their own.
+/// Returns eyes that differ in orientation and field of view: canted outwards by 5 and 6 degrees.
 pub fn canted_eyes() -> [crate::monado::Eye; 2] {
     let eye = |fov_rad, cant_deg: f32, position_m: [f32; 3]| crate::monado::Eye {
         fov_rad,

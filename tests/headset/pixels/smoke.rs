@@ -7,34 +7,34 @@ use steradian::xr::{HeadsetFrame, HeadsetStatistics, Status};
 
 use crate::monado::{Monado, Service};
 
-/// Frames that the program renders.
+/// Number of frames that the program renders.
 pub const FRAMES: u64 = 300;
-/// How long it may take. The runtime asks for some 60 frames a second.
+/// Maximum time. The runtime requests some 60 frames a second.
 const LIMIT: Duration = Duration::from_secs(120);
-/// What is shown.
+/// Configuration of the scene.
 pub const SCENE: &str = "";
 
-/// What the program sees.
+/// Observations of the program.
 #[derive(Debug, Default, Serialize, Deserialize)]
-pub struct Seen {
-    /// Name and version of the runtime, and of the system.
+pub struct Observations {
+    /// Name and version of the runtime, and name of the system.
     runtime: String,
     system: String,
     adapter: String,
     sizes: [[u32; 2]; 2],
-    /// States of the session in their order.
+    /// States of the session in order.
     states: Vec<String>,
     /// Edges of the fields of view of the first frame, rad.
     fovs_rad: Vec<[f64; 4]>,
-    /// Distance between the eyes in all frames, smallest and greatest, m.
+    /// Smallest and largest distance between the eyes over all frames, m.
     between_eyes_m: Option<[f64; 2]>,
-    /// Frames counted: asked for, drawn.
+    /// Number of requested frames and of drawn frames.
     frames: u64,
     drawn: u64,
-    /// Time between two frames was never 0 or below.
+    /// Whether the time between two frames was always positive.
     display_times_rise: bool,
     last_display_ns: Option<i64>,
-    /// The headset's own figures: counts, and spreads of times by name (median, 95 %, greatest), ms.
+    /// Statistics of the headset: counts, and distributions of times by name (median, 95th percentile, maximum), ms.
     counts: Counts,
     times_ms: Vec<(String, [f64; 3])>,
 }
@@ -51,7 +51,7 @@ struct Counts {
     period_ms: f64,
 }
 
-impl Seen {
+impl Observations {
     pub fn frame(&mut self, frame: &HeadsetFrame) {
         self.frames += 1;
         let rises = self.last_display_ns.is_none_or(|last| frame.display_time_ns > last);
@@ -86,46 +86,53 @@ impl Seen {
             .chain([("pose age at display", figures.pose_age_at_display)]);
         let ages = ages.filter_map(|(name, spread)| Some((name, spread?)));
         let spreads = ages.chain(figures.stages.iter().copied());
-        self.times_ms = spreads.map(|(name, of)| (name.to_owned(), [of.median_ms, of.p95_ms, of.max_ms])).collect();
+        self.times_ms = spreads
+            .map(|(name, distribution)| {
+                (name.to_owned(), [distribution.median_ms, distribution.p95_ms, distribution.max_ms])
+            })
+            .collect();
     }
 }
 
-/// A whole session under the core validation layer: from its making to the farewell that the program asks for.
+/// A whole session under the core validation layer, from its creation to the end requested by the program.
 pub fn three_hundred_frames(monado: &'static Monado) {
     let service = Service::simulated(monado);
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("validation.txt");
     let printed = service.run(service.validated(&mut service.inner("show_frames"), &log), LIMIT);
-    let seen: Seen = serde_json::from_str(&printed.unwrap_or_else(|error| panic!("{error}"))).unwrap();
-    println!("{}, {}, on {}; {:?} px", seen.runtime, seen.system, seen.adapter, seen.sizes);
-    println!("states {:?}; fields of view {:.3?} rad; {:.4?} m apart", seen.states, seen.fovs_rad, seen.between_eyes_m);
-    println!("{:?}", seen.counts);
-    for (name, [median, p95, most]) in &seen.times_ms {
+    let observed: Observations = serde_json::from_str(&printed.unwrap_or_else(|error| panic!("{error}"))).unwrap();
+    println!("{}, {}, on {}; {:?} px", observed.runtime, observed.system, observed.adapter, observed.sizes);
+    println!(
+        "states {:?}; fields of view {:.3?} rad; {:.4?} m apart",
+        observed.states, observed.fovs_rad, observed.between_eyes_m
+    );
+    println!("{:?}", observed.counts);
+    for (name, [median, p95, most]) in &observed.times_ms {
         println!("{name}: median {median:.2} ms, 95 % below {p95:.2}, at most {most:.2}");
     }
     assert_eq!(Service::complaints(&log), Vec::<String>::new());
 
-    assert!(seen.runtime.starts_with("Monado") && seen.runtime.contains("25."), "{}", seen.runtime);
-    assert!(seen.system.contains("Simulated HMD"), "{}", seen.system);
-    // States that the session passes through within one step are not seen.
-    assert!(seen.states.iter().any(|state| state == "focused"), "{:?}", seen.states);
-    assert_eq!(seen.fovs_rad.len(), 2);
-    for [left, right, up, down] in &seen.fovs_rad {
+    assert!(observed.runtime.starts_with("Monado") && observed.runtime.contains("25."), "{}", observed.runtime);
+    assert!(observed.system.contains("Simulated HMD"), "{}", observed.system);
+    // States that the session passes through within one step are not observed.
+    assert!(observed.states.iter().any(|state| state == "focused"), "{:?}", observed.states);
+    assert_eq!(observed.fovs_rad.len(), 2);
+    for [left, right, up, down] in &observed.fovs_rad {
         assert!((-1.5..-0.2).contains(left) && (0.2..1.5).contains(right), "{left} {right}");
         assert!((-1.5..-0.2).contains(down) && (0.2..1.5).contains(up), "{down} {up}");
     }
-    let [least_m, most_m] = seen.between_eyes_m.unwrap();
+    let [least_m, most_m] = observed.between_eyes_m.unwrap();
     assert!(least_m > 0.05 && most_m < 0.08 && most_m - least_m < 1e-5, "{least_m} {most_m}");
 
-    // Every frame is drawn or not wanted, and none is counted twice.
-    let counts = &seen.counts;
-    assert!(seen.drawn >= FRAMES, "{}", seen.drawn);
+    // Every frame is either drawn or not wanted, and none is counted twice.
+    let counts = &observed.counts;
+    assert!(observed.drawn >= FRAMES, "{}", observed.drawn);
     assert_eq!((counts.sessions, counts.losses, counts.recentred), (1, 0, 0));
-    assert_eq!((counts.frames, counts.rendered), (seen.frames, seen.drawn));
+    assert_eq!((counts.frames, counts.rendered), (observed.frames, observed.drawn));
     assert_eq!(counts.frames, counts.rendered + counts.not_wanted);
-    assert!(seen.display_times_rise && counts.period_ms > 0.0);
+    assert!(observed.display_times_rise && counts.period_ms > 0.0);
     for name in ["pose age at submission", "pose age at display", "wait", "acquire", "draw", "end", "gpu"] {
-        let (_, [median, p95, most]) = seen.times_ms.iter().find(|(of, _)| of == name).unwrap();
+        let (_, [median, p95, most]) = observed.times_ms.iter().find(|(known, _)| known == name).unwrap();
         assert!(*median > 0.0 && median <= p95 && p95 <= most, "{name}: {median} {p95} {most}");
     }
 }

@@ -1,5 +1,6 @@
-//! Draws two stars in a flat view and a cube, and compares the light of each picture with the catalogue's. Ends with 1 if they
-//! differ by more than 1e-4. Only names of the library's first page are used, and what they lead to.
+//! Draws two stars in a flat view and a cube, and compares the light of each picture with the catalogue. Exits with 1
+//! if they differ by more than 1e-4. Uses only names on the first page of the library's documentation, and items
+//! reachable from them.
 
 use std::{error::Error, process::ExitCode};
 
@@ -16,7 +17,7 @@ use steradian::{
 const MAGNITUDES: [f32; 2] = [1.0, 2.5];
 const LARGEST_ERROR: f64 = 1e-4;
 
-/// Relative error of the light of each view: one per view, in the order of the rig.
+/// Returns the relative error of the light of each view, in the order of the rig.
 fn errors_of_views(frame: &Frame, expected_lx: f64) -> Result<Vec<f64>, Box<dyn Error>> {
     let mut drawn_lx = vec![0.0; frame.views.len()];
     for image in &frame.images {
@@ -44,7 +45,7 @@ fn run() -> Result<(), Box<dyn Error>> {
         view("flat", ViewKind::Perspective { size: [320, 200], fov_y_rad: 1.0 })?,
         view("cube", ViewKind::Cubemap { face_size: 128, faces: Face::ALL.to_vec() })?,
     ])?;
-    // Glare would carry light over the edges of the flat view.
+    // Turn off glare, which would carry light over the edges of the flat view.
     let settings = RenderSettings { glare: GlareSettings::none(), ..RenderSettings::default() };
 
     let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default())?);
@@ -54,19 +55,19 @@ fn run() -> Result<(), Box<dyn Error>> {
         magnitudes.iter().map(|magnitude| illuminance_lx_from_magnitude(f64::from(*magnitude))).sum()
     };
     let errors = errors_of_views(&frame, expected_lx(&MAGNITUDES))?;
-    let shown: Vec<String> = errors.iter().map(|error| format!("{error:+.1e}")).collect();
-    println!("{}: relative error of the light {shown:?}", renderer.adapter().adapter);
+    let texts: Vec<String> = errors.iter().map(|error| format!("{error:+.1e}")).collect();
+    println!("{}: relative error of the light {texts:?}", renderer.adapter().adapter);
     if errors.len() != rig.views().len() || !all_within(&errors) {
-        return Err("the pictures do not hold the light of their stars".into());
+        return Err("the pictures do not have the light of their stars".into());
     }
-    // The comparison must notice a star that is missing.
+    // The comparison must detect a missing star.
     if all_within(&errors_of_views(&frame, expected_lx(&MAGNITUDES[..1]))?) {
-        return Err("a missing star was not noticed".into());
+        return Err("a missing star was not detected".into());
     }
-    // Without options the display images come back, and no others.
-    let shown = renderer.render(FrameRequest::new(&scene, &rig))?;
-    if !shown.images.iter().all(|image| image.display.is_some() && image.hdr.is_none()) {
-        return Err("a request without options did not give the display images alone".into());
+    // Without options only the display images are read back.
+    let frame = renderer.render(FrameRequest::new(&scene, &rig))?;
+    if !frame.images.iter().all(|image| image.display.is_some() && image.hdr.is_none()) {
+        return Err("a request without options did not return exactly the display images".into());
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Single asteroids in cells of a picture: where they stand, how large they are, and in which light.
+//! Single asteroids in cells of a picture: position, size and illumination.
 
 use std::sync::Arc;
 
@@ -23,57 +23,58 @@ use crate::{
     view::{Rig, Viewport},
 };
 
-/// Distance of the asteroids from the first eye, m: near enough that eyes see them apart by many pixels.
+/// Distance of the asteroids from the first eye, m: near enough for a disparity of many pixels.
 const DISTANCE_M: f64 = 2.0;
-/// Mean radii of the first rows of cells, px; what does not fit into a cell is as large as does.
+/// Mean radii of the first rows of cells, px, limited to the size of a cell.
 const RADII_PX: [f64; 5] = [64.0, 16.0, 8.0, 4.0, 2.0];
-/// Largest mean radius over the side of a cell.
+/// Largest mean radius divided by the side of a cell.
 const LARGEST_SHARE: f64 = 0.28;
-/// Half of what is looked at of a cell, over its side.
+/// Half side of the evaluated window divided by the side of its cell.
 const WINDOW_SHARE: f64 = 0.49;
 /// Cells along a side: one row per size and method of impostors.
 const SIDE: usize = 8;
-/// Half side of the square of cells over half of that of a round picture.
+/// Half side of the square of cells divided by the radius of a round picture.
 const ROUND_SHARE: f64 = 0.55;
 /// Distance of the suns, m.
 const SUN_M: f64 = 1.496e11;
-/// How far the suns stand off the direction behind the camera, rad.
+/// Angle between the suns and the direction behind the camera, rad.
 const SUN_OFF_RAD: f64 = 0.5;
-/// The body before which silhouettes are seen: distance of its middle, m, and radius over that.
+/// Luminous body behind the silhouettes: distance of its centre, m, and radius divided by that distance.
 const BEHIND_M: f64 = 1e8;
 const BEHIND_SHARE: f64 = 0.985;
 
-/// An asteroid with a cell to itself.
+/// An asteroid in its own cell.
 pub struct Cell {
-    /// Row, of one size.
+    /// Row; all asteroids of a row have the same size.
     pub row: usize,
     /// Mean radius, px.
     pub radius_px: f64,
-    /// Its middle in every image, px.
+    /// Centre of the asteroid in every image, px.
     pub middles: Vec<DVec2>,
 }
 
-/// See the module.
+/// See the module head.
 pub struct AsteroidScenes {
     pub rig: Rig,
     pub viewports: Vec<Viewport>,
     pub cells: Vec<Cell>,
     pub suns: ThreeSuns,
-    /// Asteroids that reflect nothing before a body that shines.
+    /// Scene of asteroids without reflection in front of a luminous body.
     pub backlit: SceneSnapshot,
-    /// That body alone.
+    /// Scene with only that body.
     pub empty: SceneSnapshot,
-    /// A Lambert surface under each of three suns.
+    /// Scenes of a Lambert surface under each of three suns.
     pub lit: [SceneSnapshot; 3],
     half_px: f64,
 }
 
 impl AsteroidScenes {
-    /// The scenes of a view; `methods` are those whose impostors' sizes have a row.
+    /// Returns the scenes of a view; each of `methods` gets a row for the size of its impostors.
     ///
     /// # Errors
     /// [`ChartError`] if the view cannot be built.
     pub fn new(view: ViewShape, methods: &[AsteroidSettings]) -> Result<Self, ChartError> {
+        // Geometry of the cells: a centred square of cells, smaller if the picture is round.
         let rig = rig_of(vec![("score", view.kind())])?;
         let viewports = rig.viewports(DQuat::IDENTITY);
         let shapes = Arc::new(ShapeSet::procedural(SHAPE_SEED));
@@ -83,6 +84,7 @@ impl AsteroidScenes {
         let cell_px = share * width.min(height) / SIDE as f64;
         let corner = 0.5 * (DVec2::new(width, height) - DVec2::splat(cell_px * SIDE as f64));
         let table = Arc::new(DirectionTable::new(&first.projection));
+        // One row of cells per method of impostors, with the rules for its levels of detail.
         let mut impostors: Vec<&AsteroidSettings> = Vec::new();
         for settings in methods {
             let method = settings.impostor.chosen();
@@ -99,6 +101,7 @@ impl AsteroidScenes {
             })
             .collect();
         let bounds = PictureBounds::new(first, 0.0, Arc::clone(&table), None);
+        // Place one asteroid per cell, at a different sub-pixel position each.
         let (mut cells, mut fields) = (Vec::new(), Vec::new());
         let offsets: Vec<DVec2> = sub_pixel_positions(SIDE * SIDE).collect();
         for row in 0..RADII_PX.len() + rules.len() {
@@ -120,17 +123,18 @@ impl AsteroidScenes {
                     Instances::place(&parameters(radius_m), shapes.shapes.len(), &shapes.bounds())
                         .map_err(|error| ChartError::Field(SpecError::Parameter(error)))
                 };
-                // Which shape it is follows from the seed alone.
+                // The seed alone determines the shape.
                 let shape = &shapes.shapes[place(1.0)?.packed[0].shape()];
                 let radius_px = match RADII_PX.get(row) {
                     Some(radius_px) => *radius_px,
                     None => taken_over_px(&rules[row - RADII_PX.len()], shape, pixel_rad),
                 };
                 let radius_px = radius_px.min(LARGEST_SHARE * cell_px);
+                // Position in the world, and centre in every image; cells outside of an image are left out.
                 let world = first.eye_offset_m + first.world_from_view * direction * DISTANCE_M;
                 let middle_in = |viewport: &Viewport| {
-                    let seen = viewport.world_from_view.conjugate() * (world - viewport.eye_offset_m);
-                    viewport.projection.mapping().pixel_from_direction(seen.normalize())
+                    let direction = viewport.world_from_view.conjugate() * (world - viewport.eye_offset_m);
+                    viewport.projection.mapping().pixel_from_direction(direction.normalize())
                 };
                 let Some(middles) = viewports.iter().map(middle_in).collect::<Option<Vec<_>>>() else { continue };
                 fields.push(AsteroidField {
@@ -145,6 +149,7 @@ impl AsteroidScenes {
                 cells.push(Cell { row, radius_px, middles });
             }
         }
+        // The same asteroids without reflection and with it, the luminous body, and three suns around the view direction.
         let dark: Vec<Arc<AsteroidField>> = fields.iter().cloned().map(Arc::new).collect();
         let bright: Vec<Arc<AsteroidField>> =
             fields.into_iter().map(|field| Arc::new(AsteroidField { geometric_albedo: [0.3; 3], ..field })).collect();
@@ -167,7 +172,7 @@ impl AsteroidScenes {
         })
     }
 
-    /// Mean radius of every row, px.
+    /// Returns the mean radius of every row, px.
     pub fn rows(&self) -> Vec<f64> {
         let rows = self.cells.iter().map(|cell| cell.row + 1).max().unwrap_or(0);
         let of_row = |row: usize| {
@@ -177,7 +182,7 @@ impl AsteroidScenes {
         (0..rows).map(of_row).collect()
     }
 
-    /// Indices of the pixels of a cell in an image.
+    /// Returns the indices of the pixels of a cell in an image.
     pub fn window(&self, cell: &Cell, image: usize) -> Vec<usize> {
         let [width, height] = self.viewports[image].size();
         let middle = cell.middles[image];
@@ -189,7 +194,7 @@ impl AsteroidScenes {
         range(middle.y, height).flat_map(|y| columns.clone().map(move |x| y * width as usize + x)).collect()
     }
 
-    /// Solid angle of a pixel by its index, sr.
+    /// Returns the solid angle of a pixel given by its index, sr.
     pub fn solid_angle_sr(&self, image: usize, pixel: usize) -> f64 {
         let width = self.viewports[image].size()[0] as usize;
         self.viewports[image].projection.mapping().solid_angle_sr((pixel % width) as u32, (pixel / width) as u32)
@@ -205,7 +210,7 @@ fn scene(bodies: Vec<Arc<Body>>, fields: Vec<Arc<AsteroidField>>) -> SceneSnapsh
     }
 }
 
-/// A ball that shines evenly and fills nearly half of the sky ahead.
+/// A uniformly luminous sphere that fills nearly half of the sky ahead.
 fn shining() -> Body {
     Body {
         name: "behind".to_owned(),
@@ -220,7 +225,7 @@ fn shining() -> Body {
     }
 }
 
-/// Largest mean radius, px, at which nothing of an asteroid is drawn as a mesh.
+/// Largest mean radius, px, at which no part of an asteroid is drawn as a mesh.
 fn taken_over_px(rules: &ClassRules, shape: &Shape, pixel_rad: f64) -> f64 {
     let meshes = |radius_px: f64| {
         let errors = shape.lods.iter().map(|lod| lod.error);

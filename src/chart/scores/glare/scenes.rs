@@ -1,5 +1,5 @@
-//! What glare is looked at in, and what should be seen there: a starry sky, and single stars off the axis, outside of the picture
-//! and near the edges of a cube. Truth is `reference::glare`, every source with every pixel that is compared.
+//! Scenes of glare with their expected values: a starry sky, and single stars off the axis, outside of the picture and
+//! near the edges of a cube. The truth is `reference::glare`, which evaluates every source for every compared pixel.
 
 use std::{f64::consts::PI, sync::Arc};
 
@@ -25,28 +25,31 @@ use crate::{
     },
 };
 
-/// Stars down to this V magnitude are in the scenes. Pixels beside stars are not compared, and with all that the eye sees few others would remain.
+/// Stars down to this V magnitude are in the scenes. Pixels next to stars are not compared; with all visible stars few
+/// pixels would remain.
 const FAINTEST_V: f64 = 3.55;
-/// How far off the axis sources stand whose glare should be round, rad.
+/// Off-axis angles of the sources whose glare must be round, rad.
 const OFF_AXIS_RAD: [f64; 2] = [PI / 4.0, PI / 3.0];
-/// But no farther than this share of half of the field of view.
+/// Upper limit of these angles as a share of half of the field of view.
 const OF_HALF_FIELD: f64 = 0.85;
-/// Radius of the circles around them, pixels of the middle: interpolation between pixels adds 0.5 % to the deviation.
+/// Radius of the circles around them, in pixels at the centre: interpolation between pixels adds 0.5 % to the
+/// deviation.
 const CIRCLE_PX: f64 = 12.0;
-/// The fall-off is taken from this many pixels of the middle on, to this angle or 0.8 of the half field.
+/// The falloff is fitted from this many pixels at the centre to this angle or 0.8 of the half field.
 const SLOPE_FROM_PX: f64 = 8.0;
 const SLOPE_TO_RAD: f64 = PI / 3.0;
-/// How far outside of the picture a source stands, rad.
+/// Angular distance of the outside source from the picture, rad.
 const OUTSIDE_RAD: f64 = 2.0 * PI / 180.0;
-/// Where the single star stands: on the front face of a cube, some pixels from the edge, or in the picture of any view.
+/// Direction of the single star: on the front face of a cube some pixels from the edge, or inside the picture of any
+/// view.
 const CENTRAL: DVec3 = DVec3::new(0.11, 0.07, -1.0);
 const AT_EDGE: DVec3 = DVec3::new(0.8, 0.35, -1.0);
-/// Pixels where sources within this many pixels scatter more than that share of the light are left out: what is seen of the peak
-/// of a kernel is a matter of pixels.
+/// Pixels are left out if sources within this many pixels scatter more than this share of their light: near the peak of
+/// a kernel the result depends on pixel sampling.
 const BESIDE_PX: f64 = 2.0;
 const BESIDE_SHARE: f64 = 0.02;
 
-/// A pixel with what should be seen there.
+/// A pixel with its expected value.
 pub struct Compared {
     pub image: usize,
     pub pixel: [u32; 2],
@@ -61,35 +64,35 @@ pub struct Placed {
     pub scene: SceneSnapshot,
 }
 
-/// The starry sky that glare is compared in.
+/// The starry sky in which glare is compared.
 pub struct ScoredSky<'a> {
     pub records: &'a [StarRecord],
-    /// Pixels to compare per view.
+    /// Number of pixels to compare per view.
     pub pixels: usize,
 }
 
-/// Everything that is looked at in one view.
+/// All scenes of one view.
 pub struct GlareScenes {
     pub rig: Rig,
     view: ViewShape,
     kernel: Arc<dyn GlareKernel>,
     pub sky: SceneSnapshot,
     pub places: Vec<Compared>,
-    /// Pixels of the sky before some were left out.
+    /// Number of sampled pixels before some were left out.
     pub sampled: usize,
     pub off_axis: Vec<Placed>,
     pub circle_rad: f64,
     pub central: Placed,
     pub slope_rad: [f64; 2],
-    /// Light of `central` that should be in the pictures, lx.
+    /// Light of `central` expected in the pictures, lx.
     pub flux_lx: f64,
-    /// None where there is no outside.
+    /// `None` if the view has no outside.
     pub outside: Option<(SceneSnapshot, Vec<Compared>)>,
-    /// Pixels of `central` on both sides of the edges of a cube; none of other views.
+    /// Pixels of `central` on both sides of the edges of a cube; empty for other views.
     pub edges: Vec<[Compared; 2]>,
 }
 
-/// A star of magnitude 0 alone, seen along the world's axes.
+/// A single star of magnitude 0, seen along the world axes.
 fn one_star(towards: DVec3) -> Placed {
     let direction = towards.normalize();
     let (magnitude, temperature_k) = (0.0, SOLAR_TEMPERATURE_K);
@@ -101,7 +104,7 @@ fn one_star(towards: DVec3) -> Placed {
     }
 }
 
-/// Half of the field of view across and up, rad; none of a view that shows the whole sky.
+/// Half of the horizontal and vertical field of view, rad; `None` for a view of the whole sky.
 fn half_field_rad(view: ViewShape) -> Option<[f64; 2]> {
     match view {
         ViewShape::Flat([width, height]) => {
@@ -114,13 +117,13 @@ fn half_field_rad(view: ViewShape) -> Option<[f64; 2]> {
     }
 }
 
-/// The images that are compared: of two eyes the first, of a cube all faces.
+/// Returns the compared images: the first of two eyes, all faces of a cube.
 fn images(rig: &Rig, view: ViewShape) -> &[ViewImage] {
     let images = &rig.views()[0].images;
     if matches!(view, ViewShape::Stereo(_)) { &images[..1] } else { images }
 }
 
-/// Stars as an image sees them.
+/// Returns the stars in the coordinates of an image.
 pub fn sources(scene: &SceneSnapshot, image: &ViewImage) -> Vec<SkyStar> {
     let world_from_view = scene.camera.world_from_camera * image.camera_from_view;
     stars_for(&scene.stars, Eye { world_from_view, ..Eye::default() }, 0.0)
@@ -137,7 +140,8 @@ impl GlareScenes {
         let [across, up] = field.unwrap_or([PI; 2]);
         let mut off_axis: Vec<f64> = OFF_AXIS_RAD.map(|angle| angle.min(OF_HALF_FIELD * across)).to_vec();
         off_axis.dedup();
-        // Across, but on a map of the whole sky up: along its equator it is round anyway.
+        // Sources lie to the right; on a map of the whole sky they lie above, because glare on its equator is round
+        // anyway.
         let towards = if matches!(view, ViewShape::FullSky(_)) { DVec3::Y } else { DVec3::X };
         let off_axis = off_axis.into_iter().map(|angle| one_star(towards * angle.sin() - DVec3::Z * angle.cos()));
         let central = one_star(if matches!(view, ViewShape::Cubemap(_)) { AT_EDGE } else { CENTRAL });
@@ -164,7 +168,7 @@ impl GlareScenes {
         };
         let sampled = found.sampled(&found.sky, sky.pixels);
         found.sampled = sampled.len();
-        found.places = found.without_beside(sampled);
+        found.places = found.without_neighbours_of_sources(sampled);
         found.outside = outside.map(|star| {
             let places = found.sampled(&star.scene, sky.pixels);
             (star.scene, places)
@@ -180,16 +184,16 @@ impl GlareScenes {
         images(&self.rig, self.view)
     }
 
-    /// Luminance of the veil of `central` at an angle from it, cd/m^2.
+    /// Luminance of the veil of `central` at an angle, cd/m^2.
     pub fn per_sr(&self, angle_rad: f64) -> f64 {
         let light: f64 = sources(&self.central.scene, &self.images()[0]).iter().map(|s| luminance(s.rgb_lx)).sum();
         light * self.kernel.per_sr(angle_rad)
     }
 
     fn compared(&self, scene: &SceneSnapshot, image: usize, pixels: &[[u32; 2]]) -> Vec<Compared> {
-        let of = &self.images()[image];
-        let mapping = of.projection.mapping();
-        let sources = sources(scene, of);
+        let view_image = &self.images()[image];
+        let mapping = view_image.projection.mapping();
+        let sources = sources(scene, view_image);
         let veil = Veil { sources: &sources, kernel: &*self.kernel, fraction: 1.0 };
         let places = pixels.iter().zip(veil.over_pixels(mapping, pixels));
         places
@@ -200,7 +204,7 @@ impl GlareScenes {
             .collect()
     }
 
-    /// Pixels spread over all images.
+    /// Returns pixels spread over all images.
     fn sampled(&self, scene: &SceneSnapshot, pixels: usize) -> Vec<Compared> {
         let each = pixels.div_ceil(self.images().len());
         let of_image = |(index, image): (usize, &ViewImage)| {
@@ -209,8 +213,8 @@ impl GlareScenes {
         self.images().iter().enumerate().flat_map(of_image).collect()
     }
 
-    /// The pixels that no source beside them outshines.
-    fn without_beside(&self, places: Vec<Compared>) -> Vec<Compared> {
+    /// Keeps the pixels that are not dominated by a source next to them.
+    fn without_neighbours_of_sources(&self, places: Vec<Compared>) -> Vec<Compared> {
         let all: Vec<Vec<SkyStar>> = self.images().iter().map(|image| sources(&self.sky, image)).collect();
         let is_fair = |place: &Compared| {
             let projection = &self.images()[place.image].projection;
@@ -236,16 +240,16 @@ impl GlareScenes {
         self.images().iter().enumerate().map(of_image).sum()
     }
 
-    /// Pixels along the borders of all faces, each with the one across the edge.
+    /// Returns the pixels along the borders of all faces, each with its neighbour across the edge.
     fn edges(&self) -> Vec<[Compared; 2]> {
         let images = self.images();
         let mut pairs = Vec::new();
         for (here, image) in images.iter().enumerate() {
             let mapping = image.projection.mapping();
             let [width, height] = mapping.size();
-            // As far beyond the pixel on the face's plane as the one before it is within.
+            // The point lies as far outside the face's plane as the pixel's neighbour lies inside.
             let across = |[x, y]: [u32; 2], outwards: [f64; 2]| {
-                let on_plane = |at: DVec2| mapping.direction_from_pixel(at).map(|on| on / -on.z);
+                let on_plane = |position: DVec2| mapping.direction_from_pixel(position).map(|on| on / -on.z);
                 let centre = pixel_centre(x, y);
                 let beyond = 2.0 * on_plane(centre)? - on_plane(centre - DVec2::from(outwards))?;
                 let (there, pixel) = face_with(images, here, image.camera_from_view * beyond)?;
@@ -267,13 +271,13 @@ impl GlareScenes {
     }
 }
 
-/// The face, another than `but`, that shows a direction in camera axes, and the pixel.
-fn face_with(images: &[ViewImage], but: usize, direction: DVec3) -> Option<(usize, [u32; 2])> {
-    images.iter().enumerate().filter(|(index, _)| *index != but).find_map(|(index, image)| {
+/// Returns the face, other than `except`, that shows a direction in camera axes, and the pixel.
+fn face_with(images: &[ViewImage], except: usize, direction: DVec3) -> Option<(usize, [u32; 2])> {
+    images.iter().enumerate().filter(|(index, _)| *index != except).find_map(|(index, image)| {
         let mapping: &dyn PlaneMapping = image.projection.mapping();
-        let at = mapping.pixel_from_direction(image.camera_from_view.conjugate() * direction)?;
+        let position = mapping.pixel_from_direction(image.camera_from_view.conjugate() * direction)?;
         let [width, height] = mapping.size().map(f64::from);
-        let inside = (0.0..width).contains(&at.x) && (0.0..height).contains(&at.y);
-        inside.then_some((index, [at.x as u32, at.y as u32]))
+        let inside = (0.0..width).contains(&position.x) && (0.0..height).contains(&position.y);
+        inside.then_some((index, [position.x as u32, position.y as u32]))
     })
 }

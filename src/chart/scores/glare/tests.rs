@@ -8,7 +8,7 @@ use crate::{
     reference::{glare::sky_cube::Veil, sky::SkyStar},
 };
 
-/// A kernel that falls off with another power than the inverse square.
+/// A kernel that falls off with a power other than the inverse square.
 struct Power(f64);
 
 impl GlareKernel for Power {
@@ -31,39 +31,41 @@ fn scenes_of(view: ViewShape) -> GlareScenes {
     GlareScenes::new(view, &ScoredSky { records: &records, pixels: 200 }, kernel).unwrap()
 }
 
-/// How a picture that is made in f64 differs from the right one.
+/// Error of a picture computed in f64.
 #[derive(Clone, Copy, PartialEq)]
 enum Wrong {
     Nothing,
-    /// All light times a factor.
+    /// All light is scaled.
     Factor(f64),
-    /// The angle to a power other than -2.
+    /// The angle has a power other than -2.
     FallOff(f64),
-    /// Distances on the screen in place of angles.
+    /// Distances on the screen replace angles.
     OnScreen,
-    /// Nothing from sources that the image does not show.
-    InsideAlone,
+    /// Sources outside of the image give no light.
+    InsideOnly,
     Black,
 }
 
 fn shows(image: &ViewImage, star: &SkyStar) -> bool {
     let mapping = image.projection.mapping();
     let [width, height] = mapping.size().map(f64::from);
-    mapping.pixel_from_direction(star.direction).is_some_and(|at| {
-        (0.0..width).contains(&at.x) && (0.0..height).contains(&at.y) && mapping.direction_from_pixel(at).is_some()
+    mapping.pixel_from_direction(star.direction).is_some_and(|position| {
+        (0.0..width).contains(&position.x)
+            && (0.0..height).contains(&position.y)
+            && mapping.direction_from_pixel(position).is_some()
     })
 }
 
-/// The picture, black but for the pixels that are `looked_at`.
-fn picture(scene: &SceneSnapshot, image: &ViewImage, wrong: Wrong, looked_at: impl Fn([u32; 2]) -> bool) -> Pixels {
+/// Returns a picture that is black except for the `compared` pixels.
+fn picture(scene: &SceneSnapshot, image: &ViewImage, wrong: Wrong, compared: impl Fn([u32; 2]) -> bool) -> Pixels {
     let mapping = image.projection.mapping();
     let [width, height] = mapping.size();
     let mut sources = scenes::sources(scene, image);
-    if wrong == Wrong::InsideAlone {
+    if wrong == Wrong::InsideOnly {
         sources.retain(|star| shows(image, star));
     }
     let all: Vec<[u32; 2]> = (0..height).flat_map(|y| (0..width).map(move |x| [x, y])).collect();
-    let pixels: Vec<[u32; 2]> = all.iter().copied().filter(|pixel| looked_at(*pixel)).collect();
+    let pixels: Vec<[u32; 2]> = all.iter().copied().filter(|pixel| compared(*pixel)).collect();
     let right = GlareSettings::default().kernel().unwrap();
     let light: Vec<[f64; 3]> = match wrong {
         Wrong::OnScreen => {
@@ -71,8 +73,8 @@ fn picture(scene: &SceneSnapshot, image: &ViewImage, wrong: Wrong, looked_at: im
             let towards = |[x, y]: [u32; 2]| {
                 let mut sum = [0.0; 3];
                 for star in &sources {
-                    let Some(at) = mapping.pixel_from_direction(star.direction) else { continue };
-                    let distance = (at - glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)).length();
+                    let Some(position) = mapping.pixel_from_direction(star.direction) else { continue };
+                    let distance = (position - glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)).length();
                     (0..3).for_each(|c| sum[c] += star.rgb_lx[c] * right.per_sr((distance * pixel_rad).min(PI)));
                 }
                 sum
@@ -98,11 +100,12 @@ fn picture(scene: &SceneSnapshot, image: &ViewImage, wrong: Wrong, looked_at: im
     };
     let mut lit = pixels.iter().zip(light).map(as_frame);
     let black = [0.0, 0.0, 0.0, 1.0];
-    all.iter().map(|pixel| if looked_at(*pixel) { lit.next().unwrap() } else { black }).collect()
+    all.iter().map(|pixel| if compared(*pixel) { lit.next().unwrap() } else { black }).collect()
 }
 
 fn scored(scenes: &GlareScenes, wrong: Wrong) -> impl Fn(GlareMetric) -> Option<f64> + use<> {
-    // Of the starry sky, whose light is that of many sources in every pixel, some pixels are compared; of the others all.
+    // A pixel of the starry sky gets light from many sources, so only some pixels are compared; for the other scenes
+    // all are.
     let compared: BTreeSet<(usize, [u32; 2])> = scenes.places.iter().map(|place| (place.image, place.pixel)).collect();
     let mut draw = |scene: &SceneSnapshot, _: &Rig| {
         let sky = std::ptr::eq(scene, &scenes.sky);
@@ -116,7 +119,7 @@ fn scored(scenes: &GlareScenes, wrong: Wrong) -> impl Fn(GlareMetric) -> Option<
 }
 
 #[test]
-fn the_reference_itself_has_the_figures_of_a_perfect_method() {
+fn reference_scores_as_a_perfect_method() {
     for view in [
         ViewShape::Flat([96, 54]),
         ViewShape::Stereo([80, 88]),
@@ -149,7 +152,7 @@ fn the_reference_itself_has_the_figures_of_a_perfect_method() {
 }
 
 #[test]
-fn too_much_light_shows() {
+fn excess_light_is_detected() {
     let scenes = scenes_of(ViewShape::Flat([96, 54]));
     let score = scored(&scenes, Wrong::Factor(1.1));
     for metric in [GlareMetric::VeilRms, GlareMetric::VeilLargest] {
@@ -161,7 +164,7 @@ fn too_much_light_shows() {
 }
 
 #[test]
-fn another_fall_off_shows() {
+fn wrong_falloff_is_detected() {
     let scenes = scenes_of(ViewShape::Dome(96));
     let score = scored(&scenes, Wrong::FallOff(-3.0));
     assert!((score(GlareMetric::Slope).unwrap() + 3.0).abs() < 0.02);
@@ -169,7 +172,7 @@ fn another_fall_off_shows() {
 }
 
 #[test]
-fn round_on_the_screen_is_not_round() {
+fn glare_round_on_screen_is_detected_as_not_round() {
     for view in [ViewShape::Flat([96, 54]), ViewShape::Dome(96), ViewShape::FullSky([96, 48])] {
         let off = scored(&scenes_of(view), Wrong::OnScreen)(GlareMetric::Roundness).unwrap();
         assert!(off > 0.1, "{view:?}: {off}");
@@ -177,32 +180,32 @@ fn round_on_the_screen_is_not_round() {
 }
 
 #[test]
-fn what_stays_inside_of_its_image_shows_outside_and_at_edges() {
-    let flat = scored(&scenes_of(ViewShape::Flat([96, 54])), Wrong::InsideAlone);
+fn glare_confined_to_its_image_is_detected_outside_and_at_edges() {
+    let flat = scored(&scenes_of(ViewShape::Flat([96, 54])), Wrong::InsideOnly);
     assert_eq!(flat(GlareMetric::FromOutside), Some(0.0));
     assert!(flat(GlareMetric::VeilRms).unwrap() > 0.3);
-    let cube = scored(&scenes_of(ViewShape::Cubemap(40)), Wrong::InsideAlone);
+    let cube = scored(&scenes_of(ViewShape::Cubemap(40)), Wrong::InsideOnly);
     assert!((cube(GlareMetric::Seam).unwrap() - 1.0).abs() < 1e-5);
     assert!(cube(GlareMetric::FluxKept).unwrap() < 0.9);
 }
 
 #[test]
-fn black_is_no_perfect_veil() {
+fn black_picture_is_not_a_perfect_veil() {
     let score = scored(&scenes_of(ViewShape::Cubemap(40)), Wrong::Black);
     assert_eq!([GlareMetric::VeilRms, GlareMetric::VeilLargest].map(&score), [Some(1.0); 2]);
     assert_eq!(score(GlareMetric::FluxKept), Some(0.0));
-    // There is nothing to be round, and nothing that falls off.
+    // Black has neither roundness nor a slope.
     assert_eq!([GlareMetric::Roundness, GlareMetric::Slope].map(&score), [None; 2]);
 }
 
 #[test]
-fn the_scenes_are_those_of_the_reference() {
+fn scenes_match_the_reference() {
     let scenes = scenes_of(ViewShape::Cubemap(40));
-    // The whole sky holds all light of the star.
+    // The whole sky receives all light of the star.
     let star: f64 =
         scenes::sources(&scenes.central.scene, &scenes.images()[0]).iter().map(|star| luminance(star.rgb_lx)).sum();
     assert!((scenes.flux_lx / star - 1.0).abs() < 1e-3, "{}", scenes.flux_lx / star);
-    // Every border pixel has its neighbour.
+    // Every border pixel has a neighbour.
     assert_eq!(scenes.edges.len(), 6 * 4 * 40);
     assert!(scenes.edges.iter().all(|[here, there]| here.image != there.image));
 }

@@ -1,4 +1,4 @@
-//! A painter in f64 draws the scoring scenes, right and spoiled: spoiled pictures must have bad scores.
+//! A painter in f64 draws the scoring scenes correctly and with errors: pictures with errors must have bad scores.
 
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ use crate::{
 };
 
 #[test]
-fn a_window_is_a_part_of_the_picture() {
+fn window_matches_its_part_of_the_picture() {
     let mapping = Perspective::symmetric([20, 10], 1.0).unwrap();
     let pixels: Vec<[f32; 4]> = (0..200).map(|i| [i as f32, 0.0, 0.0, 0.0]).collect();
     let window = Window::around(&mapping, DVec2::new(18.2, 1.9), 3);
@@ -26,10 +26,10 @@ fn a_window_is_a_part_of_the_picture() {
     assert!((window.pixel_from_direction(direction).unwrap() - DVec2::new(1.0, 2.0)).length() < 1e-9);
 }
 
-/// How a painter gets its picture wrong, after it was painted right: images, and a count of the frames before.
+/// Introduces an error into a correct picture; gets the images, their size and the number of earlier frames.
 type Spoil = fn(&mut Vec<Pixels>, [u32; 2], u32);
 
-/// Scores a painter in f64 that draws B-splines and then spoils its pictures.
+/// Returns a scorer whose painter draws B-splines in f64 and then applies `spoil`.
 fn scorer(method: StarMethod, spoil: Spoil, stretch: bool) -> Scorer<'static> {
     let mut frames = 0;
     let draw = move |scene: &Scene, _: f64| {
@@ -40,8 +40,8 @@ fn scorer(method: StarMethod, spoil: Spoil, stretch: bool) -> Scorer<'static> {
             size = mapping.size();
             let mut pixels = vec![[0.0_f64; 3]; (size[0] * size[1]) as usize];
             for (position, _, star) in scene.snapshot.stars.iter() {
-                let kernel = |at: DVec2| {
-                    let mut taps = SplatKernel::BSpline.footprint(at);
+                let kernel = |position: DVec2| {
+                    let mut taps = SplatKernel::BSpline.footprint(position);
                     if stretch {
                         for tap in &mut taps {
                             tap.2 /= 2.0;
@@ -86,7 +86,7 @@ fn each_pixel(images: &mut [Pixels], change: impl Fn(usize, &mut [f32; 4])) {
     }
 }
 
-/// A figure of the right picture, and of one that is wrong in what it measures.
+/// Returns a figure of the correct picture and of a wrong one.
 #[track_caller]
 fn right_and_wrong(measure: Measure, index: usize, spoil: Spoil, stretch: bool) -> [f64; 2] {
     let right = figures(measure, StarMethod::BSpline, |_, _, _| {}, false)[index];
@@ -95,7 +95,7 @@ fn right_and_wrong(measure: Measure, index: usize, spoil: Spoil, stretch: bool) 
 
 #[test]
 fn wrong_pictures_have_bad_scores() {
-    // A tenth of the light is lost on every second row: the star's sum depends on where it stands.
+    // Every second row loses a tenth of the light, so the star's sum depends on its position.
     let rows: Spoil = |images, [width, _], _| {
         each_pixel(images, |index, pixel| {
             if (index as u32 / width).is_multiple_of(2) {
@@ -109,12 +109,12 @@ fn wrong_pictures_have_bad_scores() {
     let [right, wrong] = right_and_wrong(Scorer::single_stars, 0, rows, false);
     assert!(right < 1e-4 && (0.05..0.075).contains(&wrong), "{right} {wrong}");
 
-    // A picture one pixel to the right.
+    // The picture is shifted by one pixel to the right.
     let shifted: Spoil = |images, _, _| images.iter_mut().for_each(|image| image.rotate_right(1));
     let [right, wrong] = right_and_wrong(Scorer::sweep, 4, shifted, false);
     assert!(right < 1e-3 && (wrong - 1.0).abs() < 0.01, "{right} {wrong}");
 
-    // Every star twice, three pixels apart: wide and far from round.
+    // Every star is drawn twice, three pixels apart: wide and far from round.
     let nothing: Spoil = |_, _, _| {};
     let [right, wrong] = right_and_wrong(Scorer::ellipticity, 0, nothing, true);
     assert!((right - 0.293).abs() < 0.01 && wrong > 0.4, "{right} {wrong}");
@@ -123,7 +123,7 @@ fn wrong_pictures_have_bad_scores() {
     let [right, wrong] = right_and_wrong(Scorer::colour, 0, swapped, false);
     assert!(right < 1e-3 && wrong > 0.01, "{right} {wrong}");
 
-    // Two decades of range instead of nine.
+    // The range covers two decades instead of nine.
     let shallow: Spoil = |images, _, _| {
         let most = images.iter().flatten().map(|pixel| pixel[1]).fold(0.0, f32::max);
         each_pixel(images, |_, pixel| {
@@ -146,7 +146,7 @@ fn wrong_pictures_have_bad_scores() {
     let [right, wrong] = right_and_wrong(Scorer::order, 0, unsteady, false);
     assert!(right == 0.0 && (wrong - 0.25).abs() < 1e-9, "{right} {wrong}");
 
-    // Sums that stop growing at what five stars give.
+    // Sums stop growing at the light of five stars.
     let saturating: Spoil = |images, _, frame| {
         if frame > 0 {
             each_pixel(images, |_, pixel| *pixel = pixel.map(|channel| 0.05 * channel));
@@ -155,7 +155,7 @@ fn wrong_pictures_have_bad_scores() {
     let [right, wrong] = right_and_wrong(Scorer::heap, 0, saturating, false);
     assert!((right - 1.0).abs() < 1e-4 && (wrong - 0.05).abs() < 1e-4, "{right} {wrong}");
 
-    // One face of the cube a tenth too dark.
+    // One face of the cube is a tenth too dark.
     let face: Spoil = |images, _, _| {
         if images.len() == 6 {
             each_pixel(&mut images[2..3], |_, pixel| *pixel = pixel.map(|channel| 0.9 * channel));
@@ -166,7 +166,7 @@ fn wrong_pictures_have_bad_scores() {
 }
 
 #[test]
-fn a_scale_is_forgiven_where_brightness_is_relative_and_nowhere_else() {
+fn scale_errors_are_ignored_for_relative_brightness_only() {
     let bright: Spoil = |images, _, _| each_pixel(images, |_, pixel| *pixel = pixel.map(|channel| 7.0 * channel));
     let measures: [(Measure, f64); 3] = [(Scorer::single_stars, 0.0), (Scorer::range, 0.0), (Scorer::heap, 1.0)];
     for (measure, best) in measures {
@@ -174,14 +174,14 @@ fn a_scale_is_forgiven_where_brightness_is_relative_and_nowhere_else() {
             [StarMethod::GaussianPsf, StarMethod::BSpline].map(|method| figures(measure, method, bright, false)[0]);
         assert!((relative - best).abs() < 1e-4 && (absolute - best - 6.0).abs() < 1e-3, "{relative} {absolute}");
     }
-    // Flicker after tone mapping is that of the same k.
+    // Flicker after tone mapping is evaluated at the same k.
     let found = figures(Scorer::sweep, StarMethod::GaussianPsf, bright, false)[1];
     let right = figures(Scorer::sweep, StarMethod::BSpline, |_, _, _| {}, false)[1];
     assert!((found - right).abs() < 1e-4, "{found} {right}");
 }
 
 #[test]
-fn black_pictures_have_no_figure_that_could_pass_for_a_good_one() {
+fn black_pictures_have_no_good_figure() {
     let black: Spoil = |images, _, _| each_pixel(images, |_, pixel| *pixel = [0.0; 4]);
     let measures: [Measure; 4] = [Scorer::sweep, Scorer::ellipticity, Scorer::colour, Scorer::order];
     for measure in measures {
@@ -194,16 +194,16 @@ fn black_pictures_have_no_figure_that_could_pass_for_a_good_one() {
 }
 
 #[test]
-fn figures_of_nothing_are_none() {
+fn empty_inputs_have_no_figures() {
     assert_eq!((mean(&[]), root_mean_square(&[]), deviation_over_mean(&[])), (None, None, None));
     assert_eq!(deviation_over_mean(&[0.0, 0.0]), None);
     assert_eq!(deviation_over_mean(&[1.0, 3.0]), Some(0.5));
     assert_eq!(root_mean_square(&[3.0, -4.0]), Some(12.5_f64.sqrt()));
 }
 
-/// A sum that depends on the order of the stars is found, and the usual order is drawn too.
+/// Detects a sum that depends on the order of the stars; the default order is drawn too.
 #[test]
-fn what_depends_on_the_order_alone_is_found() {
+fn order_dependence_is_detected() {
     let orders = std::sync::Mutex::new(Vec::new());
     let draw = |scene: &Scene, _: f64| {
         orders.lock().unwrap().push(scene.order);
