@@ -63,11 +63,11 @@ fn join_bands(bands: &[Vec<u8>], height: u16, interval: u16) -> Vec<u8> {
                     all.extend([0xff, RESTART_INTERVAL, 0, 4]);
                     all.extend(interval.to_be_bytes());
                 }
-                let start = all.len();
+                let written = all.len();
                 all.extend(&band[start..end]);
                 if marker == FRAME {
                     // After marker, length and precision.
-                    all[start + 5..start + 7].copy_from_slice(&height.to_be_bytes());
+                    all[written + 5..written + 7].copy_from_slice(&height.to_be_bytes());
                 }
             }
         } else {

@@ -415,7 +415,7 @@ impl App {
         let desk = self.desk.state().clone();
         let first = desk.windows.iter().find(|window| window.shown).and_then(|window| window.window.clone());
         let Some(window) = first.and_then(|window| identity(&window)) else { return };
-        if let Err(problem) = x11.focus_where_nobody_does(window) {
+        if let Err(problem) = x11.focus_without_window_manager(window) {
             tracing::debug!("the keyboard focus is unchanged: {problem}");
         }
     }

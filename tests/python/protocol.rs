@@ -14,7 +14,7 @@ pub const TESTS: &[Test] =
     &[("protocol::is_that_of_proto", is_that_of_proto), ("protocol::a_change_is_noticed", a_change_is_noticed)];
 
 /// What the build script has compiled, comments and positions included.
-const COMPILED: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/steradian_descriptors.bin"));
+const COMPILED: &[u8] = steradian_proto::v1::DESCRIPTORS;
 
 /// The same without comments and positions.
 fn descriptors() -> FileDescriptorSet {

@@ -253,7 +253,7 @@ mod tests {
         };
         let bodies = others
             .iter()
-            .map(|other| Arc::new(Body::preset(other, &format!("{other:?}"), place_of(other))))
+            .map(|other| Arc::new(Body::preset(*other, &format!("{other:?}"), place_of(other))))
             .chain([Arc::new(moon.clone())]);
         let objects = SceneObjects { bodies: bodies.collect(), ..SceneObjects::default() };
         let mut lights = lights_on(moon, &suns(&objects), DVec3::Z * 1e12);
