@@ -90,7 +90,7 @@ fn an_observer_sees_a_satellite_from_their_position() {
     let folder = written(&[("a.bsp", kernel(&[satellite()]))]);
     let observer = "kernels = ['a.bsp']\n[scene.observer]\nlatitude_deg = 48\nlongitude_deg = 11\nheight_m = 500\n";
     let objects = config(folder.path(), observer, &body("geo", -1000)).unwrap();
-    let standpoint = objects.observer.unwrap().at(TIME_S);
+    let standpoint = objects.observer.unwrap().standpoint(TIME_S);
     let seen_m = place_m(&objects, "geo") - objects.observer.unwrap().epoch.position_m;
     let expected_m = satellite().place_km[0] * 1e3 - standpoint.from_earth_m;
     // Light takes 0.1 s, in which the Earth and the satellite move 4 km together; aberration is 20 arcsec.
