@@ -3,22 +3,8 @@
 #import constants/workgroups
 #import shared/projection
 #import shared/viewport
-
-struct ProbeInput {
-    // Direction in view space.
-    direction: vec3<f32>,
-    unused_0: f32,
-    // Pixel whose solid angle and centre direction are wanted.
-    pixel: vec2<i32>,
-    unused_1: vec2<i32>,
-}
-
-struct ProbeOutput {
-    // Continuous pixel coordinates of the direction's image; z: 1 if there is one; w: solid angle of the pixel, sr.
-    image: vec4<f32>,
-    // Direction of the pixel's centre; w: 1 inside of the picture.
-    direction: vec4<f32>,
-}
+#import structs/ProbeInput
+#import structs/ProbeOutput
 
 @group(0) @binding(0) var<storage, read> viewports: array<Viewport>;
 @group(0) @binding(1) var<storage, read> inputs: array<ProbeInput>;

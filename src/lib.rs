@@ -49,6 +49,9 @@
 //! | `chart` | the module `chart`: speed and accuracy of all methods, as tables and pictures |
 //! | `cli` | the program `steradian` with all of its subcommands; needs the others |
 
+#[macro_use(named)]
+extern crate steradian_sky;
+
 pub use glam;
 
 pub use steradian_render::{gpu, metrics, plan, reference, render, scene, view};

@@ -23,7 +23,7 @@ fn shader_stems(folder: &Path, prefix: &str) -> Result<Vec<String>, Box<dyn Erro
     Ok(stems)
 }
 
-/// Writes the table that `src/render/shader.rs` includes.
+/// Writes the table that `crates/render/src/render/shader.rs` includes.
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed={SHADERS}");
     let mut stems = shader_stems(Path::new(SHADERS), "")?;

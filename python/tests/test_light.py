@@ -9,7 +9,7 @@ from conftest import STAR_DEC_DEG, STAR_MAGNITUDE, STAR_RA_DEG
 
 import steradian
 
-# Illuminance of a star of magnitude 0, lx, as in docs/star-methods.md and src/units.rs.
+# Illuminance of a star of magnitude 0, lx, as in docs/star-methods.md and crates/sky/src/units.rs.
 MAGNITUDE_0_LX = 2.53848e-6
 STAR_LX = MAGNITUDE_0_LX * 10 ** (-0.4 * STAR_MAGNITUDE)
 

@@ -1,6 +1,6 @@
 // Adds ground and air around an observer to the bodies and asteroids that the pixels of a tile show: the air attenuates
 // their light and adds scattered light, and the ground covers everything below the horizon. The model is that of
-// src/photometry/sky_light.rs and src/scene/surroundings.rs; the f64 twin is src/reference/air/light.rs.
+// crates/sky/src/photometry/sky_light.rs and crates/render/src/scene/surroundings.rs; the f64 twin is crates/render/src/reference/air/light.rs.
 
 #import air/scattered
 #import constants/air
@@ -20,7 +20,7 @@
 @group(0) @binding(4) var<storage, read> horizon: array<f32>;
 // See air/scattered.wgsl.
 @group(0) @binding(5) var<storage, read> sky: array<vec4<f32>>;
-// Picture of the ground, all levels, the finest first: src/scene/landscape.rs.
+// Picture of the ground, all levels, the finest first: crates/render/src/scene/landscape.rs.
 @group(0) @binding(6) var<storage, read> landscape: array<u32>;
 // Light added by the air, at the points of a grid over each picture.
 @group(0) @binding(7) var<storage, read> point_grids: array<PointGrid>;

@@ -1,62 +1,12 @@
 // Light added by the air: scattered light of its sources, and airglow. The importer binds `parameters` and `sky`. `sky`
 // holds sky luminance per lx of each source: nodes of the smooth part, then nodes of aerosol scattering
-// (src/photometry/sky_light.rs).
+// (crates/sky/src/photometry/sky_light.rs).
 
 #import constants/air
 #import shared/air_mass
 #import shared/math
-
-// A source whose light the air scatters.
-struct AirSource {
-    // Unit vector towards it, world axes.
-    direction: vec3<f32>,
-    unused_0: u32,
-    // What it gives outside of the air, lx.
-    light: vec3<f32>,
-    unused_1: u32,
-    // Unit vector of its azimuth: north, east.
-    heading: vec2<f32>,
-    unused_2: u32,
-    unused_3: u32,
-}
-
-struct AirParameters {
-    // Number of the tile.
-    tile: u32,
-    // 1: there is air.
-    has_air: u32,
-    // 1: there is ground.
-    has_ground: u32,
-    source_count: u32,
-    // Axes of the horizon, world axes.
-    east: vec3<f32>,
-    // Factor on the light of sky and ground: where glare is drawn after this, a part of it is taken away that would come back from all around.
-    light_share: f32,
-    zenith: vec3<f32>,
-    // 1: the ground ends at altitude 0 all around.
-    is_flat: u32,
-    south: vec3<f32>,
-    // Sine of the altitude above which there is no ground.
-    above_ground: f32,
-    // Power of two by which light becomes less for each air mass.
-    extinction: vec3<f32>,
-    unused_1: u32,
-    // Luminance of the air's own glow in the zenith, without what the air takes of it.
-    glow: vec3<f32>,
-    unused_2: u32,
-    // Luminance of the ground.
-    ground: vec3<f32>,
-    // Azimuth of the middle of the picture of the ground, rad.
-    landscape_azimuth: f32,
-    // Luminance of a white surface.
-    white: vec3<f32>,
-    unused_3: u32,
-    // Size of the picture of the ground, texels.
-    landscape_size: vec2<u32>,
-    unused_4: u32,
-    unused_5: u32,
-    sources: array<AirSource, 2>,
-}
+#import structs/AirParameters
+#import structs/AirSource
 
 // Phase function of aerosol, per sr.
 fn aerosol_per_sr(cosine: f32) -> f32 {

@@ -1,33 +1,11 @@
 // Selects the form in which an asteroid is drawn, and tests whether a picture may show it:
-// src/plan/asteroids/classes.rs and views.rs in f32.
+// crates/render/src/plan/asteroids/classes.rs and views.rs in f32.
 
 #import asteroids/instance
 #import constants/asteroid_classes
 #import constants/faces
 #import shared/projection
-
-struct AsteroidView {
-    // Rows of the rotation from world to view axes; w: eye minus camera along world x, y, z, m.
-    view_from_world_x: vec4<f32>,
-    view_from_world_y: vec4<f32>,
-    view_from_world_z: vec4<f32>,
-    // Inward normals of the edges' planes: of left and right x and z, of lower and upper y and z.
-    edges_x: vec4<f32>,
-    edges_y: vec4<f32>,
-    cone_sine: f32,
-    cone_cosine: f32,
-    kind: u32,
-    first_entry: u32,
-    impostor_eyes: f32,
-    impostor_linear: f32,
-    impostor_exponent: f32,
-    quality: f32,
-    finest_only: u32,
-    // The view whose classes hold for this one: the other eye's, or this one itself.
-    class_view: u32,
-    unused_0: u32,
-    unused_1: u32,
-}
+#import structs/AsteroidView
 
 // Classes. Values from 0 on are levels of detail.
 const CLASS_NONE: u32 = 4294967295u;

@@ -2,7 +2,7 @@
 // planes at once. A workgroup takes a group and loops over the planes linked to it. The shader runs twice. The first
 // run counts the entries of the group per plane and kind of list. Then asteroids/cull_offsets.wgsl turns the counts
 // into offsets, and the second run writes the entries. Offsets follow from counts in the order of groups and asteroids,
-// so the lists are reproducible. The twin is src/plan/asteroids/cpu_cull.rs.
+// so the lists are reproducible. The twin is crates/render/src/plan/asteroids/cpu_cull.rs.
 
 #import asteroids/class
 #import asteroids/instance
@@ -11,13 +11,7 @@
 #import constants/asteroid_culling
 #import constants/asteroid_instances
 #import constants/asteroid_lists
-
-struct AsteroidLink {
-    plane: u32,
-    column: u32,
-    faces: u32,
-    unused_0: u32,
-}
+#import structs/AsteroidLink
 
 @group(0) @binding(0) var<uniform> parameters: AsteroidCullParameters;
 @group(0) @binding(1) var<storage, read> views: array<AsteroidView>;

@@ -1,48 +1,10 @@
-// Asteroids as every pass over them reads them: groups, fields and shapes, and how an instance is unpacked. The same structs stand in
-// src/gpu/layout.rs; instances are six words each (PackedAsteroid in src/scene/asteroids/mod.rs).
+// Groups, fields and shapes of asteroids, and the unpacking of an instance. An instance is six words: PackedAsteroid in
+// crates/render/src/scene/asteroids/mod.rs.
 
 #import constants/asteroid_instances
-
-struct AsteroidItem {
-    // Middle of the group minus camera, world axes, m; origin_low is what its rounding left.
-    origin: vec3<f32>,
-    first: u32,
-    origin_low: vec3<f32>,
-    count: u32,
-    // To the sun, unit vector, world axes.
-    sun: vec3<f32>,
-    field: u32,
-    // Of a surface that faces the sun, lx.
-    illuminance: vec3<f32>,
-    flags: u32,
-    viewports: vec2<u32>,
-    first_link: u32,
-    link_count: u32,
-}
-
-struct AsteroidField {
-    // Rows of the rotation from the field's axes to world axes; x.w: m per part of a radius.
-    world_from_field_x: vec4<f32>,
-    world_from_field_y: vec4<f32>,
-    world_from_field_z: vec4<f32>,
-    albedo: vec3<f32>,
-    law: u32,
-    time_parts: u32,
-    first_shape: u32,
-    shape_count: u32,
-    first_kind: u32,
-    kinds: u32,
-    impostor_kind: u32,
-    unused_0: u32,
-    unused_1: u32,
-}
-
-struct AsteroidShape {
-    first_kind: u32,
-    levels: u32,
-    bound: f32,
-    unused_0: u32,
-}
+#import structs/AsteroidField
+#import structs/AsteroidItem
+#import structs/AsteroidShape
 
 // Rotates a vector from the field's axes to world axes.
 fn world_from_field(field: AsteroidField, v: vec3<f32>) -> vec3<f32> {

@@ -12,29 +12,8 @@
 #import shared/math
 #import shared/projection
 #import shared/viewport
-
-struct AsteroidTarget {
-    viewport: Viewport,
-    // Eye minus camera, world axes, m.
-    eye: vec3<f32>,
-    near: f32,
-    // The window is the viewport's rows first_row .. first_row + rows; `samples` along each side of a pixel.
-    first_row: u32,
-    rows: u32,
-    samples: u32,
-    plane: u32,
-    units_per_cd_m2: f32,
-    kinds: u32,
-    unused_0: u32,
-    unused_1: u32,
-}
-
-struct AsteroidBucket {
-    kind: u32,
-    unused_0: u32,
-    unused_1: u32,
-    unused_2: u32,
-}
+#import structs/AsteroidBucket
+#import structs/AsteroidTarget
 
 @group(0) @binding(0) var<uniform> asteroid_target: AsteroidTarget;
 @group(0) @binding(1) var<uniform> bucket: AsteroidBucket;

@@ -1,4 +1,4 @@
-// Total light of an asteroid: the phase functions of src/photometry/reflection.rs, and projected areas from a table.
+// Total light of an asteroid: the phase functions of crates/sky/src/photometry/reflection.rs, and projected areas from a table.
 // The importer binds `areas`.
 
 #import asteroids/instance

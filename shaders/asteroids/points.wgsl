@@ -14,16 +14,7 @@
 #import shared/projection
 #import shared/splat
 #import shared/viewport
-
-struct AsteroidPointParameters {
-    // Fixed-point units per lux.
-    units_per_lx: f32,
-    items: u32,
-    // Workgroups per row of the dispatch.
-    row: u32,
-    // Tiles of the batch.
-    tiles: u32,
-}
+#import structs/AsteroidPointParameters
 
 @group(0) @binding(0) var<uniform> parameters: AsteroidPointParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;

@@ -10,32 +10,8 @@
 #import shared/projection
 #import shared/splat
 #import shared/viewport
-
-struct PointParameters {
-    // Fixed-point units per lux.
-    units_per_lx: f32,
-    count: u32,
-    // Invocations per row of the dispatch.
-    per_row: u32,
-    // Fainter light is left to other sums, lx.
-    faintest_lx: f32,
-    // Brighter light too, lx.
-    brightest_lx: f32,
-    unused_0: u32,
-    unused_1: u32,
-    unused_2: u32,
-}
-
-struct Point {
-    // Place relative to the camera, world axes, m.
-    offset: vec3<f32>,
-    // Bit set of tiles.
-    tiles: u32,
-    // Intensity, linear Rec. 709, cd.
-    intensity: vec3<f32>,
-    // How much nearer than its place it begins, m.
-    radius: f32,
-}
+#import structs/Point
+#import structs/PointParameters
 
 @group(0) @binding(0) var<uniform> parameters: PointParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;

@@ -3,7 +3,7 @@
 // Bodies are ellipsoids, met by a ray per pixel in every projection alike. Where the limb goes through a pixel, each of
 // its parts counts as far as it is covered, by the area that a straight limb leaves of it. Asteroids come from layers
 // of samples, drawn before: one of the picture itself, and one of cube faces where straight edges would not do. In
-// pixels with asteroids each sample takes what is nearest. The f64 twin is src/reference/bodies.rs.
+// pixels with asteroids each sample takes what is nearest. The f64 twin is crates/render/src/reference/bodies/mod.rs.
 
 #import constants/bodies
 #import constants/corona
@@ -17,47 +17,8 @@
 #import shared/projection
 #import shared/reflection
 #import shared/viewport
-
-struct GeometryParameters {
-    // Number of the tile.
-    tile: u32,
-    // Samples along a side of a pixel.
-    samples: u32,
-    // Bit set of cube faces; 0: none.
-    faces: u32,
-    // Side of a face, samples.
-    face_size: u32,
-    // Distance at depth 1, m.
-    near_m: f32,
-    // cd/m^2 per unit of the layers.
-    luminance_scale: f32,
-    unused_0: u32,
-    unused_1: u32,
-}
-
-// Light that falls on a body.
-struct BodySun {
-    // Unit vector towards it, view axes.
-    direction: vec3<f32>,
-    // Radius of what casts a shadow on the body, in its largest semi-axis; 0: nothing does.
-    occluder_radius: f32,
-    // lx.
-    illuminance: vec3<f32>,
-    // Angular radius of the sun, rad.
-    sun_radius: f32,
-    // Middle of what casts the shadow, body's axes, in its largest semi-axis.
-    occluder: vec3<f32>,
-    unused_0: u32,
-    // Unit vector towards the sun, body's axes.
-    to_sun: vec3<f32>,
-    unused_1: u32,
-    // Semi-axes in the largest one.
-    shape: vec3<f32>,
-    unused_2: u32,
-    // Share of light that arrives in the umbra.
-    refracted: vec3<f32>,
-    unused_3: u32,
-}
+#import structs/BodySun
+#import structs/GeometryParameters
 
 @group(0) @binding(0) var<uniform> parameters: GeometryParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
@@ -145,7 +106,7 @@ fn half_angle(own: f32, other: f32, apart: f32) -> vec3<f32> {
     return vec3(sine, cosine, precise_atan2(sine, cosine));
 }
 
-// Share of a sun's light that reaches a point of the unit sphere: see src/scene/bodies/shadow.rs.
+// Share of a sun's light that reaches a point of the unit sphere: see crates/render/src/scene/bodies/shadow.rs.
 fn open_share(sun: BodySun, point: vec3<f32>) -> vec3<f32> {
     if sun.occluder_radius <= 0.0 {
         return vec3(1.0);
@@ -369,7 +330,7 @@ fn rings_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: ve
 }
 
 // Luminance of a corona relative to the disc's mean, at a distance from the sun's centre in radii: see
-// src/photometry/corona.rs.
+// crates/sky/src/photometry/corona.rs.
 fn corona_over_disc(s: f32) -> f32 {
     if s < 1.0 || s >= CORONA_OUTER {
         return 0.0;

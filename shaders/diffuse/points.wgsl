@@ -9,22 +9,13 @@
 #import shared/projection
 #import shared/refraction
 #import shared/viewport
-
-struct DiffusePointParameters {
-    light: DiffuseLight,
-    air: AirAbove,
-    // What light may err by between points, cd/m^2 of its pictures.
-    most_rough: f32,
-    unused_0: u32,
-    unused_1: u32,
-    unused_2: u32,
-}
+#import structs/DiffusePointParameters
 
 @group(0) @binding(0) var<uniform> parameters: DiffusePointParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
 @group(0) @binding(2) var<storage, read> point_grids: array<PointGrid>;
 @group(0) @binding(3) var<storage, read> diffuse_texels: array<u32>;
-// Roughness per block of texels: src/catalogue/diffuse.rs.
+// Roughness per block of texels: crates/sky/src/catalogue/diffuse.rs.
 @group(0) @binding(4) var<storage, read> roughness: array<f32>;
 @group(0) @binding(5) var<storage, read_write> grid_points: array<vec4<f32>>;
 

@@ -1,10 +1,11 @@
 // Converts luminance to 8-bit display values. Operator and options are constants of the pipeline, so unused code is
-// removed. The f64 twin is src/photometry/tone_map.rs.
+// removed. The f64 twin is crates/sky/src/photometry/tone_map.rs.
 
 #import constants/display
 #import constants/rec709
 #import shared/math
 #import shared/srgb
+#import structs/Display
 
 const BLACK: u32 = 0xff000000u;
 
@@ -12,23 +13,6 @@ override TONE_OPERATOR: u32 = OPERATOR_FILMIC;
 // Whether `desaturation` and `scotopic` are above 0.
 override DESATURATES: bool = false;
 override SCOTOPIC: bool = false;
-
-// The same struct stands in src/gpu/layout.rs.
-struct Display {
-    // Luminance over display white that Reinhard's operator shows white.
-    white: f32,
-    // What a calibrated display gives for white and for black.
-    peak_cd_m2: f32,
-    black_cd_m2: f32,
-    // How much of the hue is kept where the display's range ends, 0 to 1.
-    desaturation: f32,
-    // How much dim light is seen as rods see it, 0 to 1.
-    scotopic: f32,
-    // 1: rounding is spread over neighbouring pixels.
-    dither: u32,
-    unused_0: u32,
-    unused_1: u32,
-}
 
 fn filmic(value: vec3<f32>) -> vec3<f32> {
     // Above 1e4 the curve is within 2e-5 of 1, and the products stay finite.
@@ -57,7 +41,7 @@ fn bounded(light: vec3<f32>) -> vec3<f32> {
     return clamp(light, vec3(0.0), vec3(BRIGHTEST));
 }
 
-// Appearance of light (cd/m^2) to rods and cones: src/photometry/tone_map/scotopic.rs.
+// Appearance of light (cd/m^2) to rods and cones: crates/sky/src/photometry/tone_map/scotopic.rs.
 fn seen_at_night(light: vec3<f32>, amount: f32) -> vec3<f32> {
     let y = dot(light, LUMINANCE_WEIGHTS);
     let xyz = vec3(

@@ -1,22 +1,9 @@
 // The exposure pass: one workgroup sums the partial sums of illuminance of all tiles in a fixed order, and computes one
 // exposure for all views. The mean luminance is sum(L Omega) / sum(Omega) over the pixels with finite light. The f64
-// twin is src/photometry/exposure.rs.
+// twin is crates/sky/src/photometry/exposure.rs.
 
-#import display/exposed
-
-struct ExposureParameters {
-    // Solid angle of all pixels of the rig, sr.
-    total_solid_angle_sr: f32,
-    min_ev100: f32,
-    max_ev100: f32,
-    // Compensation and key.
-    offset_ev: f32,
-    // The exposure to use instead of the metered one, if `fixed` is 1.
-    fixed_ev100: f32,
-    fixed: u32,
-    partial_count: u32,
-    unused_0: u32,
-}
+#import structs/Exposure
+#import structs/ExposureParameters
 
 @group(0) @binding(0) var<uniform> parameters: ExposureParameters;
 // Metered illuminance, and solid angle excluded from metering.

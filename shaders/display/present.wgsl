@@ -3,16 +3,7 @@
 
 #import display/encode
 #import source = display/present_codes | display/present_light
-
-struct PresentParameters {
-    // Pixels of the batch: where B and the solid angles begin.
-    plane_pixels: u32,
-    // The tile's first pixel in the batch, its first row in the picture, and the picture's width.
-    first_pixel: u32,
-    first_row: u32,
-    width: u32,
-    shown: Display,
-}
+#import structs/PresentParameters
 
 @group(0) @binding(0) var<uniform> parameters: PresentParameters;
 

@@ -1,7 +1,7 @@
 // Linear light of the HDR image after tone mapping, rounded to half floats.
 
 #import display/encode
-#import display/exposed
+#import structs/Exposure
 
 // R and G of all pixels in cd/m^2, then B and the solid angle.
 @group(0) @binding(1) var<storage, read> luminances: array<vec2<f32>>;

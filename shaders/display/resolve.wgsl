@@ -16,25 +16,7 @@
 #import shared/sky_map
 #import shared/point_grid
 #import shared/viewport
-
-struct ResolveParameters {
-    lx_per_unit: f32,
-    // The same for the sums of the few stars that outshine the rest; 0 if there are none.
-    lx_per_bright_unit: f32,
-    // Display values per cd/m^2, if the display image is written here.
-    display_per_cd_m2: f32,
-    // Pixels of the batch: where B and the solid angles begin.
-    plane_pixels: u32,
-    shown: Display,
-    sky: SkyMap,
-    diffuse: DiffuseLight,
-    air: AirAbove,
-    // 1: that light is read between points where it is smooth.
-    diffuse_is_smooth: u32,
-    unused_0: u32,
-    unused_1: u32,
-    unused_2: u32,
-}
+#import structs/ResolveParameters
 
 @group(0) @binding(0) var<uniform> parameters: ResolveParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;

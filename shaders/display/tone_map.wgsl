@@ -1,20 +1,12 @@
 // The tone-mapping pass: converts luminance to 8-bit display values. It runs if the exposure is not known in advance;
-// otherwise the resolve pass writes the display image. The f64 twin is src/photometry/tone_map.rs.
+// otherwise the resolve pass writes the display image. The f64 twin is crates/sky/src/photometry/tone_map.rs.
 
 #import constants/pixel_grid
 #import display/encode
-#import display/exposed
 #import shared/pixel_grid
 #import shared/viewport
-
-struct ToneMapParameters {
-    // Pixels of the batch: where B and the solid angles begin.
-    plane_pixels: u32,
-    unused_0: u32,
-    unused_1: u32,
-    unused_2: u32,
-    shown: Display,
-}
+#import structs/Exposure
+#import structs/ToneMapParameters
 
 @group(0) @binding(0) var<uniform> parameters: ToneMapParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;

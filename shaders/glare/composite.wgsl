@@ -9,15 +9,7 @@
 #import scattered = glare/sky_cube/scattered | glare/pyramid/scattered
 #import shared/pixel_grid
 #import shared/viewport
-
-struct GlareParameters {
-    // Share of the light that is scattered.
-    fraction: f32,
-    // Pixels of the batch: where B and the solid angles begin.
-    plane_pixels: u32,
-    unused_0: u32,
-    unused_1: u32,
-}
+#import structs/GlareParameters
 
 @group(0) @binding(0) var<uniform> parameters: GlareParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;

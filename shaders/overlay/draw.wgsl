@@ -1,51 +1,18 @@
 // The overlay pass: draws lines and text onto display images. One workgroup per block of pixels with items; each pixel
 // loops over the items of its block in order. The items of one stroke are drawn as one shape: their greatest coverage
 // is blended in linear light. Bodies and asteroids hide items behind them in proportion to their coverage of the pixel.
-// The f64 twin is src/reference/overlay/draw.rs.
+// The f64 twin is crates/render/src/reference/overlay/draw.rs.
 
 #import constants/overlay
 #import shared/cover
 #import shared/projection
 #import shared/srgb
 #import shared/viewport
+#import structs/OverlayBlock
+#import structs/OverlayItem
+#import structs/OverlayParameters
 
 const NO_STROKE: u32 = 0xffffffffu;
-
-struct OverlayParameters {
-    // Number of blocks.
-    blocks: u32,
-    unused_0: u32,
-    unused_1: u32,
-    unused_2: u32,
-}
-
-struct OverlayItem {
-    // A line's ends; of the others the first corner and the one after the last, whole pixels.
-    begin: vec2<f32>,
-    end: vec2<f32>,
-    // 1 over the distance at both ends, 1/m.
-    nearness: vec2<f32>,
-    half_width_px: f32,
-    // 0 to 1.
-    opacity: f32,
-    // sRGB codes, red in the lowest byte.
-    colour: u32,
-    // Items of one stroke follow each other.
-    stroke: u32,
-    shape: u32,
-    // Glyphs: index of the first pixel's coverage, in bytes.
-    first_texel: u32,
-}
-
-struct OverlayBlock {
-    // First column and row.
-    corner: vec2<u32>,
-    // Number of the tile.
-    tile: u32,
-    first_entry: u32,
-    entries: u32,
-    unused_0: u32,
-}
 
 @group(0) @binding(0) var<uniform> parameters: OverlayParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;

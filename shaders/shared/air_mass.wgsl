@@ -1,16 +1,6 @@
-// Extinction of light in air: src/photometry/atmosphere.rs.
+// Extinction of light in air: crates/sky/src/photometry/atmosphere.rs.
 
-// The air around an eye.
-struct AirAbove {
-    // Unit vector to the zenith, world axes.
-    zenith: vec3<f32>,
-    // 1: there is air.
-    present: u32,
-    // Power of two by which light becomes less for each air mass, linear Rec. 709.
-    extinction: vec3<f32>,
-    // Density over that for which refraction is told; 0: it bends nothing.
-    density: f32,
-}
+#import structs/AirAbove
 
 // Air mass from the sine of the altitude; below the horizon the value at the horizon.
 fn air_mass(sine: f32) -> f32 {

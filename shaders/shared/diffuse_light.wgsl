@@ -1,20 +1,13 @@
-// Diffuse light from the whole sky (src/catalogue/diffuse.rs) in a direction, as a moving observer sees it. The
-// importer binds `diffuse_texels`. The f64 twin is src/reference/diffuse/mod.rs.
+// Diffuse light from the whole sky (crates/sky/src/catalogue/diffuse.rs) in a direction, as a moving observer sees it. The
+// importer binds `diffuse_texels`. The f64 twin is crates/render/src/reference/diffuse/mod.rs.
 
 #import constants/diffuse
 #import shared/sky_place
 #import shared/sky_texel
+#import structs/DiffuseLight
 
 // Whether the observer moves.
 override MOVES: bool = false;
-
-struct DiffuseLight {
-    map: SkyMap,
-    // Unit vector of the observer's velocity, world axes.
-    velocity: vec3<f32>,
-    // Speed over that of light.
-    beta: f32,
-}
 
 // Luminance in the apparent unit direction `seen`, world axes, cd/m^2. `at_rest`: the same direction in the pictures.
 fn diffuse_luminance(light: DiffuseLight, seen: vec3<f32>, at_rest: PictureDirection) -> vec3<f32> {

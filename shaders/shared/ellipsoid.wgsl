@@ -1,48 +1,10 @@
-// Ellipsoids as an eye sees them. The same struct stands in src/gpu/layout.rs.
+// Ellipsoids seen from an eye.
 //
 // A ray is c + e, c leading to the middle of the body and e what the ray is beside it: on a flat picture both are tangents, so that e
 // keeps its digits in the narrowest field; elsewhere both are unit vectors. In the axes of the body, measured in its semi-axes, the
 // body is the unit sphere and the ray passes its middle at the distance s.
 
-struct ViewBody {
-    // Rows of the map from view axes, in units of `distance_m`, to the body's axes, in semi-axes: numbers of ordinary size whatever the body's.
-    unit_from_view_x: vec3<f32>,
-    // How far the middle is along c: m over the length of c.
-    distance_m: f32,
-    unit_from_view_y: vec3<f32>,
-    // 1: c is a tangent of a flat picture, with z = -1.
-    on_plane: u32,
-    unit_from_view_z: vec3<f32>,
-    // 1 / smallest semi-axis, 1/m.
-    inverse_smallest: f32,
-    centre: vec3<f32>,
-    // Share of its light that is drawn as a disc.
-    part: f32,
-    // c in the body's axes.
-    unit_centre: vec3<f32>,
-    law: u32,
-    // Geometric albedo over pi.
-    reflectance: vec3<f32>,
-    limb_darkening: f32,
-    emission: vec3<f32>,
-    first_sun: u32,
-    sun_count: u32,
-    // First word of its texture; NO_TEXTURE without one.
-    texture: u32,
-    texture_size: vec2<u32>,
-    // Luminance of its rings over what they reflect, or the mean one of the disc by which its corona is measured.
-    around_light: vec3<f32>,
-    // One of AROUND_...
-    around: u32,
-    // Unit vector to its first sun, body's axes.
-    to_sun: vec3<f32>,
-    // Semi-axis along the pole over that of the equator.
-    flattening: f32,
-    // Unit vector to the middle, view axes.
-    towards: vec3<f32>,
-    // Chord beyond which no pixel shows anything of it or of what is around it.
-    reach: f32,
-}
+#import structs/ViewBody
 
 // Moves the eye to a position relative to the old one, view axes, m, for a body whose `centre` is a unit vector.
 fn seen_from(body: ViewBody, eye: vec3<f32>) -> ViewBody {

@@ -1,7 +1,7 @@
 // Kernel of `auto` for stars so bright that the B-spline would flicker visibly: along each axis a mixture of the
 // B-spline and a Gaussian of 0.757 pixels, sampled at the centres of seven pixels. Both keep the centroid and the
 // width. The share of the Gaussian grows with brightness, so there is no jump at the transition from the B-spline. The
-// f64 twin is `bright_kernel` in src/photometry/kernel.rs.
+// f64 twin is `bright_kernel` in crates/sky/src/photometry/kernel.rs.
 
 #import constants/kernels
 #import shared/projection

@@ -1,15 +1,7 @@
 // Light that is smooth from pixel to pixel: evaluated at a grid of points over a picture, and interpolated. The
 // importer binds `grid_points`.
 
-// The grid of a viewport.
-struct PointGrid {
-    // Index of its first point; the points lie row by row.
-    first: u32,
-    columns: u32,
-    rows: u32,
-    // Pixels from point to point; the first one lies on the picture's top left corner.
-    spacing: u32,
-}
+#import structs/PointGrid
 
 // Column of a picture's pixels that is being read.
 struct GridColumn {

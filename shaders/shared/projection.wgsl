@@ -1,4 +1,4 @@
-// Projections in f32, with the same functions and names as src/view/projection/ in f64.
+// Projections in f32, with the same functions and names as crates/render/src/view/projection/ in f64.
 
 #import constants/faces
 #import constants/projections

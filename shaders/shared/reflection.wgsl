@@ -1,4 +1,4 @@
-// Reflection laws of surfaces, also defined in src/photometry/reflection.rs.
+// Reflection laws of surfaces, also defined in crates/sky/src/photometry/reflection.rs.
 
 #import constants/reflection
 

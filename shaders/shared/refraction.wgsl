@@ -1,4 +1,4 @@
-// Refraction by the air around an eye: src/observer/refraction.rs.
+// Refraction by the air around an eye: crates/sky/src/observer/refraction.rs.
 
 #import constants/refraction
 #import shared/air_mass

@@ -1,17 +1,8 @@
 // Six round pictures of the sky, read in a direction. The pictures' axes are those of `world_from_face` in
-// src/sky_pictures.rs.
+// crates/sky/src/sky_pictures.rs.
 
 #import shared/math
-
-// Where the texels of pictures lie.
-struct SkyMap {
-    // Luminance of a texel's unit, cd/m^2.
-    unit_cd_m2: f32,
-    texels_per_rad: f32,
-    // Side of a picture, texels.
-    side: u32,
-    unused_0: u32,
-}
+#import structs/SkyMap
 
 // Position between four texels.
 struct TexelPlace {

@@ -1,5 +1,5 @@
 // Splatting a point of light into a tile, in fixed point: the kernels on the image plane, exact at every border of a
-// picture. The f64 twin is src/reference/stars.rs.
+// picture. The f64 twin is crates/render/src/reference/stars/splat.rs.
 
 #import accumulate = shared/accumulate_u32 | shared/accumulate_u64
 #import constants/kernels

@@ -1,6 +1,6 @@
 // sRGB transfer functions: powers as polynomials in roots, accurate to 4e-7. A root is one instruction on CPUs and
 // GPUs, while `pow` is a logarithm and an exponential. The polynomials are minimax fits around the middle of their
-// range, so that rounding does not add to their error. The f64 twin, with powers, is src/photometry/tone_map.rs.
+// range, so that rounding does not add to their error. The f64 twin, with powers, is crates/sky/src/photometry/tone_map.rs.
 
 fn srgb_from_linear(value: vec3<f32>) -> vec3<f32> {
     let x = clamp(value, vec3(0.0), vec3(1.0));

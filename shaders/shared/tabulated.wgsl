@@ -1,5 +1,5 @@
 // Tabulated projections: directions at the centres of pixels, and start points of the search for the pixel of a
-// direction. Tables are built, checked and described in src/view/projection/tabulated/, whose search.rs and nodes.rs do
+// direction. Tables are built, checked and described in crates/render/src/view/projection/tabulated/, whose search.rs and nodes.rs do
 // the same in f64.
 
 #import constants/tabulated

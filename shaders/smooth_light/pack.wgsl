@@ -3,15 +3,7 @@
 #import constants/pixel_grid
 #import shared/sky_texel
 #import shared/viewport
-
-struct PackParameters {
-    // Pixels of the batch: where B and the solid angles begin.
-    plane_pixels: u32,
-    side: u32,
-    // Index of the picture's first texel.
-    first_texel: u32,
-    units_per_cd_m2: f32,
-}
+#import structs/PackParameters
 
 @group(0) @binding(0) var<uniform> parameters: PackParameters;
 @group(0) @binding(1) var<storage, read> tiles: array<Tile>;

@@ -1,5 +1,5 @@
 // The procedural sky of "Rendering a Billion Stars?": one star per cell of a distorted cube grid, in several layers.
-// src/reference/cell_sky.rs is the same in f64 and explains it.
+// crates/render/src/reference/stars/cell_sky.rs is the same in f64 and explains it.
 
 #import constants/cell_sky
 #import shared/math

@@ -8,16 +8,7 @@
 #import shared/pixel_grid
 #import shared/projection
 #import shared/viewport
-
-struct LuminanceParameters {
-    // Pixels of the batch: where B and the solid angles begin.
-    plane_pixels: u32,
-    // cd/m^2 per unit of what the method left.
-    scale: f32,
-    // What the sources of luminance need.
-    source_0: u32,
-    source_1: u32,
-}
+#import structs/LuminanceParameters
 
 @group(0) @binding(0) var<uniform> parameters: LuminanceParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;

@@ -4,18 +4,7 @@
 #import shared/projection
 #import shared/viewport
 #import stars/cell_sky
-
-struct CellSkyParameters {
-    // Angle of a pixel in the middle of the view.
-    pixel_rad: f32,
-    radius_px: f32,
-    cells: u32,
-    layers: u32,
-    seed: u32,
-    unused_0: u32,
-    unused_1: u32,
-    unused_2: u32,
-}
+#import structs/CellSkyParameters
 
 @group(1) @binding(0) var<uniform> cell_sky: CellSkyParameters;
 

@@ -5,15 +5,7 @@
 #import shared/math
 #import stars/packed_splat
 #import stars/star
-
-struct PackedParameters {
-    // Stars fainter than this are not drawn, lx.
-    faintest_lx: f32,
-    item_count: u32,
-    // Workgroups per row of the dispatch.
-    items_per_row: u32,
-    unused_0: u32,
-}
+#import structs/PackedParameters
 
 @group(0) @binding(0) var<uniform> parameters: PackedParameters;
 @group(1) @binding(0) var<storage, read> stars: array<Star>;

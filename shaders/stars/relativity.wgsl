@@ -1,19 +1,9 @@
-// What a moving observer sees of a star: place, Doppler factor, temperature and light. Formulas: src/relativity.rs; the table
-// and its size: src/plan/travel.rs. Whoever includes this declares `colours`, the table: colour, and in w the logarithm of
+// What a moving observer sees of a star: place, Doppler factor, temperature and light. Formulas: crates/sky/src/relativity.rs; the table
+// and its size: crates/render/src/plan/stars/travel.rs. Whoever includes this declares `colours`, the table: colour, and in w the logarithm of
 // the luminance, one entry per temperature step. It starts at step 0; the steps below 0 stand at its end, in their order.
 
 #import constants/shifted_temperatures
-
-struct CameraMotion {
-    // Unit vector of the velocity, world axes.
-    direction: vec3<f32>,
-    // gamma; gamma * beta, which is 0 at rest; gamma * (1 - beta). All from f64.
-    gamma: f32,
-    gamma_beta: f32,
-    doppler_behind: f32,
-    unused_0: u32,
-    unused_1: u32,
-}
+#import structs/CameraMotion
 
 fn moves(camera_motion: CameraMotion) -> bool {
     return camera_motion.gamma_beta > 0.0;

@@ -1,7 +1,7 @@
 // The star pass: every star of every visible chunk, splatted in illuminance into all tiles that may see it.
 //
 // One workgroup takes one item: a run of stars of one chunk, and the set of tiles. The f64 twin is
-// src/reference/stars.rs.
+// crates/render/src/reference/stars/splat.rs.
 
 #import constants/counters
 #import constants/rec709
@@ -15,25 +15,7 @@
 #import shared/viewport
 #import stars/relativity
 #import stars/star
-
-struct StarParameters {
-    // Fixed-point units per lux.
-    units_per_lx: f32,
-    // Stars fainter than this are not drawn, lx.
-    faintest_lx: f32,
-    // Brighter stars are left to another pass of coarser unit, lx.
-    brightest_lx: f32,
-    item_count: u32,
-    // Workgroups per row of the dispatch.
-    items_per_row: u32,
-    unused_0: u32,
-    unused_1: u32,
-    unused_2: u32,
-    // How the camera moves.
-    camera_motion: CameraMotion,
-    // The air around it.
-    air: AirAbove,
-}
+#import structs/StarParameters
 
 @group(0) @binding(0) var<uniform> parameters: StarParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;

@@ -108,22 +108,16 @@ pub enum Axis {
     Scale,
 }
 
+named!(Axis {
+    Stars = "stars",
+    Glare = "glare",
+    Asteroids = "asteroids",
+    Projectors = "projectors",
+    Views = "views",
+    Scale = "scale",
+});
+
 impl Axis {
-    /// All axes.
-    pub const ALL: [Self; 6] = [Self::Stars, Self::Glare, Self::Asteroids, Self::Projectors, Self::Views, Self::Scale];
-
-    /// Name on the command line and in `chart.csv`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Stars => "stars",
-            Self::Glare => "glare",
-            Self::Asteroids => "asteroids",
-            Self::Projectors => "projectors",
-            Self::Views => "views",
-            Self::Scale => "scale",
-        }
-    }
-
     /// Returns the heading of the axis.
     pub fn title(self) -> &'static str {
         match self {
@@ -136,16 +130,13 @@ impl Axis {
         }
     }
 
-    /// Parses the name of an axis.
+    /// Parses a name.
     ///
     /// # Errors
-    /// The list of valid names, if the name is unknown.
-    pub fn from_name(name: &str) -> Result<Self, String> {
-        let valid = Self::ALL.map(Self::name).join(", ");
-        match Self::ALL.into_iter().find(|axis| axis.name() == name) {
-            Some(axis) => Ok(axis),
-            None => Err(format!("must be one of {valid}")),
-        }
+    ///
+    /// The name is unknown; the message lists the valid ones.
+    pub fn parse(name: &str) -> Result<Self, String> {
+        Self::from_name(name).ok_or_else(|| format!("must be one of {}", Self::ALL.map(Self::name).join(", ")))
     }
 }
 
@@ -317,12 +308,11 @@ mod tests {
     #[test]
     fn unknown_axis_is_refused_with_the_valid_names() {
         for axis in Axis::ALL {
-            assert_eq!(Axis::from_name(axis.name()), Ok(axis));
+            assert_eq!(Axis::parse(axis.name()), Ok(axis));
         }
-        assert!(
-            Axis::from_name("Stars")
-                .unwrap_err()
-                .contains("must be one of stars, glare, asteroids, projectors, views, scale")
+        assert_eq!(
+            Axis::parse("Stars").unwrap_err(),
+            "must be one of stars, glare, asteroids, projectors, views, scale"
         );
     }
 

@@ -48,22 +48,15 @@ pub enum ProjectorMetric {
     WidthVariation,
 }
 
+named!(ProjectorMetric {
+    LightRms = "light_rms",
+    LightLargest = "light_largest",
+    CentroidPx = "centroid_px",
+    WidthPx = "width_px",
+    WidthVariation = "width_variation",
+});
+
 impl ProjectorMetric {
-    /// Every metric, in the order of the chart.
-    pub const ALL: [Self; 5] =
-        [Self::LightRms, Self::LightLargest, Self::CentroidPx, Self::WidthPx, Self::WidthVariation];
-
-    /// Name in `chart.csv`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::LightRms => "light_rms",
-            Self::LightLargest => "light_largest",
-            Self::CentroidPx => "centroid_px",
-            Self::WidthPx => "width_px",
-            Self::WidthVariation => "width_variation",
-        }
-    }
-
     /// Describes the metric in one line.
     pub fn meaning(self) -> &'static str {
         match self {

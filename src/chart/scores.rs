@@ -58,45 +58,24 @@ pub enum Metric {
     Seam,
 }
 
+named!(Metric {
+    FluxTotal = "flux_total",
+    FluxStarRms = "flux_star_rms",
+    CentroidPx = "centroid_px",
+    FlickerK1 = "flicker_k1",
+    FlickerK10 = "flicker_k10",
+    FlickerK100 = "flicker_k100",
+    FlickerLinear = "flicker_linear",
+    EllipticityView45Deg = "ellipticity_view_45deg",
+    WidthVariation = "width_variation",
+    ColourUv = "colour_uv",
+    DynamicRange = "dynamic_range",
+    OrderBitsDiffer = "order_bits_differ",
+    Keeps20000Stars = "keeps_20000_stars",
+    Seam = "seam",
+});
+
 impl Metric {
-    /// Every metric, in the order of the chart.
-    pub const ALL: [Self; 14] = [
-        Self::FluxTotal,
-        Self::FluxStarRms,
-        Self::CentroidPx,
-        Self::FlickerK1,
-        Self::FlickerK10,
-        Self::FlickerK100,
-        Self::FlickerLinear,
-        Self::EllipticityView45Deg,
-        Self::WidthVariation,
-        Self::ColourUv,
-        Self::DynamicRange,
-        Self::OrderBitsDiffer,
-        Self::Keeps20000Stars,
-        Self::Seam,
-    ];
-
-    /// Name in `chart.csv`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::FluxTotal => "flux_total",
-            Self::FluxStarRms => "flux_star_rms",
-            Self::CentroidPx => "centroid_px",
-            Self::FlickerK1 => "flicker_k1",
-            Self::FlickerK10 => "flicker_k10",
-            Self::FlickerK100 => "flicker_k100",
-            Self::FlickerLinear => "flicker_linear",
-            Self::EllipticityView45Deg => "ellipticity_view_45deg",
-            Self::WidthVariation => "width_variation",
-            Self::ColourUv => "colour_uv",
-            Self::DynamicRange => "dynamic_range",
-            Self::OrderBitsDiffer => "order_bits_differ",
-            Self::Keeps20000Stars => "keeps_20000_stars",
-            Self::Seam => "seam",
-        }
-    }
-
     /// Describes the metric in one line.
     pub fn meaning(self) -> &'static str {
         match self {

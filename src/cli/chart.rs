@@ -31,7 +31,7 @@ pub struct ChartArguments {
     #[arg(long)]
     quick: bool,
     /// Chart only this axis: stars, glare, asteroids, views or scale. Default: all axes.
-    #[arg(long, value_name = "AXIS", value_parser = Axis::from_name)]
+    #[arg(long, value_name = "AXIS", value_parser = Axis::parse)]
     axis: Option<Axis>,
 }
 

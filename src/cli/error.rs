@@ -7,7 +7,7 @@ use crate::catalogue::galaxy::GalaxyError;
 use crate::catalogue::store::StoreError;
 use crate::chart::ChartError;
 use crate::config::ConfigError;
-use crate::gpu::GpuError;
+use crate::gpu::{GpuError, ShaderError};
 use crate::output::{OutputError, film::FilmError};
 use crate::photometry::glare::GlareKernelError;
 use crate::photometry::psf::PsfError;
@@ -16,7 +16,10 @@ use crate::service::{ClientError, ServeError};
 use crate::theatre::TheatreError;
 use crate::windows::WindowsError;
 use crate::xr::XrError;
-use crate::{plan::PlanError, render::RenderError};
+use crate::{
+    plan::PlanError,
+    render::{RenderError, SHADER_FOLDER_VARIABLE},
+};
 
 /// Exit code: a check or a job failed.
 pub const FAILED: u8 = 1;
@@ -69,6 +72,9 @@ pub enum CliError {
     /// No adapter can be used, or the device failed.
     #[error(transparent)]
     Gpu(#[from] GpuError),
+    /// The folder of shaders for development cannot be used.
+    #[error("{SHADER_FOLDER_VARIABLE}: {0}")]
+    Shaders(#[from] ShaderError),
     /// A frame cannot be rendered.
     #[error("{origin}: {source}")]
     Render {
@@ -195,7 +201,7 @@ impl CliError {
                 FilmError::NoFfmpeg { .. } => NO_ADAPTER,
                 _ => FAILED,
             },
-            CliError::Usage(_) | CliError::Config(_) | CliError::Galaxy(_) => BAD_USAGE,
+            CliError::Usage(_) | CliError::Config(_) | CliError::Galaxy(_) | CliError::Shaders(_) => BAD_USAGE,
             CliError::Load { source: LoadError::Galaxy { .. }, .. } => BAD_USAGE,
             CliError::Load { .. } | CliError::ReadStore(_) | CliError::Theatre(_) => BAD_DATA,
             CliError::ReadInput { .. } | CliError::ReadManifest { .. } | CliError::OtherInput { .. } => BAD_DATA,

@@ -1,9 +1,13 @@
 //! `info`: prints the adapter, its driver, the features and limits used, and the fallbacks in use.
 
 use clap::Args;
+use serde::Serialize;
 
 use super::{CliError, results};
-use crate::gpu::{Gpu, GpuOptions};
+use crate::{
+    gpu::{AdapterReport, Gpu, GpuOptions},
+    render::{SHADER_FOLDER_VARIABLE, checked_shader_folder},
+};
 
 /// Arguments of `info`.
 #[derive(Debug, Args)]
@@ -14,13 +18,27 @@ pub struct InfoArguments {
     json: bool,
 }
 
+/// The report as JSON.
+#[derive(Serialize)]
+struct Report<'a> {
+    #[serde(flatten)]
+    adapter: &'a AdapterReport,
+    /// Folder of the shaders, if they are not those built into the program.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shaders: Option<String>,
+}
+
 /// Runs the command.
 pub fn run(arguments: &InfoArguments, adapter: Option<String>) -> Result<(), CliError> {
     let gpu = Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?;
-    let report = gpu.report();
+    let report =
+        Report { adapter: gpu.report(), shaders: checked_shader_folder()?.map(|folder| folder.display().to_string()) };
     if arguments.json {
-        results::line(serde_json::to_string_pretty(report).map_err(CliError::Json)?)
-    } else {
-        results::line(report)
+        return results::line(serde_json::to_string_pretty(&report).map_err(CliError::Json)?);
+    }
+    results::line(report.adapter)?;
+    match report.shaders {
+        Some(folder) => results::line(format_args!("shaders    {folder} ({SHADER_FOLDER_VARIABLE})")),
+        None => Ok(()),
     }
 }

@@ -32,6 +32,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use clap::{Parser, Subcommand};
 pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
 
+use crate::render::{SHADER_FOLDER_VARIABLE, checked_shader_folder};
+
 /// Locks a mutex whose holders never panic, so that poisoned data is still consistent.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
@@ -107,6 +109,9 @@ pub enum Command {
 /// Runs a parsed command line.
 pub fn run(arguments: Cli) -> Result<(), CliError> {
     let _exporting = logging::start(arguments.log.as_deref())?;
+    if let Some(folder) = checked_shader_folder()? {
+        tracing::warn!("shaders are read from {} ({SHADER_FOLDER_VARIABLE})", folder.display());
+    }
     match arguments.command {
         Command::Render(command) => render::run(command, arguments.adapter),
         Command::Film(command) => film::run(command, arguments.adapter),

@@ -83,13 +83,11 @@ pub enum Role {
     Admin,
 }
 
+named!(Role { View = "view", Steer = "steer", Admin = "admin" });
+
 impl fmt::Display for Role {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::View => "view",
-            Self::Steer => "steer",
-            Self::Admin => "admin",
-        })
+        f.write_str(self.name())
     }
 }
 
@@ -97,9 +95,7 @@ impl FromStr for Role {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let all = [Self::View, Self::Steer, Self::Admin];
-        let found = all.into_iter().find(|role| role.to_string() == text);
-        found.ok_or_else(|| format!("`{text}` is no role: allowed are view, steer and admin"))
+        Self::from_name(text).ok_or_else(|| format!("`{text}` is no role: allowed are view, steer and admin"))
     }
 }
 

@@ -100,16 +100,11 @@ pub enum WindowFormat {
     Hdr,
 }
 
-impl WindowFormat {
-    /// Its name in configurations and messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Srgb8 => "srgb8",
-            Self::Rgb10 => "rgb10",
-            Self::Hdr => "hdr",
-        }
-    }
-}
+named!(WindowFormat {
+    Srgb8 = "srgb8",
+    Rgb10 = "rgb10",
+    Hdr = "hdr",
+});
 
 /// One window.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, JsonSchema)]

@@ -25,23 +25,20 @@ pub enum Encoding {
     Exr,
 }
 
+named!(Encoding {
+    Rgba8 = "RGBA8",
+    Png = "PNG",
+    Jpeg = "JPEG",
+    H264 = "H264",
+    Rgb32f = "RGB32F",
+    Exr = "EXR",
+});
+
 impl Encoding {
     /// Returns the buffers that the encoding needs.
     pub fn wanted(self) -> Wanted {
         let hdr = matches!(self, Encoding::Rgb32f | Encoding::Exr);
         Wanted { display: !hdr, hdr, ..Wanted::default() }
-    }
-
-    /// Name for messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Encoding::Rgba8 => "RGBA8",
-            Encoding::Png => "PNG",
-            Encoding::Jpeg => "JPEG",
-            Encoding::H264 => "H264",
-            Encoding::Rgb32f => "RGB32F",
-            Encoding::Exr => "EXR",
-        }
     }
 }
 

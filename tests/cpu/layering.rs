@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 /// Allowed imports: a module may import every module of the layers above its own, and within a layer only those
 /// listed in [`SIBLINGS`]. A new module must be added here, as far up as its imports permit.
 const LAYERS: &[&[&str]] = &[
+    &["names"],
     &["units", "polynomial", "solar_system", "coordinates", "sky_pictures", "files", "telemetry"],
     &["photometry", "picture_file"],
     &["ephemeris", "relativity"],
@@ -62,7 +63,7 @@ const TECHNIQUES: &[&str] =
 /// contain theirs.
 const KNOW_TECHNIQUES: &[&str] = &["sequence", "error", "pass_tests", "presentation_tests"];
 
-/// Stems of techniques in `src/render/` without a shader of the same path, with the reason.
+/// Stems of techniques in `crates/render/src/render/` without a shader of the same path, with the reason.
 const NO_SHADER: &[(&str, &str)] = &[
     ("stars/buffers", "holds buffers"),
     ("stars/catalogue_buffers", "holds buffers"),
@@ -79,7 +80,7 @@ const NO_SHADER: &[(&str, &str)] = &[
     ("display/variant", "code shared by the passes that make display values: shaders/display/encode.wgsl"),
 ];
 
-/// Stems of techniques without a twin of the same path in `src/reference/`, with the location of the twin or the
+/// Stems of techniques without a twin of the same path in `crates/render/src/reference/`, with the location of the twin or the
 /// reason for its absence.
 const NO_TWIN: &[(&str, &str)] = &[
     ("glare/sky_cube/objects", "reference/glare/sky_cube.rs: source by source"),
@@ -415,7 +416,7 @@ fn modules_import_in_one_direction_only() {
     assert!(report.is_empty(), "imports violate the order of LAYERS:\n{}", report.join("\n"));
 }
 
-/// Stems of the techniques' files: paths below `src/render/` without extension; `mod.rs` counts as its folder.
+/// Stems of the techniques' files: paths below `crates/render/src/render/` without extension; `mod.rs` counts as its folder.
 /// Layouts and tests are left out.
 fn stems(files: &[PathBuf]) -> Vec<String> {
     let mut stems: Vec<String> = files
@@ -442,7 +443,7 @@ fn without_counterpart(stems: &[String], others: &[String], excuses: &[(&str, &s
     };
     let excused = |stem: &str| excuses.iter().any(|(name, reason)| *name == stem && !reason.is_empty());
     let missing = stems.iter().filter(|stem| !has(stem) && !excused(stem));
-    let missing = missing.map(|stem| format!("src/render/{stem} has no counterpart in {kind} and no excuse"));
+    let missing = missing.map(|stem| format!("crates/render/src/render/{stem} has no counterpart in {kind} and no excuse"));
     let unneeded = excuses.iter().filter(|(name, _)| !stems.iter().any(|stem| stem == name) || has(name));
     missing.chain(unneeded.map(|(name, _)| format!("{name} needs no excuse for {kind}"))).collect()
 }
@@ -474,15 +475,15 @@ fn every_stem_of_render_has_a_shader_and_a_twin_or_an_excuse() {
     assert!(stems.iter().any(|stem| stem == "stars/splat"), "{stems:?}");
     let mut report = without_counterpart(&stems, &stems_below(&root.join("shaders"), "wgsl"), NO_SHADER, "shaders/");
     let twins = stems_below(&root.join("src/reference"), "rs");
-    report.extend(without_counterpart(&stems, &twins, NO_TWIN, "src/reference/"));
+    report.extend(without_counterpart(&stems, &twins, NO_TWIN, "crates/render/src/reference/"));
     assert!(report.is_empty(), "{}", report.join("\n"));
 }
 
 #[test]
 fn the_sequence_stays_short() {
-    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/render/sequence.rs"));
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/render/src/render/sequence.rs"));
     let lines = text.expect("the sequence can be read").lines().count();
-    assert!(lines < 100, "src/render/sequence.rs has {lines} lines");
+    assert!(lines < 100, "crates/render/src/render/sequence.rs has {lines} lines");
 }
 
 mod the_check_itself {

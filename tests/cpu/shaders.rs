@@ -1,6 +1,6 @@
-//! Every shader is valid in every combination of its choices, the structs shared by Rust and WGSL have the same
-//! layout, and shared constants are declared in Rust alone.
-#![allow(clippy::unwrap_used, reason = "a failed expectation in a helper is a failed test")]
+//! Every shader is valid in every combination of its choices. Structures that Rust and WGSL share have the same layout in both and are
+//! declared in Rust alone, as shared constants are.
+#![allow(clippy::unwrap_used, reason = "a failed expectation of a test's own helpers is a failed test")]
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use steradian::{
-    gpu::{ShaderSource, StructLayout},
+    gpu::{ShaderSource, StructField, StructLayout},
     render::{Shader, constant_tables, shaders, struct_layouts},
 };
 
@@ -56,6 +56,8 @@ fn an_invalid_shader_is_detected() {
 /// Layout of a WGSL struct: its size, and name and offset of every field.
 type WgslLayout = (usize, Vec<(String, usize)>);
 
+/// The layouts that naga computes for the structures in buffers.
+
 fn wgsl_layouts(module: &naga::Module) -> BTreeMap<String, WgslLayout> {
     // Structs in buffers, at any depth; other structs, including those in workgroup memory, stay inside a shader and
     // have no counterpart.
@@ -88,16 +90,16 @@ fn wgsl_layouts(module: &naga::Module) -> BTreeMap<String, WgslLayout> {
 /// Difference between the layouts of a Rust and a WGSL struct.
 fn difference(rust: &StructLayout, wgsl: &WgslLayout) -> Option<String> {
     let rust_fields: Vec<(String, usize)> =
-        rust.fields.iter().map(|(name, offset)| ((*name).to_owned(), *offset)).collect();
-    if rust.size != wgsl.0 {
-        return Some(format!("{}: {} bytes in Rust, {} in WGSL", rust.name, rust.size, wgsl.0));
+        rust.fields.iter().map(|field| (field.name.to_owned(), field.offset)).collect();
+    if rust_fields != wgsl.1 {
+        return Some(format!("{}: {rust_fields:?} in Rust, {:?} in WGSL", rust.name, wgsl.1));
     }
-    (rust_fields != wgsl.1).then(|| format!("{}: {rust_fields:?} in Rust, {:?} in WGSL", rust.name, wgsl.1))
+    (rust.size != wgsl.0).then(|| format!("{}: {} bytes in Rust, {} in WGSL", rust.name, rust.size, wgsl.0))
 }
 
 #[test]
-fn structs_have_the_same_fields_offsets_and_sizes() {
-    let mut seen = BTreeMap::new();
+fn structures_have_the_same_fields_offsets_and_sizes() {
+    let mut used = BTreeSet::new();
     for (shader, source) in sources() {
         for (name, wgsl) in wgsl_layouts(&parse(source.name, &source.text)) {
             if name == "Star" {
@@ -106,25 +108,64 @@ fn structs_have_the_same_fields_offsets_and_sizes() {
                 continue;
             }
             let rust = struct_layouts().into_iter().find(|rust| rust.name == name);
-            let rust = rust.unwrap_or_else(|| panic!("{shader}: struct {name} has no counterpart in Rust"));
+            let rust = rust.unwrap_or_else(|| panic!("{shader}: the structure {name} is not declared in Rust"));
             assert_eq!(difference(&rust, &wgsl), None, "{shader}");
-            seen.insert(name, ());
+            used.insert(name);
         }
     }
     for rust in struct_layouts() {
-        assert!(seen.contains_key(rust.name), "no shader has the struct {}", rust.name);
+        assert!(used.contains(rust.name), "no shader uses the structure {}", rust.name);
     }
 }
 
+/// The layout that naga computes for the generated WGSL of a structure without contained ones.
+fn generated_layout(rust: &StructLayout) -> WgslLayout {
+    let text = format!("{}@group(0) @binding(0) var<storage> variable: {};", rust.wgsl(), rust.name);
+    wgsl_layouts(&parse(rust.name, &text)).remove(rust.name).unwrap()
+}
+
 #[test]
-fn a_moved_field_and_a_wrong_size_are_detected() {
-    let rust = struct_layouts().into_iter().find(|rust| rust.name == "Tile").unwrap();
-    let right: Vec<(String, usize)> = rust.fields.iter().map(|(name, offset)| ((*name).to_owned(), *offset)).collect();
-    assert_eq!(difference(&rust, &(rust.size, right.clone())), None);
-    let mut swapped = right.clone();
-    swapped.swap(1, 2);
-    assert!(difference(&rust, &(rust.size, swapped)).is_some());
-    assert!(difference(&rust, &(rust.size + 16, right)).is_some());
+fn missing_padding_is_found() {
+    let layout = |fields: &[(&'static str, usize, &str)], size| {
+        let field = |&(name, offset, wgsl): &(&'static str, usize, &str)| StructField {
+            name,
+            offset,
+            wgsl: wgsl.to_owned(),
+            contained: None,
+        };
+        StructLayout { name: "Sample", size, fields: fields.iter().map(field).collect() }
+    };
+    let padded =
+        layout(&[("a", 0, "vec3<f32>"), ("unused_0", 12, "u32"), ("b", 16, "vec3<f32>"), ("c", 28, "f32")], 32);
+    assert_eq!(difference(&padded, &generated_layout(&padded)), None);
+    // In Rust the second vector follows the first one directly, in WGSL at a multiple of 16 bytes.
+    let inside = layout(&[("a", 0, "vec3<f32>"), ("b", 12, "vec3<f32>")], 24);
+    assert_eq!(
+        difference(&inside, &generated_layout(&inside)).unwrap(),
+        "Sample: [(\"a\", 0), (\"b\", 12)] in Rust, [(\"a\", 0), (\"b\", 16)] in WGSL"
+    );
+    // In WGSL the size is a multiple of 16 bytes.
+    let at_the_end = layout(&[("a", 0, "vec3<f32>"), ("b", 12, "f32"), ("c", 16, "f32")], 20);
+    assert_eq!(
+        difference(&at_the_end, &generated_layout(&at_the_end)).unwrap(),
+        "Sample: 20 bytes in Rust, 32 in WGSL"
+    );
+}
+
+/// Names of the structures that a file declares.
+fn declared_structs(wgsl: &str) -> impl Iterator<Item = &str> {
+    wgsl.lines().filter_map(|line| line.strip_prefix("struct ")?.split_whitespace().next())
+}
+
+#[test]
+fn shared_structures_are_declared_in_rust_alone() {
+    assert_eq!(declared_structs("// struct A {\nstruct B {\n}\nfn structs() {}").collect::<Vec<_>>(), ["B"]);
+    for (path, text) in files("shaders", "wgsl") {
+        for name in declared_structs(&text) {
+            let in_rust = struct_layouts().iter().any(|rust| rust.name == name);
+            assert!(!in_rust, "{}: `#import structs/{name}` instead of the declaration", path.display());
+        }
+    }
 }
 
 /// Files in a folder and its subfolders, by their paths from the crate's root.
@@ -186,7 +227,7 @@ fn no_constant_is_declared_in_both_wgsl_and_rust() {
         let twice = declared_twice(&constants(&text), &rust, OTHER_MEANING);
         assert!(
             twice.is_empty(),
-            "{}: {} exist in Rust too; share them in a table in src/gpu/constants.rs, or rename them",
+            "{}: {} exist in Rust too; share them in a table in crates/render/src/gpu/constants.rs, or rename them",
             path.display(),
             twice.join(", ")
         );
@@ -214,14 +255,15 @@ fn unused(stems: impl IntoIterator<Item = String>, sources: &[(Shader, ShaderSou
 }
 
 #[test]
-fn every_file_and_every_table_is_used_by_a_shader() {
+fn every_file_table_and_structure_is_part_of_a_shader() {
     let sources = sources();
     let stem =
         |path: &PathBuf| path.with_extension("").strip_prefix("shaders").unwrap().to_str().unwrap().replace('\\', "/");
     let stems: Vec<String> = files("shaders", "wgsl").keys().map(stem).collect();
     assert!(stems.len() > 50);
     let tables = constant_tables().into_iter().map(|table| format!("constants/{}", table.name));
-    assert_eq!(unused(stems.into_iter().chain(tables), &sources), [""; 0]);
+    let structs = struct_layouts().into_iter().map(|layout| format!("structs/{}", layout.name));
+    assert_eq!(unused(stems.into_iter().chain(tables).chain(structs), &sources), [""; 0]);
     assert_eq!(unused(["constants/none".to_owned()], &sources), ["constants/none"]);
 }
 

@@ -5,14 +5,15 @@ use std::process::{Command, Output, Stdio};
 
 const CSV: &str = "ra_deg,dec_deg,v_mag,parallax_mas\n10,20,3.0,100\n11,oops,3.0,\n12,22,4.0,\n";
 
+fn command(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_steradian"));
+    command.args(arguments).current_dir(folder).stdin(Stdio::null());
+    command.env_remove("STERADIAN_LOG").env_remove("STERADIAN_SHADERS");
+    command
+}
+
 fn steradian(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_steradian"))
-        .args(arguments)
-        .current_dir(folder)
-        .env_remove("STERADIAN_LOG")
-        .stdin(Stdio::null())
-        .output()
-        .unwrap()
+    command(folder, arguments).output().unwrap()
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -358,6 +359,70 @@ fn info_prints_the_adapter_as_text_and_json() {
     }
     let (out, err) = run(folder.path(), &["info", "--json", "--adapter", "no such adapter"], 69);
     assert!(out.is_empty() && err.contains("no such adapter"), "{err}");
+}
+
+/// Copies a folder with all files and subfolders.
+fn copy_folder(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        if entry.path().is_dir() {
+            copy_folder(&entry.path(), &target);
+        } else {
+            std::fs::copy(entry.path(), target).unwrap();
+        }
+    }
+}
+
+#[test]
+fn shaders_are_read_from_a_folder_in_development() {
+    let folder = tempfile::tempdir().unwrap();
+    let shaders = folder.path().join("shaders");
+    copy_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders"), &shaders);
+    std::fs::write(
+        folder.path().join("sky.toml"),
+        "[[views]]\nname = 'sky'\ntype = 'equirectangular'\nsize = [16, 8]\n\
+         [exposure]\nmode = 'manual'\nev100 = 0\n",
+    )
+    .unwrap();
+    let run = |arguments: &[&str]| {
+        let output = command(folder.path(), arguments).env("STERADIAN_SHADERS", "shaders").output().unwrap();
+        (output.status.code(), text(&output.stdout), text(&output.stderr))
+    };
+    let render = ["render", "--config", "sky.toml", "--out", "out"];
+
+    // Copies of the built-in files: the program uses them and says so.
+    let (code, out, err) = run(&["info"]);
+    assert_eq!(code, Some(0), "{err}");
+    assert!(out.contains("\nshaders    shaders (STERADIAN_SHADERS)\n"), "{out}");
+    assert!(err.contains("shaders are read from shaders (STERADIAN_SHADERS)"), "{err}");
+    let (_, out, _) = run(&["info", "--json"]);
+    assert_eq!(serde_json::from_str::<serde_json::Value>(&out).unwrap()["shaders"], "shaders");
+    let (code, _, err) = run(&render);
+    assert_eq!(code, Some(0), "{err}");
+
+    // An edit takes effect, and an error in it is reported.
+    let resolve = shaders.join("display/resolve.wgsl");
+    let valid = std::fs::read_to_string(&resolve).unwrap();
+    std::fs::write(&resolve, format!("{valid}\nfn edited() -> u32 {{ return unknown_name; }}\n")).unwrap();
+    let (code, _, err) = run(&render);
+    assert_eq!(code, Some(1), "{err}");
+    assert!(err.contains("unknown_name"), "{err}");
+
+    // Errors that need no adapter stop the program at its start.
+    for (edited, problem) in [
+        (Some(format!("#import shared/none\n{valid}")), "shaders/display/resolve.wgsl:1: `shared/none` is neither"),
+        (None, "shaders/display/resolve.wgsl is missing"),
+    ] {
+        match edited {
+            Some(text) => std::fs::write(&resolve, text).unwrap(),
+            None => std::fs::remove_file(&resolve).unwrap(),
+        }
+        let (code, out, err) = run(&["info"]);
+        assert_eq!(code, Some(64), "{err}");
+        assert!(out.is_empty() && err.contains("error: STERADIAN_SHADERS: ") && err.contains(problem), "{err}");
+    }
 }
 
 /// The daemon, killed on drop.

@@ -1,5 +1,6 @@
 //! Tests the documentation: the commands of README.md and of every page in `docs/` work as written, every example runs,
-//! every link leads to a file and a heading, and every named path exists. Measured figures: see `measured`.
+//! every link leads to a file and a heading, and every path that a page or a comment of `src/`, `crates/` or `shaders/` names exists.
+//! Measured figures: see `measured`.
 //!
 //! Commands are the lines of the fenced blocks marked `sh`. The commands of a page run one after the other by `sh`, in
 //! a folder with the repository's configurations and with the built program in PATH:
@@ -52,6 +53,13 @@ const NO_FILES: &[(&str, &str)] = &[
     ("timings.json", "written by `render`"),
     ("http", "an address"),
 ];
+
+/// Folders that paths start from.
+const ROOTS: [&str; 6] = ["", "src", "shaders", "crates/sky/src", "crates/render/src", "crates/testkit/src"];
+
+/// Folders of sources.
+const SOURCE_FOLDERS: [&str; 10] =
+    ["src", "crates", "shaders", "tests", "benches", "examples", "configs", "scripts", "proto", "python"];
 
 /// Timeout far above the time that a daemon needs to start or end.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -454,8 +462,8 @@ fn is_path(span: &str) -> bool {
     !code && span.chars().all(plain) && (folders || named.iter().any(|ending| span.ends_with(ending)))
 }
 
-/// Whether a path exists: from the root, below `src/`, or, without a folder, as the name of a source file or shader. A
-/// path without an extension may be a folder or a module. `*` matches any text in a name.
+/// Whether a path exists: from the root, below `src/`, `shaders/` or the sources of a crate, or, without a folder, as the name of a source
+/// file or shader. A path without an extension may be a folder or a module. `*` matches any text in a name.
 fn exists(path: &str, sources: &[PathBuf]) -> bool {
     let whole = |root: &str| {
         let path = repository().join(root).join(path);
@@ -469,41 +477,97 @@ fn exists(path: &str, sources: &[PathBuf]) -> bool {
     let by_name = || {
         sources.iter().any(|file| {
             let below = file.parent().unwrap().strip_prefix(repository()).unwrap();
-            let in_folder = folder.is_empty() || below == Path::new(folder) || below == Path::new("src").join(folder);
+            let in_folder =
+                folder.is_empty() || ROOTS.iter().any(|root| below == Path::new(root).join(folder));
             in_folder && matches(name, file.file_name().unwrap().to_str().unwrap())
         })
     };
-    whole("") || whole("src") || by_name()
+    ROOTS.into_iter().any(whole) || by_name()
+}
+
+/// The files that [`exists`] knows by name.
+fn sources() -> Vec<PathBuf> {
+    let mut sources = Vec::new();
+    for folder in SOURCE_FOLDERS {
+        files_below(&repository().join(folder), &mut sources);
+    }
+    sources
 }
 
 /// Returns the paths that a document names and that do not exist.
-fn missing_paths(document: &str) -> Vec<String> {
-    let mut sources = Vec::new();
-    for folder in ["src", "shaders", "tests", "benches", "examples", "configs", "scripts", "proto", "python"] {
-        files_below(&repository().join(folder), &mut sources);
-    }
+fn missing_paths(document: &str, sources: &[PathBuf]) -> Vec<String> {
     let excused = |path: &String| NO_FILES.iter().any(|(beginning, _)| path.starts_with(beginning));
     let spans = code_spans(document).into_iter().filter(|span| is_path(span)).filter(|span| !excused(span));
-    spans.flat_map(|span| expanded(&span)).filter(|path| !exists(path, &sources)).collect()
+    spans.flat_map(|span| expanded(&span)).filter(|path| !exists(path, sources)).collect()
+}
+
+/// Paths of files in the comments of a Rust or WGSL file: words that begin with a folder of sources or end as the name of a source file.
+/// Comments after code on the same line are left out.
+fn paths_in_comments(source: &str) -> Vec<String> {
+    let separates = |c: char| c.is_whitespace() || "()[];:\"`|".contains(c);
+    let comments = source.lines().filter_map(|line| line.trim_start().strip_prefix("//"));
+    let words = comments.flat_map(|comment| comment.trim_start_matches(['/', '!']).split(separates));
+    // A list in braces is one word, so commas end words only at their ends.
+    let words = words.map(|word| word.trim_end_matches([',', '.']).trim_end_matches("'s"));
+    let in_folder = |word: &str| SOURCE_FOLDERS.iter().any(|folder| word.starts_with(&format!("{folder}/")));
+    let of_source =
+        |word: &str| [".rs", ".wgsl"].iter().any(|ending| word.len() > ending.len() && word.ends_with(ending));
+    let is_template = |word: &str| word.contains('{') && !word.contains(',');
+    let paths = words.filter(|word| is_path(word) && !is_template(word) && (in_folder(word) || of_source(word)));
+    paths.flat_map(expanded).collect()
 }
 
 #[test]
-fn named_paths_exist() {
+fn paths_in_comments_exist() {
+    let sources = sources();
+    let mut files = Vec::new();
+    for folder in ["src", "crates", "shaders"] {
+        files_below(&repository().join(folder), &mut files);
+    }
+    let mut problems = Vec::new();
+    let mut count = 0;
+    for file in files {
+        let paths = paths_in_comments(&fs::read_to_string(&file).unwrap());
+        count += paths.len();
+        let missing = paths.into_iter().filter(|path| !exists(path, &sources));
+        problems.extend(missing.map(|path| format!("{}: {path}", file.display())));
+    }
+    assert!(problems.is_empty(), "paths that do not exist:\n{}", problems.join("\n"));
+    assert!(count > 100, "only {count} paths were found");
+}
+
+#[test]
+fn paths_are_found_in_comments_alone() {
+    let source = "//! Twin: crates/render/src/plan/none.rs. See `shaders/none/{a,b}.wgsl`,\n    // tiles.rs's and (plan/none.rs); x / y and a/b\n\
+                  let path = \"src/other.rs\"; // src/after_code.rs\n/// `shaders/{name}.wgsl`, .wgsl";
+    let paths = paths_in_comments(source);
+    let expected = ["crates/render/src/plan/none.rs", "shaders/none/a.wgsl", "shaders/none/b.wgsl", "tiles.rs", "plan/none.rs"];
+    assert_eq!(paths, expected);
+    let sources = sources();
+    let existing: Vec<_> = paths.iter().filter(|path| exists(path, &sources)).collect();
+    assert_eq!(existing, ["tiles.rs"]);
+}
+
+#[test]
+fn paths_that_documents_name_exist() {
+    let sources = sources();
     let mut problems = Vec::new();
     for document in documents().into_iter().chain(["CONTRIBUTING.md".to_owned()]) {
-        problems.extend(missing_paths(&read(&document)).into_iter().map(|path| format!("{document}: {path}")));
+        problems
+            .extend(missing_paths(&read(&document), &sources).into_iter().map(|path| format!("{document}: {path}")));
     }
     assert!(problems.is_empty(), "paths that do not exist:\n{}", problems.join("\n"));
 }
 
 #[test]
 fn missing_paths_are_detected() {
-    let good = "`src/plan/mod.rs` `plan/` `plan/tiles.rs` `tiles.rs` `src/plan/{limits,tiles}.rs` `plan/tiles` `crates/testkit/src/`\n\
+    let good = "`crates/render/src/plan/mod.rs` `plan/` `plan/tiles.rs` `tiles.rs` `crates/render/src/plan/{limits,tiles}.rs` `plan/tiles` `crates/testkit/src/`\n\
                 ```\n`src/none.rs`\n```\n`SceneService/UpdateScene` `out/dome.png` `a.b` `L = E / A` `--set a.b=c`\n";
-    assert_eq!(missing_paths(good), Vec::<String>::new());
+    let sources = sources();
+    assert_eq!(missing_paths(good, &sources), Vec::<String>::new());
     for wrong in
-        ["src/none.rs", "plan/none.rs", "none.wgsl", "passes/none/", "src/plan/{tiles,none}.rs", "nowhere/at/all"]
+        ["src/none.rs", "plan/none.rs", "none.wgsl", "passes/none/", "crates/render/src/plan/{tiles,none}.rs", "nowhere/at/all"]
     {
-        assert_eq!(missing_paths(&format!("text `{wrong}` text")).len(), 1, "`{wrong}` passed");
+        assert_eq!(missing_paths(&format!("text `{wrong}` text"), &sources).len(), 1, "`{wrong}` passed");
     }
 }

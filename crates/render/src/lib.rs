@@ -3,6 +3,9 @@
 //! For programs that draw. Data flows in one direction: [`scene`] and [`view`] are planned by [`plan`] on the CPU, drawn by [`render`] on an
 //! adapter ([`gpu`]), compared with [`reference`](mod@reference), and judged by [`metrics`]. Distances are in metres, angles in radians, luminance in cd/m².
 
+#[macro_use(named)]
+extern crate steradian_sky;
+
 pub use glam;
 
 // Modules of `steradian-sky`, so that `crate::photometry` names the same module in all crates.

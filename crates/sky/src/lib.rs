@@ -13,6 +13,9 @@
 
 pub use glam;
 
+#[macro_use]
+mod names;
+
 pub mod coordinates;
 #[doc(hidden)]
 pub mod files;

@@ -40,47 +40,25 @@ pub enum SolarBody {
     Titan,
 }
 
+named!(SolarBody {
+    Sun = "sun",
+    Mercury = "mercury",
+    Venus = "venus",
+    Earth = "earth",
+    Moon = "moon",
+    Mars = "mars",
+    Jupiter = "jupiter",
+    Saturn = "saturn",
+    Uranus = "uranus",
+    Neptune = "neptune",
+    Io = "io",
+    Europa = "europa",
+    Ganymede = "ganymede",
+    Callisto = "callisto",
+    Titan = "titan",
+});
+
 impl SolarBody {
-    /// All bodies.
-    pub const ALL: [Self; 15] = [
-        Self::Sun,
-        Self::Mercury,
-        Self::Venus,
-        Self::Earth,
-        Self::Moon,
-        Self::Mars,
-        Self::Jupiter,
-        Self::Saturn,
-        Self::Uranus,
-        Self::Neptune,
-        Self::Io,
-        Self::Europa,
-        Self::Ganymede,
-        Self::Callisto,
-        Self::Titan,
-    ];
-
-    /// Name in configurations.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Sun => "sun",
-            Self::Mercury => "mercury",
-            Self::Venus => "venus",
-            Self::Earth => "earth",
-            Self::Moon => "moon",
-            Self::Mars => "mars",
-            Self::Jupiter => "jupiter",
-            Self::Saturn => "saturn",
-            Self::Uranus => "uranus",
-            Self::Neptune => "neptune",
-            Self::Io => "io",
-            Self::Europa => "europa",
-            Self::Ganymede => "ganymede",
-            Self::Callisto => "callisto",
-            Self::Titan => "titan",
-        }
-    }
-
     /// The planet that the moon orbits; `None` for the Sun and the planets.
     pub fn planet(self) -> Option<Self> {
         match self {
@@ -89,11 +67,6 @@ impl SolarBody {
             Self::Titan => Some(Self::Saturn),
             _ => None,
         }
-    }
-
-    /// The body with a name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|body| body.name() == name)
     }
 }
 

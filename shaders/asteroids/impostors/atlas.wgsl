@@ -3,16 +3,9 @@
 // Lengths are in bounding radii of the asteroid: mean radius times the bound of its shape. A tile is T texels wide with
 // an empty border of one texel, so the bounding sphere spans T - 2.
 
-override METHOD: u32;
+#import structs/ImpostorAtlas
 
-struct ImpostorAtlas {
-    // Tiles along a side, texels along a side of a tile, mip levels.
-    tiles: u32,
-    tile_px: u32,
-    levels: u32,
-    // Factor on the albedo that the atlas stores as 1.
-    albedo_scale: f32,
-}
+override METHOD: u32;
 
 @group(1) @binding(0) var<uniform> atlas: ImpostorAtlas;
 // Bounds of the shapes, mean radii.

@@ -4,14 +4,7 @@
 // scale, and depth, 16 bits each. Both are 0 if no sample is covered.
 
 #import constants/workgroups
-
-struct ImpostorFilterParameters {
-    // Texels along the side of the block, samples along the side of a texel.
-    side: u32,
-    samples: u32,
-    unused_0: u32,
-    unused_1: u32,
-}
+#import structs/ImpostorFilterParameters
 
 @group(0) @binding(0) var<uniform> parameters: ImpostorFilterParameters;
 @group(0) @binding(1) var normals: texture_2d<f32>;

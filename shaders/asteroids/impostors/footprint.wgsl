@@ -10,18 +10,7 @@
 #import asteroids/impostors/surface
 #import asteroids/listed
 #import constants/asteroid_classes
-
-struct SplatTarget {
-    band: SplatBand,
-    // First word of the list's arguments: workgroups along x, y and z, number of entries, first entry.
-    arguments: u32,
-    // 0: the greatest depth of every sample is found; 1: whose it is; 2: samples are lit.
-    stage: u32,
-    // Factor on distances of detail.
-    quality: f32,
-    // Greatest error of the direction of the nearest tile, rad.
-    tile_error_rad: f32,
-}
+#import structs/SplatTarget
 
 @group(2) @binding(0) var<uniform> splat: SplatTarget;
 

@@ -2,31 +2,8 @@
 // for flat pictures only.
 
 #import shared/viewport
-
-struct GivenTarget {
-    viewport: Viewport,
-    // Distance of depth 1 along the axis, m.
-    near: f32,
-    unused_0: u32,
-    unused_1: u32,
-    unused_2: u32,
-}
-
-struct GivenAsteroid {
-    centre: vec3<f32>,
-    radius: f32,
-    // Columns of the rotation from the shape's axes to those of the view.
-    view_from_shape_x: vec3<f32>,
-    shape: u32,
-    view_from_shape_y: vec3<f32>,
-    law: u32,
-    view_from_shape_z: vec3<f32>,
-    unused_0: u32,
-    sun: vec3<f32>,
-    unused_1: u32,
-    luminance: vec3<f32>,
-    unused_2: u32,
-}
+#import structs/GivenAsteroid
+#import structs/GivenTarget
 
 @group(0) @binding(0) var<uniform> given_target: GivenTarget;
 @group(0) @binding(1) var<storage, read> given: array<GivenAsteroid>;

@@ -1,15 +1,7 @@
 // Band of samples that impostors are splatted onto at once.
 
 #import constants/impostors
-
-struct SplatBand {
-    // Samples in a row, the first row of the target, and their number.
-    width: u32,
-    first_row: u32,
-    rows: u32,
-    // Blocks of samples in a row of them.
-    blocks: u32,
-}
+#import structs/SplatBand
 
 // Index of a sample. Samples are stored in blocks of 8 x 8, so that neighbours in both directions are close in memory.
 fn place_in_blocks(position: vec2<u32>, blocks: u32) -> u32 {

@@ -1,4 +1,4 @@
-// Tiles of an atlas that show an asteroid: src/plan/asteroids/tiles in f32.
+// Tiles of an atlas that show an asteroid: crates/render/src/plan/asteroids/tiles in f32.
 
 #import asteroids/impostors/atlas
 #import shared/math

@@ -5,17 +5,7 @@
 #import constants/workgroups
 #import glare/pyramid/scale
 #import shared/viewport
-
-struct GlareBaseParameters {
-    upper: Tile,
-    // The tile that goes on below, or the same again.
-    lower: Tile,
-    // Pixels of the batches of both: where B and the solid angles begin.
-    upper_plane_pixels: u32,
-    lower_plane_pixels: u32,
-    unused_0: u32,
-    unused_1: u32,
-}
+#import structs/GlareBaseParameters
 
 @group(0) @binding(0) var<uniform> parameters: GlareBaseParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;

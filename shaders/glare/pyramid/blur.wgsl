@@ -6,19 +6,7 @@
 #import glare/pyramid/scale
 #import shared/viewport
 #import taps = glare/pyramid/taps_screen | glare/pyramid/taps_view
-
-struct GlareBlurParameters {
-    // Weights of the taps: the middle one, and those on either side.
-    weights: vec4<f32>,
-    // Cosines and sines of the taps' angles, for axes in view space.
-    cosines: vec4<f32>,
-    sines: vec4<f32>,
-    viewport: u32,
-    // 0 or 1: the first axis or the second.
-    axis: u32,
-    unused_0: u32,
-    unused_1: u32,
-}
+#import structs/GlareBlurParameters
 
 @group(0) @binding(0) var<uniform> parameters: GlareBlurParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;

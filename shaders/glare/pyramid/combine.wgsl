@@ -3,14 +3,7 @@
 
 #import constants/workgroups
 #import glare/pyramid/scale
-
-struct GlareCombineParameters {
-    // Weight of level 0, and of every level relative to the one before.
-    first_weight: f32,
-    ratio: f32,
-    levels: u32,
-    unused_0: u32,
-}
+#import structs/GlareCombineParameters
 
 @group(0) @binding(0) var<uniform> parameters: GlareCombineParameters;
 @group(0) @binding(1) var levels: texture_2d<f32>;

@@ -4,14 +4,7 @@
 #import constants/pixel_grid
 #import shared/pixel_grid
 #import shared/viewport
-
-struct GlareMaximumParameters {
-    // Pixels of the batch: where B and the solid angles begin.
-    plane_pixels: u32,
-    unused_0: u32,
-    unused_1: u32,
-    unused_2: u32,
-}
+#import structs/GlareMaximumParameters
 
 @group(0) @binding(0) var<uniform> parameters: GlareMaximumParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;

@@ -1,37 +1,14 @@
 // Computes a level of the glare map: for each of its points, the light scattered towards it by the cells of the sky
 // within reach of the level's kernel, plus the light of coarser levels. Points are at the centres of cells, and in a
-// rim of two more points around each face. Its input is described in src/plan/glare/sky_cube.
+// rim of two more points around each face. Its input is described in crates/render/src/plan/glare/sky_cube.
 
 #import constants/glare_map
 #import constants/workgroups
 #import glare/sky_cube/cells
 #import shared/math
 #import shared/projection
-
-struct GlareCell {
-    // Unit vector to the middle of the cell's light.
-    direction: vec3<f32>,
-    unused_0: f32,
-    // Linear Rec. 709, lx.
-    light: vec3<f32>,
-    unused_1: f32,
-}
-
-struct GlareLevelParameters {
-    // Cells along an edge of a face.
-    edge_cells: u32,
-    // The same of the next coarser level; 0 if there is none.
-    coarser_cells: u32,
-    // Square of the chord at which the kernel ends, and the sine of that angle; 2 if it reaches everything.
-    end_squared: f32,
-    end_sine: f32,
-    // Entries of the table per unit of a chord's square.
-    entries: f32,
-    // 1 over the square of the radius of bumps; 0: there are none.
-    bump_inverse: f32,
-    unused_0: u32,
-    unused_1: u32,
-}
+#import structs/GlareCell
+#import structs/GlareLevelParameters
 
 @group(0) @binding(0) var<uniform> parameters: GlareLevelParameters;
 @group(0) @binding(1) var<storage, read> cells: array<GlareCell>;

@@ -2,15 +2,7 @@
 // neighbour along either axis. The rim shrinks by one point.
 
 #import constants/workgroups
-
-struct GlareSharpenParameters {
-    // Cells along an edge of a face.
-    edge_cells: u32,
-    // Where the result begins.
-    first_point: u32,
-    unused_0: u32,
-    unused_1: u32,
-}
+#import structs/GlareSharpenParameters
 
 @group(0) @binding(0) var<uniform> parameters: GlareSharpenParameters;
 @group(0) @binding(1) var<storage, read> scattered: array<vec4<f32>>;

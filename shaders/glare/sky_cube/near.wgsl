@@ -4,19 +4,7 @@
 #import glare/light8
 #import glare/sky_cube/kernel
 #import glare/sky_cube/sprites
-
-// A source that every eye sees elsewhere.
-struct GlareNear {
-    // Unit vector, world axes.
-    direction: vec3<f32>,
-    // Chord within which the parts of it are to be taken in its place; without parts the square of the chord by which its kernel is
-    // softened.
-    reach: f32,
-    // Linear Rec. 709, lx.
-    light: vec3<f32>,
-    // So many parts follow. Of an extended source IS_EXTENDED, and in the low 16 bits the share of its light that its softened kernel leaves out.
-    parts: u32,
-}
+#import structs/GlareNear
 
 // Adds the light that the eye's own sources scatter towards eight pixels of a column.
 fn add_near(light: ptr<function, Light8>, view: GlareView, directions: array<Directions4, 2>) {

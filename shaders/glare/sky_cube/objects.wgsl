@@ -8,14 +8,7 @@
 #import glare/sky_cube/columns
 #import glare/sky_cube/near
 #import shared/viewport
-
-struct ObjectGlareParameters {
-    // Share of the light that is scattered.
-    fraction: f32,
-    unused_0: u32,
-    unused_1: u32,
-    unused_2: u32,
-}
+#import structs/ObjectGlareParameters
 
 @group(0) @binding(0) var<uniform> parameters: ObjectGlareParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;

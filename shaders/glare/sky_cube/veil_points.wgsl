@@ -8,14 +8,7 @@
 #import shared/projection
 #import shared/point_grid
 #import shared/viewport
-
-struct VeilParameters {
-    // Share of the light that is scattered.
-    fraction: f32,
-    unused_0: u32,
-    unused_1: u32,
-    unused_2: u32,
-}
+#import structs/VeilParameters
 
 @group(0) @binding(0) var<uniform> parameters: VeilParameters;
 @group(0) @binding(1) var<uniform> sky: SkyCubeParameters;

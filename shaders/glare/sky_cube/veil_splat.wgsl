@@ -10,22 +10,7 @@
 #import shared/projection
 #import shared/splat
 #import shared/viewport
-
-struct VeilSplatParameters {
-    // Fixed-point units per lux of scattered light, times the share that is scattered.
-    units_per_lx: f32,
-    // Brightness of the sources that belong into these sums, lx.
-    faintest_lx: f32,
-    brightest_lx: f32,
-    first: u32,
-    count: u32,
-    // Sources per row of the dispatch.
-    per_row: u32,
-    // The viewport that sees these sources, or EVERY_VIEWPORT.
-    viewport: u32,
-    // Invocations that share a source.
-    shared_by: u32,
-}
+#import structs/VeilSplatParameters
 
 @group(0) @binding(0) var<uniform> parameters: VeilSplatParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;

@@ -38,21 +38,15 @@ pub enum AsteroidMetric {
     Light,
 }
 
+named!(AsteroidMetric {
+    SilhouetteIou = "silhouette_iou",
+    OutlinePx = "outline_px",
+    NormalDeg = "normal_error_deg",
+    DisparityPx = "disparity_px",
+    Light = "light_rms",
+});
+
 impl AsteroidMetric {
-    /// Every metric, in the order of the chart.
-    pub const ALL: [Self; 5] = [Self::SilhouetteIou, Self::OutlinePx, Self::NormalDeg, Self::DisparityPx, Self::Light];
-
-    /// Name in `chart.csv`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::SilhouetteIou => "silhouette_iou",
-            Self::OutlinePx => "outline_px",
-            Self::NormalDeg => "normal_error_deg",
-            Self::DisparityPx => "disparity_px",
-            Self::Light => "light_rms",
-        }
-    }
-
     /// Describes the metric in one line.
     pub fn meaning(self) -> &'static str {
         match self {

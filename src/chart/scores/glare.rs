@@ -38,24 +38,17 @@ pub enum GlareMetric {
     FluxKept,
 }
 
+named!(GlareMetric {
+    VeilRms = "veil_rms",
+    VeilLargest = "veil_largest",
+    Roundness = "veil_roundness",
+    Slope = "veil_slope",
+    FromOutside = "veil_from_outside",
+    Seam = "veil_seam",
+    FluxKept = "veil_flux_kept",
+});
+
 impl GlareMetric {
-    /// Every metric, in the order of the chart.
-    pub const ALL: [Self; 7] =
-        [Self::VeilRms, Self::VeilLargest, Self::Roundness, Self::Slope, Self::FromOutside, Self::Seam, Self::FluxKept];
-
-    /// Name in `chart.csv`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::VeilRms => "veil_rms",
-            Self::VeilLargest => "veil_largest",
-            Self::Roundness => "veil_roundness",
-            Self::Slope => "veil_slope",
-            Self::FromOutside => "veil_from_outside",
-            Self::Seam => "veil_seam",
-            Self::FluxKept => "veil_flux_kept",
-        }
-    }
-
     /// Describes the metric in one line.
     pub fn meaning(self) -> &'static str {
         match self {

@@ -26,17 +26,14 @@ pub enum FilmFormat {
     Exr32,
 }
 
-impl FilmFormat {
-    /// Name in arguments and messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Png8 => "png8",
-            Self::Png16 => "png16",
-            Self::Exr16 => "exr16",
-            Self::Exr32 => "exr32",
-        }
-    }
+named!(FilmFormat {
+    Png8 = "png8",
+    Png16 = "png16",
+    Exr16 = "exr16",
+    Exr32 = "exr32",
+});
 
+impl FilmFormat {
     /// Extension of file names.
     pub fn extension(self) -> &'static str {
         match self {

@@ -1,7 +1,7 @@
-//! Adopting a Vulkan device that somebody else has made, as an OpenXR runtime does, and images that it hands out.
+//! Wraps a Vulkan device that an OpenXR runtime created, and images of its swapchains.
 //!
-//! The only place of this module where code is not checked by the compiler: each block says why it holds.
-#![expect(unsafe_code, reason = "handles of Vulkan come from the runtime of a headset")]
+//! The only file of this module with unsafe code: each block says why it is sound.
+#![expect(unsafe_code, reason = "the runtime of a headset supplies handles of Vulkan")]
 
 use std::ffi::CStr;
 
@@ -10,27 +10,24 @@ use wgpu::hal::{self, api::Vulkan};
 
 use super::{Gpu, GpuError, GpuOptions, device::Selection};
 
-/// Newest version of Vulkan that is asked for: the one that wgpu asks for itself.
+/// Newest version of Vulkan that is requested: the one that wgpu itself requests.
 pub const NEWEST_API_VERSION: u32 = vk::API_VERSION_1_3;
 
-/// Makes the instance and the device of Vulkan.
+/// Creates the instance and the device of Vulkan.
 ///
 /// # Safety
 ///
-/// What the calls return must be made from what they were given: the instance through the loader's function and with at
-/// least the extensions of its information, the physical device of that instance, and the device of that physical
-/// device with at least the extensions, features and queues of its information. Nobody else may destroy them.
+/// The methods must create their results from their arguments: the instance with the loader's function and at least the extensions in
+/// `info`, the physical device from that instance, and the device from that physical device with at least the extensions, features and
+/// queues in `info`. No other code may destroy them.
 pub unsafe trait DeviceMaker {
-    /// Why something could not be made.
     type Error: From<GpuError>;
 
-    /// Makes the instance.
     fn instance(&self, loader: &ash::Entry, info: &vk::InstanceCreateInfo<'_>) -> Result<vk::Instance, Self::Error>;
 
     /// Chooses the physical device.
     fn physical_device(&self, instance: vk::Instance) -> Result<vk::PhysicalDevice, Self::Error>;
 
-    /// Makes the device.
     fn device(
         &self,
         loader: &ash::Entry,
@@ -39,7 +36,7 @@ pub unsafe trait DeviceMaker {
     ) -> Result<vk::Device, Self::Error>;
 }
 
-/// Raw handles of an adopted device, for those who made it. They are valid as long as the [`Gpu`] is.
+/// Raw handles of an adopted device, for the code that created it. They are valid as long as the [`Gpu`] exists.
 #[derive(Clone, Copy, Debug)]
 pub struct VulkanHandles {
     pub instance: u64,
@@ -49,23 +46,23 @@ pub struct VulkanHandles {
     pub queue_index: u32,
 }
 
-fn refused(what: &str, error: impl std::fmt::Display) -> GpuError {
-    GpuError::Adopt(format!("{what}: {error}"))
+fn refused(part: &str, error: impl std::fmt::Display) -> GpuError {
+    GpuError::Adopt(format!("{part}: {error}"))
 }
 
 impl Gpu {
-    /// Opens the device that `maker` makes.
+    /// Opens the device that `maker` creates.
     ///
     /// # Errors
     ///
-    /// What `maker` says, or that the device cannot be used.
+    /// `maker` fails, or the device cannot be used.
     pub fn adopt<M: DeviceMaker>(maker: &M, options: &GpuOptions) -> Result<(Self, VulkanHandles), M::Error> {
-        // SAFETY: the loader is the system's Vulkan library, which keeps to Vulkan's interface.
+        // SAFETY: the loader is the system's Vulkan library, which implements Vulkan's interface.
         let loader = unsafe { ash::Entry::load() }.map_err(|error| refused("no Vulkan loader", error))?;
         // SAFETY: the loader was loaded just now.
         let available = unsafe { loader.try_enumerate_instance_version() };
         let available = available.map_err(|error| refused("Vulkan's version", error))?.unwrap_or(vk::API_VERSION_1_0);
-        // Not lowered to what the maker was tested with: wgpu uses all that a device of this version has.
+        // Not limited to the version that the runtime was tested with: wgpu uses all functions of the version of the device.
         let version = available.min(NEWEST_API_VERSION);
         let flags = wgpu::InstanceFlags::empty();
         let extensions = hal::vulkan::Instance::desired_extensions(&loader, version, flags)
@@ -75,10 +72,10 @@ impl Gpu {
         let application = vk::ApplicationInfo::default().application_name(c"steradian").api_version(version);
         let info = vk::InstanceCreateInfo::default().application_info(&application).enabled_extension_names(&names);
         let raw_instance = maker.instance(&loader, &info)?;
-        // SAFETY: the maker has made it through this loader.
+        // SAFETY: the maker created it with this loader.
         let instance = unsafe { ash::Instance::load(loader.static_fn(), raw_instance) };
-        // SAFETY: made from `loader` with this version and these extensions; without a callback it is destroyed with the
-        // last that uses it, and by nobody else.
+        // SAFETY: created from `loader` with this version and these extensions. Without a callback wgpu destroys it after its last use,
+        // and no other code does.
         let hal_instance = unsafe {
             hal::vulkan::Instance::from_raw(
                 loader.clone(),
@@ -98,22 +95,24 @@ impl Gpu {
         let physical_device = maker.physical_device(raw_instance)?;
         let exposed = hal_instance
             .expose_adapter(physical_device)
-            .ok_or_else(|| GpuError::Adopt("the adapter of the headset does not do what is needed".to_owned()))?;
-        // SAFETY: the adapter was exposed by this instance, which is a valid one.
+            .ok_or_else(|| GpuError::Adopt("the adapter of the headset lacks required features".to_owned()))?;
+        // SAFETY: this instance, which is valid, exposed the adapter.
         let adapter =
             unsafe { wgpu::Instance::from_hal::<Vulkan>(hal_instance).create_adapter_from_hal::<Vulkan>(exposed) };
-        let selection = Selection::of(&adapter, options);
+        let selection = Selection::new(&adapter, options);
         let descriptor = selection.descriptor();
 
-        // SAFETY: the physical device is one of this instance.
+        // SAFETY: the physical device belongs to this instance.
         let families = unsafe { instance.get_physical_device_queue_family_properties(physical_device) };
         let draws = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
         let family = families.iter().position(|family| family.queue_flags.contains(draws));
-        let family = family.ok_or_else(|| GpuError::Adopt("the adapter has no queue that draws".to_owned()))? as u32;
+        let family = family
+            .ok_or_else(|| GpuError::Adopt("the adapter has no queue for graphics and compute".to_owned()))?
+            as u32;
         let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
 
         let open = {
-            // SAFETY: the guard's adapter is only asked and used to wrap the device.
+            // SAFETY: the guard's adapter is only queried and used to wrap the device.
             let hal_adapter = unsafe { adapter.as_hal::<Vulkan>() };
             let hal_adapter = hal_adapter.ok_or_else(|| GpuError::Adopt("the adapter is not Vulkan's".to_owned()))?;
             let extensions: Vec<&'static CStr> = hal_adapter.required_device_extensions(selection.features);
@@ -121,11 +120,11 @@ impl Gpu {
             let names: Vec<_> = extensions.iter().map(|name| name.as_ptr()).collect();
             let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&names);
             let raw_device = maker.device(&loader, physical_device, &features.add_to_device_create(info))?;
-            // SAFETY: the maker has made it of a physical device of this instance.
+            // SAFETY: the maker created it from a physical device of this instance.
             let device = unsafe { ash::Device::load(instance.fp_v1_0(), raw_device) };
             let unused = device.clone();
-            // SAFETY: made from this adapter with these extensions and features and a queue of this family; without a
-            // callback it is destroyed with the last that uses it, and by nobody else.
+            // SAFETY: created from this adapter with these extensions and features and a queue of this family. Without a callback wgpu
+            // destroys it after its last use, and no other code does.
             unsafe {
                 hal_adapter.device_from_raw(
                     device,
@@ -139,7 +138,7 @@ impl Gpu {
                 )
             }
             .map_err(|error| {
-                // SAFETY: nobody has taken the device, and nothing was made with it that is not gone.
+                // SAFETY: no other code holds the device, and everything that was created with it is destroyed.
                 unsafe { unused.destroy_device(None) };
                 refused("the Vulkan device", error)
             })?
@@ -159,12 +158,12 @@ impl Gpu {
         Ok((Self::assemble(info, device, queue, selection, options), handles))
     }
 
-    /// Wraps an image that somebody else owns, such as one of a headset's swapchain.
+    /// Wraps an image that other code owns, such as one of a headset's swapchain.
     ///
     /// # Safety
     ///
-    /// `image` must be one of this device, made as `descriptor` says, in the layout of colour attachments whenever it is
-    /// drawn to, and must outlive the texture and the work that was submitted with it.
+    /// `image` must belong to this device, match `descriptor`, be in the layout of colour attachments whenever it is drawn to, and outlive
+    /// the texture and the work submitted with it.
     pub unsafe fn adopt_image(
         &self,
         image: u64,
@@ -181,14 +180,14 @@ impl Gpu {
             memory_flags: hal::MemoryFlags::empty(),
             view_formats: Vec::new(),
         };
-        // SAFETY: the guard's device only wraps the image; the caller promises that it is of this device and made so. The
-        // callback does nothing: whoever owns the image destroys it.
+        // SAFETY: the guard's device only wraps the image; the caller guarantees that it belongs to this device and matches the
+        // descriptor. The callback does nothing: the owner of the image destroys it.
         let texture = unsafe {
             let device = self.device.as_hal::<Vulkan>()?;
             let memory = hal::vulkan::TextureMemory::External;
             device.texture_from_raw(vk::Image::from_raw(image), &hal_descriptor, Some(Box::new(|| {})), memory)
         };
-        // SAFETY: made from this device's handle just now, and the caller promises the layout.
+        // SAFETY: created from this device's handle above, and the caller guarantees the layout.
         Some(unsafe {
             self.device.create_texture_from_hal::<Vulkan>(texture, descriptor, wgpu::TextureUses::COLOR_TARGET)
         })

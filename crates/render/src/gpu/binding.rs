@@ -1,8 +1,8 @@
-//! Bind groups of passes, and the grids of workgroups.
+//! Bind groups of passes, and the sizes of dispatches.
 
 use super::{Gpu, LayoutOf};
 
-/// A bind group of a compute pipeline.
+/// Returns a bind group of a compute pipeline.
 pub(crate) fn bind_buffers(
     gpu: &Gpu,
     pipeline: &wgpu::ComputePipeline,
@@ -12,7 +12,7 @@ pub(crate) fn bind_buffers(
     gpu.bind(LayoutOf::Compute(pipeline, group), resources)
 }
 
-/// A bind group of a compute pipeline that binds whole buffers to 0, 1, 2 and so on.
+/// Returns a bind group of a compute pipeline that binds whole buffers to 0, 1, 2 and so on.
 pub(crate) fn bind_in_order(
     gpu: &Gpu,
     pipeline: &wgpu::ComputePipeline,
@@ -23,34 +23,34 @@ pub(crate) fn bind_in_order(
     bind_buffers(gpu, pipeline, group, &bindings)
 }
 
-/// Columns and rows of a dispatch of at least `workgroups`, each within the adapter's limit.
+/// Returns the columns and rows of a dispatch of at least `workgroups`, both within the adapter's limit.
 pub(crate) fn dispatch_rows(gpu: &Gpu, workgroups: u32) -> [u32; 2] {
     let columns = workgroups.clamp(1, gpu.max_workgroups);
     [columns, workgroups.div_ceil(columns)]
 }
 
-/// The last of the groups that every adapter has: passes number their own ones from 0 on.
+/// The last bind group that every adapter supports. The other bind groups of passes count from 0.
 const TABLES_GROUP: u32 = 3;
 
 impl Gpu {
-    /// Buffers with tables that all passes share, or none: their shaders read as many.
+    /// Number of buffers of tables that all passes share. Shaders that read tables declare the same number.
     pub(crate) fn table_buffers(&self) -> usize {
         self.tables.len()
     }
 
-    /// Has passes read these tables from now on, or none. Pipelines that were made for another number of buffers cannot be used then.
+    /// Sets the tables that passes read from now on. Pipelines for a different number of buffers become unusable.
     pub(crate) fn set_tables(&mut self, tables: Vec<wgpu::Buffer>) {
         self.tables = tables;
     }
 
-    /// Binds the tables, where there are any, for a pipeline whose shader reads them.
+    /// Binds the tables, if any, for a pipeline whose shader reads them.
     pub(crate) fn bind_tables(&self, pass: &mut wgpu::ComputePass<'_>, pipeline: &wgpu::ComputePipeline) {
         if !self.tables.is_empty() {
             self.bind_as_tables(pass, pipeline, &self.tables);
         }
     }
 
-    /// Binds buffers in their place.
+    /// Binds the given buffers as tables.
     pub(crate) fn bind_as_tables(
         &self,
         pass: &mut wgpu::ComputePass<'_>,

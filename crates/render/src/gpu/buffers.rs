@@ -1,20 +1,20 @@
-//! Buffers: growing ones that keep their place while they are large enough, and the way back to the host.
+//! Buffers that grow on demand, and the transfer of results to the host.
 
 use bytemuck::{NoUninit, Pod};
 
 use super::{Gpu, GpuError};
 
-/// A storage buffer filled with `data` at creation, without a staging copy.
+/// Creates a storage buffer filled with `data`, without a staging copy.
 pub(crate) fn storage_buffer<T: NoUninit>(gpu: &Gpu, label: &str, data: &[T]) -> wgpu::Buffer {
     filled_buffer(gpu, label, data, wgpu::BufferUsages::STORAGE)
 }
 
-/// A uniform buffer filled with `data` at creation.
+/// Creates a uniform buffer filled with `data`.
 pub(crate) fn uniform_buffer<T: NoUninit>(gpu: &Gpu, label: &str, data: &T) -> wgpu::Buffer {
     filled_buffer(gpu, label, std::slice::from_ref(data), wgpu::BufferUsages::UNIFORM)
 }
 
-/// A buffer filled with `data` at creation, of that usage.
+/// Creates a buffer for `usage` filled with `data`.
 pub(crate) fn filled_buffer<T: NoUninit>(
     gpu: &Gpu,
     label: &str,
@@ -29,7 +29,7 @@ pub(crate) fn filled_buffer<T: NoUninit>(
         mapped_at_creation: true,
     });
     if !bytes.is_empty() {
-        // A buffer that could not be made is not mapped; the device's error handler has the reason then.
+        // If the creation failed, the buffer is not mapped, and the device's error handler has the reason.
         if let Ok(mut range) = buffer.slice(..bytes.len() as u64).get_mapped_range_mut() {
             range.copy_from_slice(bytes);
         }
@@ -38,7 +38,7 @@ pub(crate) fn filled_buffer<T: NoUninit>(
     buffer
 }
 
-/// A buffer that is made anew only when it has to grow.
+/// A buffer that is created again only when it has to grow.
 pub(crate) struct GrowingBuffer {
     label: &'static str,
     usage: wgpu::BufferUsages,
@@ -50,11 +50,11 @@ impl GrowingBuffer {
         Self { label, usage, buffer: None }
     }
 
-    /// The buffer, with room for at least `bytes`.
+    /// Returns the buffer, with at least `bytes` bytes.
     pub(crate) fn with_room(&mut self, gpu: &Gpu, bytes: u64) -> &wgpu::Buffer {
         let bytes = bytes.max(16).next_multiple_of(16);
         if self.buffer.as_ref().is_some_and(|buffer| buffer.size() < bytes) {
-            // Not destroyed: what was recorded with it in this frame may not have been submitted.
+            // Not destroyed: commands that this frame recorded with it may not be submitted yet.
             self.buffer = None;
         }
         self.buffer.get_or_insert_with(|| {
@@ -67,7 +67,7 @@ impl GrowingBuffer {
         })
     }
 
-    /// The buffer, filled with `data`.
+    /// Fills the buffer with `data` and returns it.
     pub(crate) fn upload<T: NoUninit>(&mut self, gpu: &Gpu, data: &[T]) -> &wgpu::Buffer {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let buffer = self.with_room(gpu, bytes.len() as u64);
@@ -75,12 +75,12 @@ impl GrowingBuffer {
         buffer
     }
 
-    /// The buffer, if it has been made.
+    /// The buffer, if it was created.
     pub(crate) fn held(&self) -> Option<&wgpu::Buffer> {
         self.buffer.as_ref()
     }
 
-    /// Gives the buffer back once what was submitted is done with it, whoever still names it.
+    /// Frees the memory of the buffer after the submitted work, even if other handles to it exist.
     pub(crate) fn release(&mut self) {
         if let Some(buffer) = self.buffer.take() {
             buffer.destroy();
@@ -88,20 +88,20 @@ impl GrowingBuffer {
     }
 }
 
-/// Where results lie in the readback buffers.
+/// Position of results in the readback buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ReadbackPlace {
     buffer: usize,
     offset: u64,
 }
 
-/// Host-visible buffers into which results are copied: as many as it takes, none larger than the adapter allows.
+/// Host-visible buffers that results are copied into: as many as needed, none larger than the adapter's limit.
 pub(crate) struct ReadbackBuffer {
     label: &'static str,
     buffers: Vec<GrowingBuffer>,
-    /// Bytes used of each buffer of the frame so far.
+    /// Bytes of each buffer that the frame uses so far.
     used: Vec<u64>,
-    /// Bytes that are still to be copied, as announced.
+    /// Announced bytes that are not copied yet.
     expected: u64,
 }
 
@@ -110,13 +110,13 @@ impl ReadbackBuffer {
         Self { label, buffers: Vec::new(), used: Vec::new(), expected: 0 }
     }
 
-    /// Forgets what was there; about `bytes` are going to be copied.
+    /// Discards the old contents. About `bytes` bytes will be copied.
     pub(crate) fn begin(&mut self, bytes: u64) {
         self.used.clear();
         self.expected = bytes;
     }
 
-    /// Records a copy of `bytes`, at most what one buffer may have, from `source`; returns where they will be.
+    /// Records a copy of `bytes` bytes from `source`, at most the limit of one buffer. Returns their position.
     pub(crate) fn copy(
         &mut self,
         gpu: &Gpu,
@@ -135,7 +135,7 @@ impl ReadbackBuffer {
             self.buffers.push(GrowingBuffer::new(self.label, usage));
         }
         let place = ReadbackPlace { buffer: index, offset: self.used[index] };
-        // A buffer is made once per frame, with room for all that is still to come: it must not grow after a copy into it.
+        // The first copy of a frame into a buffer allocates it for all remaining bytes: it must not grow after a copy into it.
         let room = if place.offset == 0 { self.expected.min(limit).max(bytes) } else { place.offset + bytes };
         encoder.copy_buffer_to_buffer(source, offset, self.buffers[index].with_room(gpu, room), place.offset, bytes);
         self.used[index] = (place.offset + bytes).next_multiple_of(16);
@@ -143,22 +143,22 @@ impl ReadbackBuffer {
         place
     }
 
-    /// Asks for the buffers to be mapped; the next wait for the device completes it.
+    /// Requests the mapping of the buffers; the next wait for the device completes it.
     pub(crate) fn map(&mut self, gpu: &Gpu) {
         for (buffer, used) in self.buffers.iter_mut().zip(&self.used) {
-            // A failure to map surfaces as the error of `read`.
+            // `read` returns an error if mapping fails.
             buffer.with_room(gpu, *used).slice(..*used).map_async(wgpu::MapMode::Read, |_| {});
         }
     }
 
-    /// The values at `place`, after the device was waited for.
+    /// Returns the values at `place`. The caller must have waited for the device.
     pub(crate) fn read<T: Pod>(&mut self, gpu: &Gpu, place: ReadbackPlace, count: usize) -> Result<Vec<T>, GpuError> {
         let mut values = Vec::with_capacity(count);
         self.append(gpu, place, count, &mut values)?;
         Ok(values)
     }
 
-    /// Appends the values at `place`, after the device was waited for.
+    /// Appends the values at `place` to `values`. The caller must have waited for the device.
     pub(crate) fn append<T: Pod>(
         &mut self,
         gpu: &Gpu,
@@ -173,12 +173,12 @@ impl ReadbackBuffer {
         Ok(())
     }
 
-    /// Ends reading.
+    /// Unmaps the buffers after reading.
     pub(crate) fn unmap(&mut self, gpu: &Gpu) {
         for (buffer, used) in self.buffers.iter_mut().zip(&self.used) {
             buffer.with_room(gpu, *used).unmap();
         }
-        // What a smaller frame does not need is given back.
+        // Buffers that this frame does not need are dropped.
         self.buffers.truncate(self.used.len());
     }
 }

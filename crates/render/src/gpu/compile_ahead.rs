@@ -1,8 +1,8 @@
-//! Shaders of a software driver, compiled on several threads.
+//! Compiles the shaders of a software driver on several threads.
 //!
-//! Such a driver compiles a compute shader when it first runs, on the thread of the queue, one shader after the other, and keeps the
-//! machine code in a cache on disk. So the shaders are dispatched once on devices that are opened for that alone, one per thread, with zero
-//! workgroups: the device that draws frames then finds them in the cache. Without such a cache this gains nothing.
+//! A software driver compiles a compute shader when it first runs, on the thread of the queue, one shader after another, and stores the
+//! machine code in a cache on disk. Therefore each shader is dispatched once with zero workgroups, on extra devices, one per thread. The
+//! device that draws frames then loads the machine code from the cache. It gains nothing without the cache.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -10,10 +10,10 @@ use wgpu::naga;
 
 use super::{ShaderSource, device::Selection};
 
-/// Every buffer has at least this size, bytes; more where a shader's structure asks for it.
+/// Size of every buffer, bytes; larger if a structure of the shader needs it.
 const LEAST_BUFFER_BYTES: u64 = 1 << 16;
 
-/// A binding of a compute shader.
+/// A buffer binding of a compute shader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct BufferBinding {
     group: u32,
@@ -22,24 +22,24 @@ struct BufferBinding {
     bytes: u64,
 }
 
-/// Why a shader is left to the first frame.
+/// Why a shader is not compiled ahead, so that the first frame compiles it.
 #[derive(Debug, thiserror::Error)]
 enum SkipReason {
     #[error("no second device: {0}")]
     Device(#[from] wgpu::RequestDeviceError),
     #[error("it cannot be read: {0}")]
     Parse(String),
-    #[error("it binds something else than buffers")]
+    #[error("it has a binding that is not a buffer")]
     Binding,
     #[error("{0}")]
     Driver(String),
 }
 
-/// The devices that compile, of one adapter.
+/// The compiling devices of one adapter.
 pub(super) struct CompileAhead {
     adapter: wgpu::Adapter,
     selection: Selection,
-    /// Devices that no thread uses at the moment; `None` while nothing is compiled ahead.
+    /// Devices that no thread uses at the moment; `None` outside `during`.
     idle: Mutex<Option<Vec<(wgpu::Device, wgpu::Queue)>>>,
 }
 
@@ -49,18 +49,18 @@ impl CompileAhead {
     }
 
     fn idle(&self) -> MutexGuard<'_, Option<Vec<(wgpu::Device, wgpu::Queue)>>> {
-        // Nothing can panic while the lock is held.
+        // No code panics while it holds the lock.
         self.idle.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Compiles the compute shaders of all pipelines that `make` makes.
+    /// Runs `make` and compiles the compute shaders of all pipelines that it creates.
     pub(super) fn during(&self, make: impl FnOnce()) {
         *self.idle() = Some(Vec::new());
         make();
         *self.idle() = None;
     }
 
-    /// Compiles a shader with values for its overridable constants, if this is the time to.
+    /// Compiles a shader with values for its overridable constants, if called inside `during`.
     pub(super) fn compile(&self, source: &ShaderSource, constants: &[(&str, f64)]) {
         let Some(device) = self.idle().as_mut().map(Vec::pop) else { return };
         let compiled = device.map_or_else(|| self.open(), Ok).and_then(|(device, queue)| {
@@ -73,7 +73,7 @@ impl CompileAhead {
                     idle.push(device);
                 }
             }
-            // The first frame compiles it, as it would without all this.
+            // The first frame compiles the shader instead.
             Err(reason) => tracing::debug!("{} is not compiled ahead: {reason}", source.name),
         }
     }
@@ -83,14 +83,14 @@ impl CompileAhead {
     }
 }
 
-/// The buffers that an entry point uses: those that stand in the layout which a pipeline derives from it.
+/// Returns the buffers that an entry point uses: those in the layout that a pipeline derives from it.
 fn bindings(source: &ShaderSource) -> Result<Vec<BufferBinding>, SkipReason> {
     let module = naga::front::wgsl::parse_str(&source.text).map_err(|error| SkipReason::Parse(error.to_string()))?;
     let mut validator =
         naga::valid::Validator::new(naga::valid::ValidationFlags::empty(), naga::valid::Capabilities::all());
     let info = validator.validate(&module).map_err(|error| SkipReason::Parse(error.to_string()))?;
     let entry = module.entry_points.iter().position(|entry| entry.name == source.entry_point);
-    let entry = info.get_entry_point(entry.ok_or_else(|| SkipReason::Parse("it has no such entry point".to_owned()))?);
+    let entry = info.get_entry_point(entry.ok_or_else(|| SkipReason::Parse("the entry point is missing".to_owned()))?);
     let used = module.global_variables.iter().filter(|(handle, _)| !entry[*handle].is_empty());
     let bound = used.filter_map(|(_, variable)| variable.binding.map(|binding| (binding, variable)));
     bound
@@ -107,7 +107,7 @@ fn bindings(source: &ShaderSource) -> Result<Vec<BufferBinding>, SkipReason> {
         .collect()
 }
 
-/// Makes the pipeline on a device and dispatches it with zero workgroups: the driver compiles it for that.
+/// Creates the pipeline on a device and dispatches zero workgroups, for which the driver compiles it.
 fn dispatch_nothing(
     device: &wgpu::Device,
     queue: &wgpu::Queue,
@@ -158,7 +158,7 @@ fn buffer(device: &wgpu::Device, binding: &BufferBinding) -> wgpu::Buffer {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "an unexpected error fails the test")]
 mod tests {
     use super::*;
     use crate::gpu::{Gpu, GpuOptions};
@@ -178,23 +178,23 @@ mod tests {
     }
 
     #[test]
-    fn only_what_an_entry_point_uses_is_bound() {
+    fn only_buffers_that_an_entry_point_uses_are_bound() {
         let binding = |group, binding, bytes| BufferBinding { group, binding, uniform: false, bytes };
         let expected = [binding(0, 2, 16 * 8193), binding(2, 1, LEAST_BUFFER_BYTES)];
         assert_eq!(bindings(&source(DOUBLES)).unwrap(), expected);
     }
 
     #[test]
-    fn a_shader_is_compiled_and_a_broken_one_is_left_alone() {
+    fn a_valid_shader_is_compiled_and_an_invalid_one_is_skipped() {
         let gpu = Gpu::open(&GpuOptions::default()).unwrap();
-        let Some(ahead) = &gpu.compile_ahead else { return assert!(!gpu.software, "software drivers have it") };
+        let Some(ahead) = &gpu.compile_ahead else { return assert!(!gpu.software, "software drivers compile ahead") };
         let (device, queue) = ahead.open().unwrap();
         dispatch_nothing(&device, &queue, &source(DOUBLES), &[("WIDTH", 8.0)]).unwrap();
         let sampled = "@group(0) @binding(0) var picture: texture_2d<f32>;
             @group(0) @binding(1) var<storage, read_write> values: array<f32>;
             @compute @workgroup_size(1) fn double() { values[0] = textureLoad(picture, vec2(0), 0).x; }";
         let wrong = [
-            (source(sampled), "something else than buffers"),
+            (source(sampled), "not a buffer"),
             (source("fn double() {"), "cannot be read"),
             (source("@compute @workgroup_size(1) fn other() {}"), "entry point"),
         ];

@@ -1,97 +1,68 @@
-//! Constants that Rust and WGSL share: they stand in Rust, and their WGSL is made from them. Shaders import a table by its name
-//! (`#import constants/pixel_grid`), as they import files.
+//! Constants that Rust and WGSL share. [`shared_constants!`] declares them in Rust, in named tables. Their WGSL is generated: a shader
+//! imports a table by its name, as in `#import constants/pixel_grid`.
 
 use std::fmt::Write;
 
-/// A table of constants.
+use super::structs::WgslType;
+
+/// A named table of constants.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
-    /// Name, to be imported as `constants/{name}`.
+    /// Name. Shaders import it as `constants/{name}`.
     pub name: &'static str,
-    /// The constants: name, type and value in WGSL.
+    /// Name, type and value of each constant in WGSL.
     pub constants: Vec<(&'static str, String, String)>,
 }
 
 impl Table {
-    /// The declarations.
+    /// The declarations in WGSL.
     pub fn wgsl(&self) -> String {
         let mut text = String::new();
         for (name, kind, value) in &self.constants {
-            writeln!(text, "const {name}: {kind} = {value};").expect("strings have room");
+            writeln!(text, "const {name}: {kind} = {value};").expect("a String accepts all text");
         }
         text
     }
 }
 
-/// What can stand in a table.
-pub(crate) trait Shared {
-    /// Its type in WGSL.
-    const TYPE: &'static str;
-
-    /// Its value in WGSL.
+/// A value that a table can hold.
+pub(crate) trait ConstantValue: WgslType {
+    /// The value in WGSL.
     fn value(&self) -> String;
 }
 
-impl Shared for u32 {
-    const TYPE: &'static str = "u32";
-
+impl ConstantValue for u32 {
     fn value(&self) -> String {
         format!("{self}u")
     }
 }
 
-impl Shared for i32 {
-    const TYPE: &'static str = "i32";
-
+impl ConstantValue for i32 {
     fn value(&self) -> String {
         self.to_string()
     }
 }
 
-impl Shared for f32 {
-    const TYPE: &'static str = "f32";
-
-    /// The shortest decimal that is nearest to this number and to no other.
+impl ConstantValue for f32 {
+    /// The shortest decimal that parses to this number.
     fn value(&self) -> String {
         assert!(self.is_finite(), "WGSL has no literal for {self}");
         format!("{self:?}")
     }
 }
 
-impl Shared for [f32; 3] {
-    const TYPE: &'static str = "vec3<f32>";
-
+/// Vectors and arrays.
+impl<T: ConstantValue, const N: usize> ConstantValue for [T; N]
+where
+    [T; N]: WgslType,
+{
     fn value(&self) -> String {
-        let [x, y, z] = self.map(|value| value.value());
-        format!("vec3<f32>({x}, {y}, {z})")
+        let elements: Vec<String> = self.iter().map(ConstantValue::value).collect();
+        format!("{}({})", Self::wgsl(), elements.join(", "))
     }
 }
 
-impl Shared for [f32; 5] {
-    const TYPE: &'static str = "array<f32, 5>";
-
-    fn value(&self) -> String {
-        format!("{}({})", Self::TYPE, self.map(|value| value.value()).join(", "))
-    }
-}
-
-impl Shared for [[f32; 3]; 6] {
-    const TYPE: &'static str = "array<vec3<f32>, 6>";
-
-    fn value(&self) -> String {
-        format!("{}({})", Self::TYPE, self.map(|vector| vector.value()).join(", "))
-    }
-}
-
-impl Shared for [[f32; 3]; 4] {
-    const TYPE: &'static str = "array<vec3<f32>, 4>";
-
-    fn value(&self) -> String {
-        format!("{}({})", Self::TYPE, self.map(|vector| vector.value()).join(", "))
-    }
-}
-
-/// Declares modules of constants, and a function `tables` that returns them as [`Table`]s. Names and types are those of WGSL.
+/// Declares modules of constants, and a function `tables` that returns them as [`Table`]s. Names and types are the same in WGSL.
 macro_rules! shared_constants {
     ($($(#[$doc:meta])* mod $table:ident {
         $($(#[$constant_doc:meta])* $name:ident: $type:ty = $value:expr;)+
@@ -103,14 +74,12 @@ macro_rules! shared_constants {
             }
         )+
 
-        /// All tables.
+        /// All tables of constants.
         pub fn tables() -> Vec<$crate::gpu::Table> {
-            use $crate::gpu::{Shared, Table};
+            use $crate::gpu::{ConstantValue, Table, WgslType};
             vec![$(Table {
                 name: stringify!($table),
-                constants: vec![$(
-                    (stringify!($name), <$type as Shared>::TYPE.to_owned(), Shared::value(&$table::$name))
-                ),+],
+                constants: vec![$((stringify!($name), <$type as WgslType>::wgsl(), ConstantValue::value(&$table::$name))),+],
             }),+]
         }
     };
@@ -134,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_is_wgsl() {
+    fn tables_are_generated_as_wgsl() {
         assert_eq!(
             tables()[0].wgsl(),
             "const COUNT: u32 = 4294967295u;\nconst STEP: i32 = -1920;\nconst LIGHT: f32 = 3.0856776e16;\n\
@@ -144,11 +113,11 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "WGSL has no literal for inf")]
-    fn infinity_is_no_literal() {
+    fn infinity_is_refused() {
         f32::INFINITY.value();
     }
 
-    /// The value that naga reads for a constant.
+    /// Parses a constant with naga.
     fn read(kind: &str, value: &str) -> naga::Literal {
         let module = naga::front::wgsl::parse_str(&format!("const X: {kind} = {value};")).unwrap();
         let (_, constant) = module.constants.iter().next().unwrap();
@@ -159,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_come_back_bit_by_bit() {
+    fn numbers_keep_all_bits() {
         let numbers = (0..40_000_u32).map(|i| f32::from_bits(i.wrapping_mul(2_654_435_761)));
         let special = [f32::MIN_POSITIVE, f32::MAX, f32::from_bits(1), 1.0 / 3.0, 16_777_216.0, 7.643_856];
         for number in numbers.chain(special).filter(|number| number.is_finite() && *number > 0.0) {

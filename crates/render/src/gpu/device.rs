@@ -1,4 +1,4 @@
-//! Finding an adapter and opening it: what it offers, which fallbacks are taken, and what to do where there is none.
+//! Chooses and opens an adapter, reports its features and the fallbacks in use, and explains why no adapter was found.
 
 use std::{
     fmt,
@@ -18,38 +18,38 @@ use crate::plan::Limits;
 /// Which adapter to open, and how.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GpuOptions {
-    /// Part of the adapter's name, in any case; `None`: the fastest kind there is.
+    /// Part of the adapter's name, case-insensitive; `None`: the fastest kind of adapter.
     pub adapter: Option<String>,
-    /// Sum in 32-bit words even where the adapter has 64-bit atomics, to test that path.
+    /// Sums in 32-bit words even if the adapter has 64-bit atomics, to test that path.
     pub force_u32_accumulator: bool,
-    /// Blend in halves even where the adapter blends 32-bit floats, to test that path.
+    /// Blends 16-bit floats even if the adapter blends 32-bit floats, to test that path.
     pub force_half_blending: bool,
-    /// Bind at most this many bytes of stars or pixels at once, though the adapter may allow more, to test strips, batches
-    /// and segments on small images.
+    /// Binds at most this many bytes of stars or pixels at once, even if the adapter supports more, to test strips, batches and segments
+    /// on small images.
     pub binding_limit_bytes: Option<u64>,
 }
 
-/// Why no adapter could be opened, or why it failed later.
+/// Why an adapter could not be opened or failed later.
 #[derive(Debug, thiserror::Error)]
 pub enum GpuError {
-    /// There is none, or none of that name.
+    /// No adapter, or none with the given name, was found.
     #[error("{0}")]
     NoAdapter(String),
     /// The driver refused the device.
     #[error("adapter `{adapter}`: cannot open the device: {source}")]
     Device {
-        /// Its name.
+        /// Name of the adapter.
         adapter: String,
-        /// What the driver said.
+        /// Error of the driver.
         source: wgpu::RequestDeviceError,
     },
-    /// A device that somebody else makes cannot be made or used.
+    /// The device of a headset's runtime cannot be created or used.
     #[error("cannot use the device of the headset's runtime: {0}")]
     Adopt(String),
-    /// The device does not answer any more.
+    /// The device no longer responds.
     #[error("the device was lost: {0}")]
     Lost(String),
-    /// The driver refused a command, or had no memory left.
+    /// The driver refused a command, or ran out of memory.
     #[error("the device refused the frame: {0}")]
     Refused(String),
     /// Results could not be read back.
@@ -57,7 +57,7 @@ pub enum GpuError {
     Readback(#[from] wgpu::MapRangeError),
 }
 
-/// What `steradian info` tells about the adapter in use.
+/// Report of `steradian info` on the adapter in use.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AdapterReport {
     /// Name of the adapter.
@@ -70,9 +70,9 @@ pub struct AdapterReport {
     pub device_type: String,
     /// Optional features that are used.
     pub features: Vec<String>,
-    /// Limits that matter, with their values.
+    /// Relevant limits and their values.
     pub limits: Vec<(String, u64)>,
-    /// What is done differently because a feature is missing.
+    /// Replacements for missing features.
     pub fallbacks: Vec<String>,
 }
 
@@ -94,7 +94,7 @@ impl fmt::Display for AdapterReport {
     }
 }
 
-/// What of an adapter is used, and what is done differently because it lacks something.
+/// The features and limits in use of an adapter, and the fallbacks for missing ones.
 #[derive(Clone)]
 pub(super) struct Selection {
     pub(super) features: wgpu::Features,
@@ -106,7 +106,7 @@ pub(super) struct Selection {
 }
 
 impl Selection {
-    pub(super) fn of(adapter: &wgpu::Adapter, options: &GpuOptions) -> Self {
+    pub(super) fn new(adapter: &wgpu::Adapter, options: &GpuOptions) -> Self {
         let offered = adapter.features();
         let u64_features = wgpu::Features::SHADER_INT64 | wgpu::Features::SHADER_INT64_ATOMIC_ALL_OPS;
         let mut features = wgpu::Features::empty();
@@ -115,7 +115,7 @@ impl Selection {
         if wide_accumulator {
             features |= u64_features;
         } else if options.force_u32_accumulator {
-            fallbacks.push("sums in 32-bit words with carries (asked for)".to_owned());
+            fallbacks.push("sums in 32-bit words with carries (requested)".to_owned());
         } else {
             fallbacks.push("no 64-bit atomics: sums in 32-bit words with carries".to_owned());
         }
@@ -131,18 +131,18 @@ impl Selection {
             features |= wgpu::Features::FLOAT32_BLENDABLE;
             wgpu::TextureFormat::Rgba32Float
         } else {
-            let why = if options.force_half_blending { "asked for" } else { "no blending of 32-bit floats" };
-            fallbacks.push(format!("methods that blend add up in 16-bit floats, which end at 65504 cd/m^2 ({why})"));
+            let why = if options.force_half_blending { "requested" } else { "no blending of 32-bit floats" };
+            fallbacks.push(format!("methods that blend sum in 16-bit floats, up to 65504 cd/m^2 ({why})"));
             wgpu::TextureFormat::Rgba16Float
         };
 
-        // Only the limits that decide how much fits at once are raised over the defaults.
+        // Only the limits that determine the size of a batch are raised above the defaults.
         let available = adapter.limits();
         let limits = wgpu::Limits {
             max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,
             max_buffer_size: available.max_buffer_size,
             max_texture_dimension_2d: available.max_texture_dimension_2d,
-            // The resolve pass binds nine, the pass over pixels of `sky_cube` thirteen.
+            // The resolve pass binds nine storage buffers, the pass over pixels of `sky_cube` thirteen.
             max_storage_buffers_per_shader_stage: available.max_storage_buffers_per_shader_stage,
             ..Default::default()
         };
@@ -150,7 +150,7 @@ impl Selection {
         Self { features, limits, wide_accumulator, timestamps, blend_format, fallbacks }
     }
 
-    /// How the device is asked for.
+    /// Descriptor for the request of the device.
     pub(super) fn descriptor(&self) -> wgpu::DeviceDescriptor<'static> {
         wgpu::DeviceDescriptor {
             label: Some("steradian"),
@@ -161,7 +161,7 @@ impl Selection {
     }
 }
 
-/// How long a device may take for what was submitted before it counts as lost.
+/// Longest time for submitted work before the device counts as lost.
 pub(crate) const SUBMISSION_TIMEOUT: Duration = Duration::from_secs(600);
 
 /// An open device.
@@ -180,21 +180,21 @@ pub struct Gpu {
     pub software: bool,
     binding_limit_bytes: u64,
     readback_limit_bytes: u64,
-    /// The first error that the driver reported and nobody has seen yet.
+    /// The first error of the driver since the last [`Gpu::take_failure`].
     failure: Arc<Mutex<Option<String>>>,
     report: AdapterReport,
     pub(super) pool: Mutex<FramePool>,
     pub(super) counters: Counters,
-    /// Software drivers alone have it, where the device was opened here.
+    /// Set for software drivers, if this module opened the device.
     pub(super) compile_ahead: Option<CompileAhead>,
-    /// Workgroups of a dispatch along each axis, at most.
+    /// Largest number of workgroups of a dispatch along an axis.
     pub(super) max_workgroups: u32,
-    /// What passes bind beside their own buffers: see [`Gpu::bind_tables`].
+    /// Buffers that passes bind in addition to their own: see [`Gpu::bind_tables`].
     pub(super) tables: Vec<wgpu::Buffer>,
 }
 
 impl Gpu {
-    /// Opens an adapter. Discrete GPUs are preferred to integrated ones, those to software.
+    /// Opens an adapter. Prefers discrete GPUs to integrated ones, and those to software drivers.
     pub fn open(options: &GpuOptions) -> Result<Self, GpuError> {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = wgpu::Backends::VULKAN;
@@ -220,7 +220,7 @@ impl Gpu {
     }
 
     fn open_adapter(adapter: &wgpu::Adapter, options: &GpuOptions) -> Result<Self, wgpu::RequestDeviceError> {
-        let selection = Selection::of(adapter, options);
+        let selection = Selection::new(adapter, options);
         let (device, queue) = pollster::block_on(adapter.request_device(&selection.descriptor()))?;
         let ahead = CompileAhead::new(adapter.clone(), selection.clone());
         let mut gpu = Self::assemble(adapter.get_info(), device, queue, selection, options);
@@ -228,7 +228,7 @@ impl Gpu {
         Ok(gpu)
     }
 
-    /// A device that was opened with what `selection` describes.
+    /// Wraps a device that was opened with `selection`.
     pub(super) fn assemble(
         info: wgpu::AdapterInfo,
         device: wgpu::Device,
@@ -283,12 +283,12 @@ impl Gpu {
         }
     }
 
-    /// What was opened.
+    /// Report on the adapter.
     pub fn report(&self) -> &AdapterReport {
         &self.report
     }
 
-    /// What plans may ask of the adapter.
+    /// Limits of the adapter for plans.
     pub fn limits(&self) -> Limits {
         Limits {
             max_binding_bytes: self.max_binding_bytes(),
@@ -303,22 +303,22 @@ impl Gpu {
         self.device.limits().max_texture_dimension_2d
     }
 
-    /// Most workgroups along an axis of a dispatch.
+    /// Largest number of workgroups of a dispatch along an axis.
     pub fn max_workgroups(&self) -> u32 {
         self.max_workgroups
     }
 
-    /// Bytes that one buffer binding may have.
+    /// Largest size of a buffer binding, bytes.
     pub fn max_binding_bytes(&self) -> u64 {
         self.binding_limit_bytes
     }
 
-    /// Bytes that one host-visible buffer may have.
+    /// Largest size of a host-visible buffer, bytes.
     pub fn max_readback_bytes(&self) -> u64 {
         self.readback_limit_bytes
     }
 
-    /// The error that the driver has reported since the last call, if any.
+    /// Returns the first error that the driver reported since the last call, if any.
     pub fn take_failure(&self) -> Result<(), GpuError> {
         match self.failure.lock().unwrap_or_else(PoisonError::into_inner).take() {
             Some(message) => Err(GpuError::Refused(message)),
@@ -326,16 +326,16 @@ impl Gpu {
         }
     }
 
-    /// Waits for a submission; `None`: for all there are.
+    /// Waits for a submission; `None`: for all of them.
     ///
     /// # Errors
     ///
-    /// The device is lost, or takes longer than any frame does.
+    /// The device is lost, or takes longer than [`SUBMISSION_TIMEOUT`].
     pub fn wait(&self, submission_index: Option<wgpu::SubmissionIndex>) -> Result<(), GpuError> {
         self.wait_at_most(submission_index, SUBMISSION_TIMEOUT)
     }
 
-    /// The same for at most `timeout`.
+    /// Waits like [`Gpu::wait`], for at most `timeout`.
     pub fn wait_at_most(
         &self,
         submission_index: Option<wgpu::SubmissionIndex>,
@@ -344,7 +344,7 @@ impl Gpu {
         self.poll(submission_index, timeout)?.map_err(|error| GpuError::Lost(error.to_string()))
     }
 
-    /// Waits for a submission for at most `timeout`; whether the device is through with it.
+    /// Waits for a submission for at most `timeout`. Returns whether it is complete.
     ///
     /// # Errors
     ///
@@ -363,20 +363,20 @@ impl Gpu {
         timeout: Duration,
     ) -> Result<Result<(), wgpu::PollError>, GpuError> {
         let wait = wgpu::PollType::Wait { submission_index, timeout: Some(timeout) };
-        // A driver that has lost its device is a panic in there. Of what is shared with it nothing is used after an error.
+        // wgpu panics if the driver has lost its device. Nothing shared with that code is used after the error.
         let polled = panic::catch_unwind(AssertUnwindSafe(|| self.device.poll(wait)));
-        polled.map(|polled| polled.map(drop)).map_err(|_| GpuError::Lost("the driver has given it up".to_owned()))
+        polled.map(|polled| polled.map(drop)).map_err(|_| GpuError::Lost("the driver stopped".to_owned()))
     }
 }
 
 fn explain_no_adapter(wanted: Option<&str>, found: &[String]) -> String {
-    let install = "install a Vulkan driver: for a GPU its vendor's, without one the software driver \
+    let install = "install a Vulkan driver: the vendor's driver for a GPU, otherwise the software driver \
                    (Debian and Ubuntu: apt install libvulkan1 mesa-vulkan-drivers)";
     match (wanted, found) {
         (Some(wanted), [_, ..]) => {
-            format!("no adapter's name contains `{wanted}`; found: {}", found.join(", "))
+            format!("no adapter has `{wanted}` in its name; found: {}", found.join(", "))
         }
-        (Some(wanted), []) => format!("no Vulkan adapter found (asked for `{wanted}`); {install}"),
+        (Some(wanted), []) => format!("no Vulkan adapter found (requested: `{wanted}`); {install}"),
         (None, _) => format!("no Vulkan adapter found; {install}"),
     }
 }

@@ -1,8 +1,8 @@
-//! Objects that frames use again, so that a frame like the last one makes none: buffers of parameters, and bind groups.
+//! Buffers of parameters and bind groups that frames reuse: a frame like the previous one creates none.
 //!
-//! A frame asks for its buffers in the same order as the frame before, and gets the same ones, filled anew: writes to a queue come
-//! after everything that was submitted before, so a frame that is still being drawn is not disturbed. A bind group is known by its
-//! layout and by what it binds. What [`KEPT_FRAMES`] frames did not ask for is given back.
+//! A frame requests its buffers in the same order as the previous frame and receives the same ones with new contents. Writes to a queue are
+//! executed after all earlier submissions, so they do not disturb a frame that is still being drawn. A bind group is identified by its
+//! layout and its resources. Objects that [`KEPT_FRAMES`] frames did not request are dropped.
 
 use std::{
     collections::HashMap,
@@ -17,10 +17,10 @@ use serde::Serialize;
 
 use super::Gpu;
 
-/// Frames after which an object that was not asked for is given back.
+/// Number of frames without a request after which an object is dropped.
 const KEPT_FRAMES: u64 = 8;
 
-/// Objects made so far.
+/// Numbers of created objects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct ObjectsMade {
@@ -33,12 +33,12 @@ pub struct ObjectsMade {
 }
 
 impl ObjectsMade {
-    /// All of them.
+    /// Their sum.
     pub fn all(&self) -> u64 {
         self.buffers + self.bind_groups + self.pipelines
     }
 
-    /// Those made since `before`.
+    /// Numbers of objects created since `before`.
     #[must_use]
     pub fn since(&self, before: &Self) -> Self {
         Self {
@@ -49,7 +49,7 @@ impl ObjectsMade {
     }
 }
 
-/// Counts what a device makes.
+/// Counts the objects that a device creates.
 #[derive(Debug, Default)]
 pub(super) struct Counters {
     pub(super) buffers: AtomicU64,
@@ -57,14 +57,14 @@ pub(super) struct Counters {
     pub(super) pipelines: AtomicU64,
 }
 
-/// Where a bind group's layout comes from.
+/// Source of the layout of a bind group.
 #[derive(Clone, Copy)]
 pub(crate) enum LayoutOf<'a> {
-    /// That which the shader of a compute pipeline implies, and its number.
+    /// The shader of a compute pipeline, and the index of the group.
     Compute(&'a wgpu::ComputePipeline, u32),
-    /// That which the shaders of a render pipeline imply, and its number.
+    /// The shaders of a render pipeline, and the index of the group.
     Render(&'a wgpu::RenderPipeline, u32),
-    /// A layout of its own.
+    /// An explicit layout.
     Own(&'a wgpu::BindGroupLayout),
 }
 
@@ -84,7 +84,7 @@ enum ResourceKey {
 
 impl ResourceKey {
     /// `None` for kinds of resources that no technique binds.
-    fn of(resource: &wgpu::BindingResource<'_>) -> Option<Self> {
+    fn new(resource: &wgpu::BindingResource<'_>) -> Option<Self> {
         Some(match resource {
             wgpu::BindingResource::Buffer(binding) => {
                 Self::Buffer(binding.buffer.clone(), binding.offset, binding.size)
@@ -102,19 +102,19 @@ type GroupKey = (LayoutKey, Vec<(u32, ResourceKey)>);
 #[derive(Default)]
 struct Slots {
     buffers: Vec<wgpu::Buffer>,
-    /// How many the frame at hand has asked for.
+    /// Number of buffers that the current frame has requested.
     used: usize,
-    /// The most that a frame has asked for since `since`.
+    /// Largest number that a frame has requested since frame `since`.
     most: usize,
     since: u64,
 }
 
-/// See the module.
+/// The reused objects of a device.
 #[derive(Default)]
 pub(super) struct FramePool {
     frame: u64,
     slots: HashMap<(&'static str, wgpu::BufferUsages), Slots>,
-    /// With the last frame that asked for each.
+    /// Each with the last frame that requested it.
     groups: HashMap<GroupKey, (wgpu::BindGroup, u64)>,
 }
 
@@ -135,23 +135,23 @@ impl FramePool {
     }
 }
 
-/// The lock of a pool; one that a panic has left behind is as good as any, since every call leaves it whole.
+/// Locks a pool. After a panic it can still be used, because every call leaves it consistent.
 fn lock(pool: &Mutex<FramePool>) -> MutexGuard<'_, FramePool> {
     pool.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Gpu {
-    /// Begins a frame: buffers of the last one are used again.
+    /// Begins a frame, which reuses the buffers of the previous one.
     pub(crate) fn begin_frame(&self) {
         lock(&self.pool).begin_frame();
     }
 
-    /// Lets go of what frames have used.
+    /// Drops all reused objects.
     pub(crate) fn forget_frames(&self) {
         *lock(&self.pool) = FramePool::default();
     }
 
-    /// Objects made so far.
+    /// Numbers of objects created so far.
     pub fn made(&self) -> ObjectsMade {
         let Counters { buffers, bind_groups, pipelines } = &self.counters;
         ObjectsMade {
@@ -161,25 +161,25 @@ impl Gpu {
         }
     }
 
-    /// A buffer, counted.
+    /// Creates and counts a buffer.
     pub(crate) fn create_buffer(&self, descriptor: &wgpu::BufferDescriptor<'_>) -> wgpu::Buffer {
         self.counters.buffers.fetch_add(1, Relaxed);
         self.device.create_buffer(descriptor)
     }
 
-    /// A uniform of this frame alone.
+    /// Returns a uniform buffer for this frame only.
     pub(crate) fn frame_uniform<T: NoUninit>(&self, label: &'static str, data: &T) -> wgpu::Buffer {
         self.frame_buffer(label, std::slice::from_ref(data), wgpu::BufferUsages::UNIFORM)
     }
 
-    /// A storage buffer of this frame alone; it may be larger than `data`.
+    /// Returns a storage buffer for this frame only; it may be larger than `data`.
     pub(crate) fn frame_storage<T: NoUninit>(&self, label: &'static str, data: &[T]) -> wgpu::Buffer {
         self.frame_buffer(label, data, wgpu::BufferUsages::STORAGE)
     }
 
     fn frame_buffer<T: NoUninit>(&self, label: &'static str, data: &[T], usage: wgpu::BufferUsages) -> wgpu::Buffer {
         let bytes: &[u8] = bytemuck::cast_slice(data);
-        // A binding must hold one item at least, even of an empty list.
+        // A binding must have the size of at least one item, even for an empty list.
         let size = (bytes.len().max(size_of::<T>()).max(16) as u64).next_multiple_of(16);
         let mut pool = lock(&self.pool);
         let frame = pool.frame;
@@ -205,10 +205,10 @@ impl Gpu {
         buffer
     }
 
-    /// A bind group of a layout, in the order of its bindings; the one that was made before where it binds the same.
+    /// Returns a bind group of a layout, in the order of its bindings. Reuses the existing one with the same resources, if any.
     pub(crate) fn bind(&self, layout: LayoutOf<'_>, resources: &[(u32, wgpu::BindingResource<'_>)]) -> wgpu::BindGroup {
         let bound: Option<Vec<_>> =
-            resources.iter().map(|(binding, resource)| Some((*binding, ResourceKey::of(resource)?))).collect();
+            resources.iter().map(|(binding, resource)| Some((*binding, ResourceKey::new(resource)?))).collect();
         let key = bound.map(|bound| {
             let layout = match layout {
                 LayoutOf::Compute(pipeline, group) => LayoutKey::Compute(pipeline.clone(), group),
@@ -230,7 +230,7 @@ impl Gpu {
         group
     }
 
-    /// The same for what is bound once and not frame by frame: it is not kept.
+    /// Creates a bind group that is not kept for reuse.
     pub(crate) fn bind_once(
         &self,
         layout: LayoutOf<'_>,

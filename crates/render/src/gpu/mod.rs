@@ -1,4 +1,4 @@
-//! The GPU: adapter and device, buffers and their layouts, shader modules, timing, readback.
+//! The GPU: adapter and device, buffers and structures, shader modules, pipelines, timing and readback.
 
 #[cfg(feature = "xr")]
 #[doc(hidden)]
@@ -19,18 +19,18 @@ pub(crate) use binding::{bind_buffers, bind_in_order, dispatch_rows};
 pub(crate) use buffers::{GrowingBuffer, ReadbackBuffer, ReadbackPlace, filled_buffer, storage_buffer, uniform_buffer};
 #[doc(hidden)]
 pub use constants::Table;
-pub(crate) use constants::{Shared, shared_constants};
+pub(crate) use constants::{ConstantValue, shared_constants};
 pub(crate) use device::SUBMISSION_TIMEOUT;
 pub use device::{AdapterReport, Gpu, GpuError, GpuOptions};
 pub(crate) use frame_pool::LayoutOf;
 pub use frame_pool::ObjectsMade;
 pub(crate) use pipelines::{Stage, Variants};
-pub(crate) use shader::{Choices, Joined, Library};
+pub(crate) use shader::{Choices, Joined, Library, read_folder};
 #[doc(hidden)]
 pub use shader::{Place, ShaderError, ShaderSource};
+pub(crate) use structs::{ArrayElement, WgslType, gpu_structs};
 #[doc(hidden)]
-pub use structs::StructLayout;
-pub(crate) use structs::gpu_structs;
+pub use structs::{StructField, StructLayout};
 #[doc(hidden)]
 pub use texels::{read_layer, texels_of_halves};
 pub(crate) use timing::GpuTimer;

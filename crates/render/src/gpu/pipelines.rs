@@ -1,7 +1,7 @@
-//! Pipelines: how they are made and counted, and how those that depend on settings are kept.
+//! Creates and counts pipelines, and caches variants that depend on settings.
 //!
-//! Making one takes milliseconds to seconds: the driver compiles the shader then, or (software drivers) when it first runs. They may be made on
-//! several threads at once.
+//! Creation takes milliseconds to seconds: the driver compiles the shader then, or (software drivers) when it first runs. Several threads may
+//! create pipelines at the same time.
 
 use std::{
     sync::{Arc, Mutex, OnceLock, PoisonError, atomic::Ordering},
@@ -10,24 +10,23 @@ use std::{
 
 use super::{Gpu, ShaderSource};
 
-/// Pipelines of one pass, by what is compiled into them. Each is made when it is first asked for, by one thread; others that ask for the same
-/// one meanwhile wait for it.
+/// Pipelines of one pass, by the settings that are compiled into them. The first request for a pipeline creates it; requests of other
+/// threads for the same one wait.
 pub(crate) struct Variants<K, P> {
     made: Mutex<Vec<(K, Arc<OnceLock<P>>)>>,
 }
 
 impl<K: PartialEq, P: Clone> Variants<K, P> {
-    /// None yet.
     pub(crate) fn new() -> Self {
         Self { made: Mutex::new(Vec::new()) }
     }
 
-    /// The one for `key`, which `make` makes if it is the first time. What is returned is a handle.
+    /// Returns a handle of the pipeline for `key`. The first call creates it with `make`.
     pub(crate) fn get(&self, key: K, make: impl FnOnce() -> P) -> P {
         let cell = {
-            // Nothing can panic while the lock is held, so what is poisoned is whole.
+            // No code panics while it holds the lock, so the list is consistent even if the lock is poisoned.
             let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
-            match made.iter().find(|(of, _)| *of == key) {
+            match made.iter().find(|(existing, _)| *existing == key) {
                 Some((_, cell)) => Arc::clone(cell),
                 None => {
                     let cell = Arc::new(OnceLock::new());
@@ -46,7 +45,7 @@ pub(crate) struct Stage<'a> {
     pub constants: &'a [(&'a str, f64)],
 }
 
-/// A compute pipeline with the layout that its shader implies, and values for the shader's overridable constants.
+/// Creates a compute pipeline with the layout of its shader and values for the shader's overridable constants.
 pub(super) fn make_compute_pipeline(
     device: &wgpu::Device,
     source: &ShaderSource,
@@ -67,26 +66,26 @@ pub(super) fn make_compute_pipeline(
 }
 
 impl Gpu {
-    /// Makes a pipeline: counts it, and tells how long it took.
+    /// Creates and counts a pipeline, and logs the time.
     fn timed<P>(&self, name: &str, make: impl FnOnce() -> P) -> P {
         let start = Instant::now();
         let pipeline = make();
         self.counters.pipelines.fetch_add(1, Ordering::Relaxed);
-        tracing::debug!("made the pipeline {name} in {:.0} ms", start.elapsed().as_secs_f64() * 1e3);
+        tracing::debug!("created the pipeline {name} in {:.0} ms", start.elapsed().as_secs_f64() * 1e3);
         pipeline
     }
 
-    /// A render pipeline of that description.
+    /// Creates a render pipeline.
     pub(crate) fn render_pipeline(&self, descriptor: &wgpu::RenderPipelineDescriptor<'_>) -> wgpu::RenderPipeline {
         self.timed(descriptor.label.unwrap_or_default(), || self.device.create_render_pipeline(descriptor))
     }
 
-    /// A compute pipeline with the layout that its shader implies.
+    /// Creates a compute pipeline with the layout of its shader.
     pub(crate) fn compute_pipeline(&self, source: &ShaderSource) -> wgpu::ComputePipeline {
         self.compute_pipeline_with(source, &[])
     }
 
-    /// The same with values for the shader's overridable constants.
+    /// Creates a compute pipeline with values for the shader's overridable constants.
     pub(crate) fn compute_pipeline_with(
         &self,
         source: &ShaderSource,
@@ -99,7 +98,7 @@ impl Gpu {
         pipeline
     }
 
-    /// Runs `make`; on a software driver the compute shaders of all pipelines that it makes are compiled meanwhile, by the threads that make them.
+    /// Runs `make`. On a software driver, the threads that create pipelines also compile their compute shaders.
     pub(crate) fn compiling_ahead(&self, make: impl FnOnce()) {
         match &self.compile_ahead {
             Some(ahead) => ahead.during(make),
@@ -107,7 +106,7 @@ impl Gpu {
         }
     }
 
-    /// A pipeline onto one colour target, without depth and vertex buffers, with the layout that its shaders imply.
+    /// Creates a pipeline with one colour target, without depth and vertex buffers, with the layout of its shaders.
     pub(crate) fn colour_pipeline(
         &self,
         vertex: &Stage<'_>,
@@ -146,7 +145,7 @@ impl Gpu {
         })
     }
 
-    /// A pipeline that adds what `fragment` gives to a target of [`Gpu::blend_format`].
+    /// Creates a pipeline that adds the results of `fragment` to a target of [`Gpu::blend_format`].
     pub(crate) fn blending_pipeline(
         &self,
         vertex: &ShaderSource,

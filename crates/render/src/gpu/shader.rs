@@ -1,20 +1,20 @@
-//! Joins the files that a shader needs into one module: WGSL itself has no import.
+//! Joins the files of a shader into one module, because WGSL has no imports.
 //!
-//! A file names what it needs in lines of its own, and a shader is a file with everything that it needs before it, each
-//! file once, in the order in which a walk from the first to the last `#import` meets them:
+//! A file lists the files that it needs in directives, one per line. A shader is a file with an entry point, after all files that it needs
+//! directly or indirectly. Each file is included once, before the first file that imports it, in the order of the `#import` lines:
 //!
-//! - `#import shared/projection`: the file `shaders/shared/projection.wgsl`, or a table of constants that Rust has too
-//!   (`constants/...`, see [`super::constants`]);
-//! - `#import accumulate = shared/accumulate_u32 | shared/accumulate_u64`: one of these, which the shader chooses by the
-//!   name `accumulate`. `stars/billboards/profile_*` stands for all files whose names begin so;
-//! - `#when shared/tabulated` ... `#end`: what stands between is part of the shader only if that file is, and has been met
-//!   before; there are no directives in it;
-//! - `#requires u64`: 64-bit integers and atomics.
+//! - `#import shared/projection`: the file `shaders/shared/projection.wgsl`. `constants/...` and `structs/...` are tables of constants
+//!   and structures that are generated from Rust (see [`super::constants`] and [`super::structs`]).
+//! - `#import accumulate = shared/accumulate_u32 | shared/accumulate_u64`: one of these files. The Rust code of the shader chooses it by the
+//!   name `accumulate`. `stars/billboards/profile_*` matches all files whose paths begin with the part before the `*`.
+//! - `#when shared/tabulated` ... `#end`: the lines between are included only if that file was included before. They contain no directives.
+//! - `#requires u64`: the shader needs 64-bit integers and atomics.
 //!
-//! Comments are the `//` kind alone.
+//! Comments begin with `//`; block comments are not recognised.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
+use std::path::PathBuf;
 
 /// A complete shader module.
 #[derive(Clone, Debug)]
@@ -25,83 +25,94 @@ pub struct ShaderSource {
     pub entry_point: &'static str,
     /// WGSL.
     pub text: String,
-    /// Whether it needs 64-bit integers and atomics.
+    /// Whether the shader needs 64-bit integers and atomics.
     pub needs_u64: bool,
 }
 
-/// Why files cannot be joined to a shader.
+/// Why files cannot be joined into a shader.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ShaderError {
-    /// No such file.
-    #[error("there is no shader file shaders/{0}.wgsl")]
+    /// A file does not exist.
+    #[error("shaders/{0}.wgsl does not exist")]
     UnknownFile(String),
-    /// A file imports what there is not.
-    #[error("{place}: `{file}` is neither a file below shaders/ nor a table of constants")]
+    /// The folder of the shaders, or a file in it, cannot be read.
+    #[error("cannot read {}: {reason}", path.display())]
+    Unreadable {
+        /// The folder or file.
+        path: PathBuf,
+        /// The system's message.
+        reason: String,
+    },
+    /// The folder of the shaders lacks a file.
+    #[error("{} is missing: the program needs this shader file", .0.display())]
+    MissingFile(PathBuf),
+    /// An import names an unknown file.
+    #[error("{place}: `{file}` is neither a file below shaders/ nor a table of constants nor a shared structure")]
     UnknownImport {
-        /// Where it is imported.
+        /// Line of the import.
         place: Place,
-        /// What is imported.
+        /// The unknown file.
         file: String,
     },
-    /// A file needs itself.
-    #[error("{place}: imports run in a circle: {}", cycle.join(" -> "))]
+    /// A file imports itself, directly or indirectly.
+    #[error("{place}: circular import: {}", cycle.join(" -> "))]
     Cycle {
-        /// Where the circle closes.
+        /// Line of the import that closes the circle.
         place: Place,
-        /// The files, from the first to itself.
+        /// The files of the circle; the first one is repeated at the end.
         cycle: Vec<String>,
     },
-    /// A line that begins like a directive.
+    /// A directive is unknown, or not valid in its place.
     #[error(
-        "{place}: `{line}` is no directive here; allowed: `#import FILE`, `#import NAME = FILE | FILE`, `#when FILE`, `#end`, `#requires u64`"
+        "{place}: `{line}` is not a valid directive here; it must be one of `#import FILE`, `#import NAME = FILE | FILE`, `#when FILE`, `#end`, `#requires u64`"
     )]
     Directive {
-        /// Where it stands.
+        /// The line.
         place: Place,
-        /// What stands there.
+        /// Its text.
         line: String,
     },
     /// A `#when` without its `#end`.
     #[error("{place}: this `#when` has no `#end`")]
     NoEnd {
-        /// Where it stands.
+        /// Line of the `#when`.
         place: Place,
     },
-    /// Nothing is chosen between alternatives.
-    #[error("{place}: `{slot}` is not chosen; allowed: {}", alternatives.join(", "))]
+    /// The shader does not choose between alternatives.
+    #[error("{place}: no file is chosen for `{slot}`; it must be one of {}", alternatives.join(", "))]
     NoChoice {
-        /// Where the alternatives stand.
+        /// Line of the alternatives.
         place: Place,
         /// Name of the choice.
         slot: String,
-        /// What may be chosen.
+        /// The alternatives.
         alternatives: Vec<String>,
     },
-    /// What is chosen is no alternative.
-    #[error("{place}: `{chosen}` cannot be chosen as `{slot}`; allowed: {}", alternatives.join(", "))]
+    /// The chosen file is not an alternative.
+    #[error("{place}: `{chosen}` cannot be chosen for `{slot}`; it must be one of {}", alternatives.join(", "))]
     WrongChoice {
-        /// Where the alternatives stand.
+        /// Line of the alternatives.
         place: Place,
         /// Name of the choice.
         slot: String,
-        /// What is chosen.
+        /// The chosen file.
         chosen: String,
-        /// What may be chosen.
+        /// The alternatives.
         alternatives: Vec<String>,
     },
-    /// Two files ask for a choice of the same name.
-    #[error("{place}: `{slot}` has other alternatives than at {first}")]
+    /// Two choices of the same name have different alternatives.
+    #[error("{place}: the alternatives of `{slot}` differ from those at {first}")]
     OtherAlternatives {
-        /// Where the second one asks.
+        /// Line of the second one.
         place: Place,
         /// Name of the choice.
         slot: String,
-        /// Where the first one asks.
+        /// Line of the first one.
         first: String,
     },
-    /// Something is chosen that nobody asks for.
-    #[error("shaders/{file}.wgsl: neither it nor what it imports asks for a choice `{slot}`")]
+    /// A choice has no alternatives in the shader.
+    #[error("shaders/{file}.wgsl: neither this file nor its imports have alternatives named `{slot}`")]
     UnusedChoice {
         /// The shader's file.
         file: String,
@@ -109,19 +120,19 @@ pub enum ShaderError {
         slot: String,
     },
     /// An imported file has an entry point.
-    #[error("{place}: `{file}` has an entry point, and cannot be imported")]
+    #[error("{place}: `{file}` has an entry point and cannot be imported")]
     ImportsEntryPoint {
-        /// Where it is imported.
+        /// Line of the import.
         place: Place,
         /// The imported file.
         file: String,
     },
-    /// A file has none or several entry points.
-    #[error("shaders/{file}.wgsl: one entry point is wanted, found: {}", names_or_none(found))]
+    /// A file has no entry point or several.
+    #[error("shaders/{file}.wgsl must have one entry point; found: {}", names_or_none(found))]
     EntryPoints {
         /// The shader's file.
         file: String,
-        /// Their names.
+        /// Names of its entry points.
         found: Vec<String>,
     },
 }
@@ -130,12 +141,12 @@ fn names_or_none(names: &[String]) -> String {
     if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }
 
-/// A line of a file.
+/// A line of a shader file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// Path below `shaders/`, without its extension.
+    /// Path below `shaders/`, without extension.
     pub file: String,
-    /// Number of the line, from 1.
+    /// Number of the line; the first is 1.
     pub line: usize,
 }
 
@@ -145,15 +156,15 @@ impl fmt::Display for Place {
     }
 }
 
-/// Chosen files, by what the importing files call them.
+/// Chosen files, by the names of the choices in the importing files.
 pub(crate) type Choices = BTreeMap<String, String>;
 
-/// Files by their paths without extension.
+/// All shader files, by their paths without extension (stems).
 pub(crate) struct Library {
     texts: BTreeMap<String, String>,
 }
 
-/// A file with all that it needs.
+/// A file after all files that it needs.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Joined {
     pub text: String,
@@ -169,8 +180,8 @@ enum Directive<'a> {
 }
 
 impl<'a> Directive<'a> {
-    /// The directive of a line, `None` if it is none at all, an error if it cannot be read.
-    fn of(line: &'a str) -> Option<Result<Self, ()>> {
+    /// Parses a line: `None` if it is not a directive, an error if the directive is invalid.
+    fn parse(line: &'a str) -> Option<Result<Self, ()>> {
         if !line.trim_start().starts_with('#') {
             return None;
         }
@@ -194,7 +205,7 @@ impl<'a> Directive<'a> {
     }
 }
 
-/// Names of the entry points of a file.
+/// Returns the names of the entry points of a file.
 fn entry_points(text: &str) -> Vec<&str> {
     let mut found = Vec::new();
     let mut marked = false;
@@ -210,16 +221,17 @@ fn entry_points(text: &str) -> Vec<&str> {
 }
 
 impl Library {
-    pub(crate) fn new<'a>(files: impl IntoIterator<Item = (&'a str, &'a str)>) -> Self {
-        Self { texts: files.into_iter().map(|(stem, text)| (stem.to_owned(), text.to_owned())).collect() }
+    /// From the stems and texts of files.
+    pub(crate) fn new(files: impl IntoIterator<Item = (impl Into<String>, impl Into<String>)>) -> Self {
+        Self { texts: files.into_iter().map(|(stem, text)| (stem.into(), text.into())).collect() }
     }
 
-    /// The files that have an entry point.
+    /// The files with entry points.
     pub(crate) fn entry_files(&self) -> impl Iterator<Item = &str> {
         self.texts.iter().filter(|(_, text)| !entry_points(text).is_empty()).map(|(stem, _)| stem.as_str())
     }
 
-    /// Name and entry point of a file that must have exactly one.
+    /// Returns the stem and entry point of a file that must have exactly one.
     pub(crate) fn entry(&self, stem: &str) -> Result<(&str, &str), ShaderError> {
         let (name, text) = self.texts.get_key_value(stem).ok_or_else(|| ShaderError::UnknownFile(stem.to_owned()))?;
         match entry_points(text).as_slice() {
@@ -231,7 +243,7 @@ impl Library {
         }
     }
 
-    /// A file after everything that it needs.
+    /// Joins a file and all files that it needs.
     pub(crate) fn join(&self, stem: &str, choices: &Choices) -> Result<Joined, ShaderError> {
         let (stem, text) = self.texts.get_key_value(stem).ok_or_else(|| ShaderError::UnknownFile(stem.to_owned()))?;
         let mut walk = Walk {
@@ -249,7 +261,7 @@ impl Library {
         Ok(walk.joined)
     }
 
-    /// Every combination of choices with which a file can be joined.
+    /// Returns every valid combination of choices of a file.
     pub(crate) fn combinations(&self, stem: &str) -> Result<Vec<Choices>, ShaderError> {
         let mut complete = Vec::new();
         let mut open = vec![Choices::new()];
@@ -269,7 +281,16 @@ impl Library {
         Ok(complete)
     }
 
-    /// The files that a pattern names.
+    /// Joins every file with an entry point in every combination of choices.
+    pub(crate) fn check(&self) -> Result<(), ShaderError> {
+        for stem in self.entry_files() {
+            self.entry(stem)?;
+            self.combinations(stem)?;
+        }
+        Ok(())
+    }
+
+    /// Returns the files that a pattern matches.
     fn matching(&self, pattern: &str) -> Vec<&str> {
         match pattern.strip_suffix('*') {
             Some(start) => self.texts.keys().map(String::as_str).filter(|stem| stem.starts_with(start)).collect(),
@@ -278,14 +299,15 @@ impl Library {
     }
 }
 
-/// A walk through the files that one file needs.
+/// State of joining a file and the files that it needs.
 struct Walk<'a> {
     library: &'a Library,
     choices: &'a Choices,
-    /// The files between the first one and the one at hand.
+    /// The files that are being included: each imports the next one.
     path: Vec<&'a str>,
+    /// The included files.
     done: BTreeSet<&'a str>,
-    /// Where each choice was asked for first, and between what.
+    /// Line of the first occurrence of each choice, and its alternatives.
     slots: BTreeMap<&'a str, (Place, Vec<&'a str>)>,
     joined: Joined,
 }
@@ -294,11 +316,11 @@ impl<'a> Walk<'a> {
     fn visit(&mut self, stem: &'a str, text: &'a str) -> Result<(), ShaderError> {
         self.path.push(stem);
         let mut own = format!("// shaders/{stem}.wgsl\n");
-        // Where a `#when` stands that has not ended yet, and whether what it encloses is left out.
+        // The open `#when`, if any: its line, and whether its contents are omitted.
         let mut when: Option<(Place, bool)> = None;
         for (index, line) in text.lines().enumerate() {
             let place = || Place { file: stem.to_owned(), line: index + 1 };
-            match Directive::of(line) {
+            match Directive::parse(line) {
                 None => {
                     if !matches!(when, Some((_, true))) {
                         own.push_str(line);
@@ -353,7 +375,7 @@ impl<'a> Walk<'a> {
         self.visit(stem, text)
     }
 
-    /// The file that was chosen among those that the patterns name.
+    /// Returns the chosen file, which must be among those that the patterns match.
     fn chosen(&mut self, slot: &'a str, patterns: &[&'a str], place: &Place) -> Result<&'a str, ShaderError> {
         let mut alternatives = Vec::new();
         for pattern in patterns {
@@ -380,6 +402,10 @@ impl<'a> Walk<'a> {
         })
     }
 }
+
+mod folder;
+
+pub(crate) use folder::read_folder;
 
 #[cfg(test)]
 mod tests;

@@ -1,11 +1,11 @@
-//! The way back from textures to the host.
+//! Transfer of textures to the host.
 
 use half::f16;
 
 use super::{Gpu, GpuError};
 
-/// Bytes of a layer of a texture of one level, row by row from the top, without the padding that copies demand. Waits for
-/// all that was submitted; the texture must be one to copy from.
+/// Returns the bytes of a layer of a texture with one level, row by row from the top, without the padding of copies. Waits for all
+/// submitted work. The texture must have the usage `COPY_SRC`.
 pub fn read_layer(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Result<Vec<u8>, GpuError> {
     let format = texture.format();
     let texel_bytes = format
@@ -29,10 +29,10 @@ pub fn read_layer(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Result<Vec<
         wgpu::Extent3d { depth_or_array_layers: 1, ..texture.size() },
     );
     gpu.queue.submit([encoder.finish()]);
-    // A failure to map surfaces as the error of the range.
+    // `get_mapped_range` returns an error if mapping fails.
     buffer.map_async(wgpu::MapMode::Read, .., |_| {});
     let waited = gpu.wait(None);
-    // What was refused says more than that it cannot be waited for.
+    // The driver's error explains more than a failed wait.
     gpu.take_failure()?;
     waited?;
     let bytes = buffer.get_mapped_range(..)?;
@@ -40,7 +40,7 @@ pub fn read_layer(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Result<Vec<
     Ok(rows.flat_map(|row| &row[..row_bytes as usize]).copied().collect())
 }
 
-/// Texels of four halves each, as [`read_layer`] gives them.
+/// Converts bytes of [`read_layer`] to texels, which have four 16-bit floats each.
 pub fn texels_of_halves(bytes: &[u8]) -> Vec<[f32; 4]> {
     let (texels, _) = bytes.as_chunks::<8>();
     let half = |texel: &[u8; 8], first: usize| f16::from_le_bytes([texel[first], texel[first + 1]]).to_f32();

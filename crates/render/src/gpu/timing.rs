@@ -2,14 +2,14 @@
 
 use super::{Gpu, ReadbackBuffer, ReadbackPlace};
 
-/// Passes that can be timed in one frame.
+/// Largest number of timed passes of a frame.
 const MAX_PASSES: u32 = 256;
 
-/// Times the passes of a frame. Without timestamps on the adapter everything is a no-op and there are no times.
+/// Times the passes of a frame. If the adapter lacks timestamps, all methods do nothing and return no times.
 pub(crate) struct GpuTimer {
     queries: Option<(wgpu::QuerySet, wgpu::Buffer)>,
     names: Vec<&'static str>,
-    /// Whether the frame has more passes than can be timed: then it has no times at all rather than wrong ones.
+    /// Whether the frame has more passes than can be timed: then it has no times, rather than wrong ones.
     too_many: bool,
     period_ns: f64,
 }
@@ -38,7 +38,7 @@ impl GpuTimer {
         self.too_many = false;
     }
 
-    /// Timestamp writes for a pass of that name.
+    /// Timestamp writes of a compute pass.
     pub(crate) fn pass(&mut self, name: &'static str) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         let (query_set, first) = self.next(name)?;
         Some(wgpu::ComputePassTimestampWrites {
@@ -48,7 +48,7 @@ impl GpuTimer {
         })
     }
 
-    /// The same for a pass of the graphics pipeline.
+    /// Timestamp writes of a render pass.
     pub(crate) fn render_pass(&mut self, name: &'static str) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
         let (query_set, first) = self.next(name)?;
         Some(wgpu::RenderPassTimestampWrites {
@@ -58,7 +58,7 @@ impl GpuTimer {
         })
     }
 
-    /// The queries of one more pass: the first of two.
+    /// Reserves the two queries of a pass and returns the first one.
     fn next(&mut self, name: &'static str) -> Option<(&wgpu::QuerySet, u32)> {
         let (set, _) = self.queries.as_ref()?;
         let index = self.names.len() as u32;
@@ -70,12 +70,12 @@ impl GpuTimer {
         Some((set, 2 * index))
     }
 
-    /// Bytes that the times need in the readback buffer.
+    /// Size of the times in the readback buffer, bytes.
     pub(crate) fn readback_bytes() -> u64 {
         u64::from(2 * MAX_PASSES) * 8
     }
 
-    /// Records the copy of the times; returns their place.
+    /// Records the copy of the times and returns its position.
     pub(crate) fn resolve(
         &self,
         gpu: &Gpu,
@@ -91,7 +91,7 @@ impl GpuTimer {
         Some(readback.copy(gpu, encoder, buffer, 0, u64::from(count) * 8))
     }
 
-    /// Name and ms of every pass.
+    /// Name and duration in ms of every pass.
     pub(crate) fn times_ms(&self, ticks: &[u64]) -> Vec<(&'static str, f64)> {
         self.names
             .iter()
@@ -100,7 +100,7 @@ impl GpuTimer {
             .collect()
     }
 
-    /// From the beginning of the first pass to the end of the last one, ms.
+    /// Duration from the beginning of the first pass to the end of the last pass, ms.
     pub(crate) fn whole_ms(&self, ticks: &[u64]) -> Option<f64> {
         let (begin, end) = (ticks.first()?, ticks.last()?);
         Some(end.saturating_sub(*begin) as f64 * self.period_ns * 1e-6)

@@ -41,16 +41,11 @@ pub enum Metering {
     Spot,
 }
 
-impl Metering {
-    /// Name in configurations.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::LimitingMagnitude => "limiting_magnitude",
-            Self::Mean => "mean",
-            Self::Spot => "spot",
-        }
-    }
-}
+named!(Metering {
+    LimitingMagnitude = "limiting_magnitude",
+    Mean = "mean",
+    Spot = "spot",
+});
 
 /// Exposure settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -3,137 +3,129 @@
 use crate::{gpu::gpu_structs, scene::surroundings::LocalSky};
 
 gpu_structs! {
-    /// Viewport; see `shaders/shared/viewport.wgsl`.
-    Viewport {
-        /// First row of the rotation from world to view axes; w: eye offset along world x, pc.
+    /// A viewport.
+    struct Viewport {
+        /// Rows of the rotation from world axes to view axes; w: eye minus camera along world x, y, z, pc.
         view_from_world_x: [f32; 4],
-        /// Second row; w: eye offset along world y, pc.
         view_from_world_y: [f32; 4],
-        /// Third row; w: eye offset along world z, pc.
         view_from_world_z: [f32; 4],
-        /// Pixels per unit of the plane.
+        /// Flat planes: pixels per unit of tangent (y negative). Fisheye: the circle's radius in pixels, twice.
         plane_scale: [f32; 2],
-        /// Pixel coordinates of the plane's origin.
+        /// Pixel coordinates of the principal ray or of the circle's centre.
         plane_offset: [f32; 2],
         /// Width and height, pixels.
         size: [u32; 2],
-        /// Number of the projection.
+        /// Projection: one of `KIND_...`.
         kind: u32,
-        /// Cube face: number of the face. Tabulated projection: start of the table.
+        /// Cube faces: number of the face. Tabulated: first word of the table, in groups of four words.
         face: u32,
-        /// Fisheye: radius of the rim before normalisation.
+        /// Fisheye: the rim's radius before normalisation, F/2, sin(F/4), sin(F/2) or tan(F/4), F being the field of view.
         rim: f32,
-        /// pi - F/2 or cos^2(F/2).
+        /// Equidistant: pi - F/2. Orthographic: cos^2(F/2). Both are computed in f64: f32 would cancel.
         rim_complement: f32,
-        /// 1: the picture shows the full sphere.
+        /// Fisheye and tabulated: 1 if the picture shows the full sphere, so that its rim is not a border.
         full_sphere: u32,
-        /// 1: the solid angle of a pixel is integrated with nine points.
+        /// 1: the solid angle averages nine points per pixel, because the pixel's centre is not accurate enough.
         quadrature: u32,
-        /// Stars below this luminance use the tent kernel, cd/m^2.
+        /// Fainter stars use the tent kernel, others the B-spline: illuminance over the solid angle of the star's pixel, cd/m^2.
         tent_below_cd_m2: f32,
-        /// Index of the view.
+        /// Index of the view, for counting stars.
         view: u32,
-        /// Stars from this luminance on use the Gaussian kernel, cd/m^2.
+        /// Stars from this on use the Gaussian kernel; same quantity.
         gaussian_from_cd_m2: f32,
-        /// Standard deviation of the Gaussian as an angle, rad.
+        /// Standard deviation of the Gaussian: the larger of this angle, rad, and `gaussian_sigma_px`.
         gaussian_sigma_rad: f32,
-        /// Standard deviation of the Gaussian, pixels.
         gaussian_sigma_px: f32,
-        /// Reach of the Gaussian beyond a border, pixels.
+        /// Greatest distance beyond a border from which a star's Gaussian reaches into the picture, pixels.
         gaussian_reach_px: f32,
-        /// 1: the Gaussian is on the image plane; 0: it is round in view space.
+        /// 1: the Gaussian lies on the image plane, blended with the B-spline. 0: it is round in view space.
         gaussian_on_plane: u32,
-        /// Omnidirectional stereo: radius of the circle on which the eye moves, m; 0: the eye is fixed.
+        /// Omni-directional stereo: radius of the circle on which the eye moves with the direction of sight, m; positive for the right
+        /// eye. 0: the eye does not move.
         viewing_circle_m: f32,
     }
-    /// Run of rows of a viewport; see `shaders/shared/viewport.wgsl`.
-    Tile {
+    /// A run of rows of a viewport.
+    struct Tile {
         /// Index of the viewport.
         viewport: u32,
-        /// First row.
+        /// The tile is the rows `first_row .. first_row + rows` of the viewport.
         first_row: u32,
-        /// Number of rows.
         rows: u32,
-        /// Index of the first pixel in the batch's buffer.
+        /// Index of its first pixel in the buffer of the batch.
         first_pixel: u32,
-        /// Index of the first partial sum.
+        /// Index of its first partial sum of illuminance.
         first_partial: u32,
-        /// Index of the counter that is the flag of its first block.
+        /// Index of the counter that is the flag of its first block of pixels.
         first_flag: u32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
     }
-    /// Grid of points over the picture of a viewport; see `shaders/shared/point_grid.wgsl`.
-    PointGrid {
-        /// Index of its first point.
+    /// A grid of points over the picture of a viewport.
+    struct PointGrid {
+        /// Index of its first point; points are stored row by row.
         first: u32,
-        /// Number of points in a row.
+        /// Points per row.
         columns: u32,
-        /// Number of rows of points.
+        /// Number of rows.
         rows: u32,
-        /// Distance between points, pixels.
+        /// Pixels from point to point; the first point lies on the top left corner of the picture.
         spacing: u32,
     }
-    /// Map of faint light; see `shaders/shared/sky_map.wgsl`.
-    SkyMap {
-        /// Luminance of one texel unit, cd/m^2.
+    /// Layout of the texels of a map of the sky.
+    struct SkyMap {
+        /// Luminance of a texel's unit, cd/m^2.
         unit_cd_m2: f32,
         /// Texels per rad.
         texels_per_rad: f32,
         /// Side of a picture, texels.
         side: u32,
-        /// Padding.
         unused_0: u32,
     }
-    /// Air around an eye; see `shaders/shared/air_mass.wgsl`.
-    AirAbove {
-        /// Unit vector towards the zenith, world axes.
+    /// The air around an eye.
+    struct AirAbove {
+        /// Unit vector to the zenith, world axes.
         zenith: [f32; 3],
         /// 1: there is air.
         present: u32,
-        /// Extinction per air mass, as a power of two.
+        /// Attenuation per air mass as a power of two, linear Rec. 709.
         extinction: [f32; 3],
-        /// Density of the air, relative to the density for which the refraction coefficients hold.
+        /// Air density over the reference density of refraction; 0: no refraction.
         density: f32,
     }
-    /// Diffuse light; see `shaders/shared/diffuse_light.wgsl`.
-    DiffuseLight {
-        /// Scale of its texels.
+    /// Diffuse light: the sky apart from single stars.
+    struct DiffuseLight {
+        /// Layout of its texels.
         map: SkyMap,
         /// Unit vector of the observer's velocity, world axes.
         velocity: [f32; 3],
-        /// Observer's speed, as a fraction of the speed of light.
+        /// Speed over the speed of light.
         beta: f32,
     }
-    /// Results of the exposure pass.
-    Exposure {
-        /// Exposure of the frame, EV at ISO 100.
+    /// Result of the exposure pass.
+    struct Exposure {
+        /// Exposure of the frame.
         ev100: f32,
-        /// Metered exposure, EV at ISO 100.
+        /// Metered exposure.
         metered_ev100: f32,
         /// Mean luminance of all views, cd/m^2.
         mean_luminance_cd_m2: f32,
         /// Display values per cd/m^2.
         display_per_cd_m2: f32,
     }
-    /// Input of the projection probe; see `shaders/probe.wgsl`.
-    ProbeInput {
+    /// A point at which a projection is evaluated.
+    struct ProbeInput {
         /// Direction in view space.
         direction: [f32; 3],
-        /// Padding.
         unused_0: f32,
-        /// Column and row of the pixel.
+        /// Pixel whose solid angle and centre direction are evaluated.
         pixel: [i32; 2],
-        /// Padding.
         unused_1: [i32; 2],
     }
-    /// Result of the projection probe.
-    ProbeOutput {
-        /// Pixel coordinates of the direction's image, 1 if the image exists, solid angle of the pixel in sr.
+    /// Result of a projection at a point.
+    struct ProbeOutput {
+        /// Continuous pixel coordinates of the direction's image; z: 1 if the image exists; w: solid angle of the pixel, sr.
         image: [f32; 4],
-        /// Direction of the pixel's centre, 1 if it is in the picture.
+        /// Direction of the pixel's centre; w: 1 if the pixel is inside the picture.
         direction: [f32; 4],
     }
 }

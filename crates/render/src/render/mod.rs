@@ -61,7 +61,7 @@ pub use self::{
 pub use self::{
     asteroids::impostors::probe as impostor_probe,
     constants::tables as constant_tables,
-    shader::{Shader, shaders},
+    shader::{SHADER_FOLDER_VARIABLE, Shader, checked_shader_folder, shaders},
 };
 use self::{
     meter::Meter,
@@ -233,7 +233,7 @@ impl Renderer {
     }
 }
 
-/// Layouts of all structures shared by Rust and the shaders.
+/// Every structure that Rust and the shaders share.
 #[doc(hidden)]
 pub fn struct_layouts() -> Vec<StructLayout> {
     let layouts_of_techniques = [

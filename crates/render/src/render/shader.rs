@@ -2,23 +2,56 @@
 //! needs to be maintained. `tests/cpu/shaders.rs` checks every file with an entry point in every combination of its
 //! choices.
 
+use std::collections::BTreeMap;
 use std::fmt;
+use std::path::PathBuf;
 use std::sync::LazyLock;
 
-use super::{constants, tabulated};
-use crate::gpu::{Choices, Gpu, Joined, Library, ShaderError, ShaderSource};
+use super::{constants, struct_layouts, tabulated};
+use crate::gpu::{Choices, Gpu, Joined, Library, ShaderError, ShaderSource, read_folder};
 
 include!(concat!(env!("OUT_DIR"), "/shader_files.rs"));
 
-/// All files, and the constants shared with Rust.
-static LIBRARY: LazyLock<Library> = LazyLock::new(|| {
-    let constants: Vec<(String, String)> =
-        constants::tables().iter().map(|table| (format!("constants/{}", table.name), table.wgsl())).collect();
-    let constants = constants.iter().map(|(stem, text)| (stem.as_str(), text.as_str()));
-    Library::new(SHADER_FILES.iter().copied().chain(constants))
+/// Environment variable with a folder of shader files, for development. They replace those that are built into the program, so that an edit
+/// of a shader takes effect at the next start, without compiling.
+pub const SHADER_FOLDER_VARIABLE: &str = "STERADIAN_SHADERS";
+
+/// All files, and the constants and structures that shaders share with Rust.
+static LIBRARY: LazyLock<Result<Library, ShaderError>> = LazyLock::new(|| {
+    let folder = shader_folder();
+    let files: BTreeMap<String, String> = match &folder {
+        Some(folder) => read_folder(folder, SHADER_FILES.iter().map(|(stem, _)| *stem))?,
+        None => SHADER_FILES.iter().map(|(stem, text)| ((*stem).to_owned(), (*text).to_owned())).collect(),
+    };
+    let constants = constants::tables().into_iter().map(|table| (format!("constants/{}", table.name), table.wgsl()));
+    let structs = struct_layouts().into_iter().map(|layout| (format!("structs/{}", layout.name), layout.wgsl()));
+    let library = Library::new(files.into_iter().chain(constants).chain(structs));
+    // Tests check the files that are built in.
+    if folder.is_some() {
+        library.check()?;
+    }
+    Ok(library)
 });
 
-/// A shader: a file with one entry point, and the files chosen for the import slots that have alternatives.
+fn library() -> Result<&'static Library, ShaderError> {
+    LIBRARY.as_ref().map_err(Clone::clone)
+}
+
+fn shader_folder() -> Option<PathBuf> {
+    std::env::var_os(SHADER_FOLDER_VARIABLE).filter(|folder| !folder.is_empty()).map(PathBuf::from)
+}
+
+/// The folder in [`SHADER_FOLDER_VARIABLE`], if any, after reading and checking its files.
+///
+/// # Errors
+///
+/// A file is missing, cannot be read, or has a wrong directive.
+pub fn checked_shader_folder() -> Result<Option<PathBuf>, ShaderError> {
+    library()?;
+    Ok(shader_folder())
+}
+
+/// A shader: a file with one entry point, and what is chosen where it or what it imports has alternatives.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Shader {
     file: String,
@@ -52,9 +85,10 @@ impl Shader {
 
     /// Joins the file and its imports. Projections use no tables unless a choice says otherwise.
     fn join(&self) -> Result<Joined, ShaderError> {
-        match LIBRARY.join(&self.file, &self.choices) {
+        let library = library()?;
+        match library.join(&self.file, &self.choices) {
             Err(ShaderError::NoChoice { slot, .. }) if slot == tabulated::SLOT => {
-                LIBRARY.join(&self.file, &tabulated::with_tables(self.clone(), 0).choices)
+                library.join(&self.file, &tabulated::with_tables(self.clone(), 0).choices)
             }
             joined => joined,
         }
@@ -62,7 +96,7 @@ impl Shader {
 
     /// Resolves the complete module.
     pub fn resolve(&self) -> Result<ShaderSource, ShaderError> {
-        let (name, entry_point) = LIBRARY.entry(&self.file)?;
+        let (name, entry_point) = library()?.entry(&self.file)?;
         let joined = self.join()?;
         Ok(ShaderSource { name, entry_point, text: joined.text, needs_u64: joined.needs_u64 })
     }
@@ -71,7 +105,8 @@ impl Shader {
     ///
     /// # Panics
     ///
-    /// The shader does not exist. That is a bug of the program, since files and choices do not depend on input.
+    /// If there is no such shader, which is an error of the program: files and choices do not depend on input, except in development
+    /// ([`checked_shader_folder`]).
     pub fn source(&self) -> ShaderSource {
         self.resolve().unwrap_or_else(|error| panic!("shader {self}: {error}"))
     }
@@ -97,9 +132,10 @@ pub(crate) fn workgroup_constant(gpu: &Gpu) -> (&'static str, f64) {
 /// Lists every shader: every file with an entry point, in every combination of choices.
 pub fn shaders() -> Result<Vec<Shader>, ShaderError> {
     let mut shaders = Vec::new();
-    for file in LIBRARY.entry_files() {
-        let with_choices = |choices| Shader { file: file.to_owned(), choices };
-        shaders.extend(LIBRARY.combinations(file)?.into_iter().map(with_choices));
+    let library = library()?;
+    for file in library.entry_files() {
+        let of_file = |choices| Shader { file: file.to_owned(), choices };
+        shaders.extend(library.combinations(file)?.into_iter().map(of_file));
     }
     Ok(shaders)
 }

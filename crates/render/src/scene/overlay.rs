@@ -72,28 +72,14 @@ pub enum GridKind {
     Altitude,
 }
 
-impl GridKind {
-    /// All kinds.
-    pub const ALL: [Self; 6] =
-        [Self::Equatorial, Self::Galactic, Self::Ecliptic, Self::Horizon, Self::Constellations, Self::Altitude];
-
-    /// Name in configurations and messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Equatorial => "equatorial",
-            Self::Galactic => "galactic",
-            Self::Ecliptic => "ecliptic",
-            Self::Horizon => "horizon",
-            Self::Constellations => "constellations",
-            Self::Altitude => "altitude",
-        }
-    }
-
-    /// The kind with this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.name() == name)
-    }
-}
+named!(GridKind {
+    Equatorial = "equatorial",
+    Galactic = "galactic",
+    Ecliptic = "ecliptic",
+    Horizon = "horizon",
+    Constellations = "constellations",
+    Altitude = "altitude",
+});
 
 /// Circles of longitude and latitude.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -60,15 +60,12 @@ pub enum SplatKernel {
     BSpline,
 }
 
-impl SplatKernel {
-    /// Name in configurations and charts.
-    pub fn name(self) -> &'static str {
-        match self {
-            SplatKernel::Tent => "tent",
-            SplatKernel::BSpline => "bspline",
-        }
-    }
+named!(SplatKernel {
+    Tent = "tent",
+    BSpline = "bspline",
+});
 
+impl SplatKernel {
     /// Half of the kernel's support: the distance beyond a picture's edge at which a star still touches it, pixels.
     pub fn radius_px(self) -> f64 {
         match self {

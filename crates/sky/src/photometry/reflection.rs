@@ -29,23 +29,12 @@ pub enum ReflectionLaw {
     LommelSeeliger,
 }
 
+named!(ReflectionLaw {
+    Lambert = "lambert",
+    LommelSeeliger = "lommel_seeliger",
+});
+
 impl ReflectionLaw {
-    /// All reflection laws.
-    pub const ALL: [Self; 2] = [Self::Lambert, Self::LommelSeeliger];
-
-    /// Name in configurations.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Lambert => "lambert",
-            Self::LommelSeeliger => "lommel_seeliger",
-        }
-    }
-
-    /// The law with a name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|law| law.name() == name)
-    }
-
     /// The factor f in L = p E / pi * f, for the cosines of the angles of incidence and of emission. 0 if the light
     /// or the eye is below the horizon.
     pub fn luminance_factor(self, cos_i: f64, cos_e: f64) -> f64 {

@@ -58,21 +58,13 @@ pub enum ToneMapOperator {
     Calibrated,
 }
 
-impl ToneMapOperator {
-    /// Every operator.
-    pub const ALL: [Self; 5] = [Self::Filmic, Self::Srgb, Self::Reinhard, Self::Aces, Self::Calibrated];
-
-    /// Name in configurations and manifests.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Filmic => "filmic",
-            Self::Srgb => "srgb",
-            Self::Reinhard => "reinhard",
-            Self::Aces => "aces",
-            Self::Calibrated => "calibrated",
-        }
-    }
-}
+named!(ToneMapOperator {
+    Filmic = "filmic",
+    Srgb = "srgb",
+    Reinhard = "reinhard",
+    Aces = "aces",
+    Calibrated = "calibrated",
+});
 
 /// Conversion of luminance to display values.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

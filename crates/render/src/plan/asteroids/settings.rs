@@ -27,28 +27,16 @@ pub enum ImpostorMethod {
     OctahedralSplat,
 }
 
+named!(ImpostorMethod {
+    Auto = "auto",
+    None = "none",
+    EulerAtlas = "euler_atlas",
+    Octahedral = "octahedral",
+    OctahedralBlend = "octahedral_blend",
+    OctahedralSplat = "octahedral_splat",
+});
+
 impl ImpostorMethod {
-    /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::Auto, Self::None, Self::EulerAtlas, Self::Octahedral, Self::OctahedralBlend, Self::OctahedralSplat];
-
-    /// Name in configurations and charts.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::None => "none",
-            Self::EulerAtlas => "euler_atlas",
-            Self::Octahedral => "octahedral",
-            Self::OctahedralBlend => "octahedral_blend",
-            Self::OctahedralSplat => "octahedral_splat",
-        }
-    }
-
-    /// The method of a name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|method| method.name() == name)
-    }
-
     /// What draws: no `auto`.
     pub fn chosen(self) -> Self {
         if self == Self::Auto { Self::OctahedralSplat } else { self }

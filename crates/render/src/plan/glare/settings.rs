@@ -30,20 +30,17 @@ pub enum GlareMethod {
     ViewPyramid,
 }
 
+named!(GlareMethod {
+    Auto = "auto",
+    None = "none",
+    SkyCube = "sky_cube",
+    ScreenPyramid = "screen_pyramid",
+    ViewPyramid = "view_pyramid",
+});
+
 impl GlareMethod {
     /// Every method that draws glare.
-    pub const ALL: [Self; 3] = [Self::SkyCube, Self::ScreenPyramid, Self::ViewPyramid];
-
-    /// Name in configurations, manifests and charts.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::None => "none",
-            Self::SkyCube => "sky_cube",
-            Self::ScreenPyramid => "screen_pyramid",
-            Self::ViewPyramid => "view_pyramid",
-        }
-    }
+    pub const DRAWING: [Self; 3] = [Self::SkyCube, Self::ScreenPyramid, Self::ViewPyramid];
 
     /// Where the method comes from.
     pub fn source(self) -> MethodSource {

@@ -24,19 +24,14 @@ pub enum MethodSource {
     AsteroidFieldRendering,
 }
 
-impl MethodSource {
-    /// Name in `chart.csv`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Steradian => "steradian",
-            Self::SmallerThanPixels => "smaller-than-pixels",
-            Self::CelestiaStarPsf => "celestia-star-psf",
-            Self::BillionStarsCubemap => "billion-stars-cubemap",
-            Self::StarFieldsPsf => "star-fields-psf-godot",
-            Self::AsteroidFieldRendering => "asteroid-field-rendering",
-        }
-    }
-}
+named!(MethodSource {
+    Steradian = "steradian",
+    SmallerThanPixels = "smaller-than-pixels",
+    CelestiaStarPsf = "celestia-star-psf",
+    BillionStarsCubemap = "billion-stars-cubemap",
+    StarFieldsPsf = "star-fields-psf-godot",
+    AsteroidFieldRendering = "asteroid-field-rendering",
+});
 
 /// How the light of many stars adds up in a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -96,58 +91,28 @@ pub enum StarMethod {
     PsfTexture,
 }
 
+named!(StarMethod {
+    Auto = "auto",
+    BSpline = "bspline",
+    Tent = "tent",
+    PixelGaussian = "pixel_gaussian",
+    PackedCas = "packed_cas",
+    PackedCasSorted = "packed_cas_sorted",
+    HardwarePoint = "hardware_point",
+    HardwareSmoothPoint = "hardware_smooth_point",
+    Disc = "disc",
+    SmoothDisc = "smooth_disc",
+    ScaledDisc = "scaled_disc",
+    GlareDisc = "glare_disc",
+    Sprite = "sprite",
+    GaussianPsf = "gaussian_psf",
+    GaussianPsfIntegrated = "gaussian_psf_integrated",
+    ScreenBillboard = "screen_billboard",
+    CellSky = "cell_sky",
+    PsfTexture = "psf_texture",
+});
+
 impl StarMethod {
-    /// Every method, in the order of the chart.
-    pub const ALL: [Self; 18] = [
-        Self::Auto,
-        Self::BSpline,
-        Self::Tent,
-        Self::PixelGaussian,
-        Self::PackedCas,
-        Self::PackedCasSorted,
-        Self::HardwarePoint,
-        Self::HardwareSmoothPoint,
-        Self::Disc,
-        Self::SmoothDisc,
-        Self::ScaledDisc,
-        Self::GlareDisc,
-        Self::Sprite,
-        Self::GaussianPsf,
-        Self::GaussianPsfIntegrated,
-        Self::ScreenBillboard,
-        Self::CellSky,
-        Self::PsfTexture,
-    ];
-
-    /// Name in configurations, on the wire and in charts.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::BSpline => "bspline",
-            Self::Tent => "tent",
-            Self::PixelGaussian => "pixel_gaussian",
-            Self::PackedCas => "packed_cas",
-            Self::PackedCasSorted => "packed_cas_sorted",
-            Self::HardwarePoint => "hardware_point",
-            Self::HardwareSmoothPoint => "hardware_smooth_point",
-            Self::Disc => "disc",
-            Self::SmoothDisc => "smooth_disc",
-            Self::ScaledDisc => "scaled_disc",
-            Self::GlareDisc => "glare_disc",
-            Self::Sprite => "sprite",
-            Self::GaussianPsf => "gaussian_psf",
-            Self::GaussianPsfIntegrated => "gaussian_psf_integrated",
-            Self::ScreenBillboard => "screen_billboard",
-            Self::CellSky => "cell_sky",
-            Self::PsfTexture => "psf_texture",
-        }
-    }
-
-    /// The method of a name; `None` if there is none.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|method| method.name() == name)
-    }
-
     /// Where the method comes from.
     pub fn source(self) -> MethodSource {
         match self {

@@ -3,68 +3,57 @@
 use crate::gpu::gpu_structs;
 
 gpu_structs! {
-    /// A light source whose light the air scatters; see `shaders/air/light.wgsl`.
-    AirSource {
+    /// A source of light that the air scatters.
+    struct AirSource {
         /// Unit vector towards the source, world axes.
         direction: [f32; 3],
-        /// Padding.
         unused_0: u32,
-        /// Illuminance outside the atmosphere, lx.
+        /// Illuminance outside the air, linear Rec. 709, lx.
         light: [f32; 3],
-        /// Padding.
         unused_1: u32,
         /// Unit vector of the source's azimuth: north, east.
         heading: [f32; 2],
-        /// Padding.
         unused_2: u32,
-        /// Padding.
         unused_3: u32,
     }
-    /// Parameters of the pass.
-    AirParameters {
-        /// Number of the tile.
+    /// Parameters of the pass that adds the light of air and ground.
+    struct AirParameters {
+        /// Index of the tile.
         tile: u32,
         /// 1: the sky has air.
         has_air: u32,
         /// 1: the sky has ground.
         has_ground: u32,
-        /// Number of sources.
+        /// Number of entries of `sources` in use.
         source_count: u32,
-        /// First axis of the horizontal frame (east), in world axes.
+        /// Axes of the horizon, in world axes: east, zenith, south.
         east: [f32; 3],
-        /// Factor on the light of sky and ground.
+        /// Factor on the light of sky and ground. Below 1 if a glare pass follows: it subtracts the light that the pass returns from all
+        /// directions.
         light_share: f32,
-        /// Second axis (zenith).
         zenith: [f32; 3],
-        /// 1: the horizon is at altitude 0 in every direction.
+        /// 1: the ground ends at altitude 0 in all directions.
         is_flat: u32,
-        /// Third axis (south).
         south: [f32; 3],
         /// Sine of the altitude above which no ground is visible.
         above_ground: f32,
-        /// Extinction per air mass, as a power of two.
+        /// Attenuation per air mass as a power of two, linear Rec. 709.
         extinction: [f32; 3],
-        /// Padding.
         unused_1: u32,
-        /// Airglow, cd/m^2.
+        /// Luminance of the airglow in the zenith before extinction, cd/m^2.
         glow: [f32; 3],
-        /// Padding.
         unused_2: u32,
         /// Luminance of the ground, cd/m^2.
         ground: [f32; 3],
-        /// Azimuth of the middle of the ground picture, rad.
+        /// Azimuth of the centre of the landscape picture, rad.
         landscape_azimuth: f32,
         /// Luminance of a white surface, cd/m^2.
         white: [f32; 3],
-        /// Padding.
         unused_3: u32,
-        /// Size of the ground picture, texels; 0: no picture.
+        /// Size of the landscape picture, texels; 0: there is none.
         landscape_size: [u32; 2],
-        /// Padding.
         unused_4: u32,
-        /// Padding.
         unused_5: u32,
-        /// The sources.
         sources: [AirSource; 2],
     }
 }

@@ -4,141 +4,131 @@ use crate::gpu::gpu_structs;
 pub(crate) use crate::render::layout::Viewport;
 
 gpu_structs! {
-    /// A group of asteroids; see `shaders/asteroids/instance.wgsl`.
-    AsteroidItem {
-        /// Centre minus camera, world axes, m.
+    /// A group of asteroids.
+    struct AsteroidItem {
+        /// Centre of the group minus camera, world axes, m.
         origin: [f32; 3],
-        /// First asteroid in the buffer of all fields.
+        /// Index of its first asteroid in the buffer of all fields.
         first: u32,
         /// Rounding error of `origin`, m.
         origin_low: [f32; 3],
         /// Number of asteroids.
         count: u32,
-        /// Unit vector towards the sun, world axes.
+        /// Unit vector to the sun, world axes.
         sun: [f32; 3],
         /// Index of the field.
         field: u32,
-        /// Illuminance of a surface that faces the sun, lx.
+        /// Illuminance of a surface that faces the sun, linear Rec. 709, lx.
         illuminance: [f32; 3],
-        /// Bit 0: may contain points; bit 1: may contain shapes.
+        /// Bit 0: the group may hold points. Bit 1: it may hold shapes.
         flags: u32,
-        /// Bit set of the viewports that may show the group.
+        /// Bit set of the viewports that may see the group.
         viewports: [u32; 2],
-        /// First link to a plane on which the group may be drawn.
+        /// Index of the first link to a plane that the group may be drawn on.
         first_link: u32,
         /// Number of links.
         link_count: u32,
     }
-    /// Link between a group and a plane on which the group may be drawn.
-    AsteroidLink {
+    /// A plane that a group may be drawn on.
+    struct AsteroidLink {
         /// Index of the plane.
         plane: u32,
         /// Index of the group among the groups of the plane.
         column: u32,
-        /// For the plane of a whole picture: bit set of the cube faces that the group is linked to.
+        /// If the plane is a picture: bit set of the faces of its cube that the group is linked to.
         faces: u32,
-        /// Padding.
         unused_0: u32,
     }
-    /// Plane that lists of asteroids are drawn on: a picture, or a face of the cube behind it.
-    AsteroidPlane {
+    /// Target of a list of asteroids: a picture, or a face of the cube behind a picture.
+    struct AsteroidPlane {
         /// Index of the viewport.
         view: u32,
         /// Number of the face; 6: the picture itself.
         face: u32,
-        /// Index of its first count.
+        /// Index of the plane's first count.
         first_count: u32,
-        /// Number of groups linked to it.
+        /// Number of groups linked to the plane.
         columns: u32,
     }
     /// A field of asteroids.
-    AsteroidField {
-        /// First row of the rotation from the field's axes to world axes; w: metres per radius step.
+    struct AsteroidField {
+        /// Rows of the rotation from the field's axes to world axes. `world_from_field_x.w`: metres per part of a radius.
         world_from_field_x: [f32; 4],
-        /// Second row.
         world_from_field_y: [f32; 4],
-        /// Third row.
         world_from_field_z: [f32; 4],
-        /// Geometric albedo.
+        /// Geometric albedo, linear Rec. 709.
         albedo: [f32; 3],
-        /// 0: Lambert; 1: Lommel-Seeliger.
+        /// Law of reflection: 0 Lambert, 1 Lommel-Seeliger.
         law: u32,
-        /// Scene time, in units of 2^-32 of the base period.
+        /// Time in 2^-32 of the base period.
         time_parts: u32,
-        /// First shape.
+        /// Index of the first shape.
         first_shape: u32,
         /// Number of shapes.
         shape_count: u32,
-        /// Kind of its first mesh.
+        /// First kind of list of its meshes.
         first_kind: u32,
-        /// Number of its meshes.
+        /// Number of kinds of its meshes.
         kinds: u32,
-        /// Kind of its impostors.
+        /// Kind of list of its impostors.
         impostor_kind: u32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
     }
     /// A shape of a field.
-    AsteroidShape {
-        /// Kind of its finest mesh; coarser levels follow.
+    struct AsteroidShape {
+        /// Kind of list of its finest mesh; the coarser ones follow.
         first_kind: u32,
         /// Number of levels of detail.
         levels: u32,
         /// Radius of the bounding sphere, mean radii.
         bound: f32,
-        /// Padding.
         unused_0: u32,
     }
-    /// Picture parameters for culling and level of detail; see `src/plan/asteroids/views.rs`.
-    AsteroidView {
-        /// First row of the rotation from world to view axes; w: eye minus camera along world x, m.
+    /// A picture for culling and the choice of detail; made by `crates/render/src/plan/asteroids/views.rs`.
+    struct AsteroidView {
+        /// Rows of the rotation from world to view axes; w: eye minus camera along world x, y, z, m.
         view_from_world_x: [f32; 4],
-        /// Second row.
         view_from_world_y: [f32; 4],
-        /// Third row.
         view_from_world_z: [f32; 4],
-        /// Normals of the planes of the left and right edges: x and z of each.
+        /// Inward normals of the planes through the left and right edge: x and z of each.
         edges_x: [f32; 4],
-        /// Normals of the planes of the lower and upper edges: y and z of each.
+        /// Inward normals of the planes through the lower and upper edge: y and z of each.
         edges_y: [f32; 4],
-        /// Sine of the half-angle of the cone that contains the picture.
+        /// Sine of half the angle of the cone around the picture.
         cone_sine: f32,
         /// Cosine of the half-angle.
         cone_cosine: f32,
-        /// 0: flat; 1: round; 2: longitude and latitude.
+        /// Kind of picture: 0 flat, 1 round, 2 longitude and latitude.
         kind: u32,
-        /// Index of the first entry of its table.
+        /// Index of the first entry of the picture's table.
         first_entry: u32,
         /// Distance between the eyes, m.
         impostor_eyes: f32,
-        /// Linear coefficient of the distance at which impostors begin; negative: no impostors.
+        /// Factor of the distance at which impostors begin; negative: no impostors.
         impostor_linear: f32,
-        /// Exponent of that distance.
+        /// Exponent of the same distance.
         impostor_exponent: f32,
-        /// Quality factor on distances.
+        /// Factor on the distances of detail.
         quality: f32,
-        /// 1: use only the finest mesh.
+        /// 1: only the finest mesh is used.
         finest_only: u32,
-        /// View whose class decisions apply to this view: the other eye's, or this view itself.
+        /// The view whose classes are used: the other eye's, or this view.
         class_view: u32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
     }
-    /// Entry of a list of asteroids.
-    AsteroidEntry {
+    /// An asteroid in a list.
+    struct AsteroidEntry {
         /// Index in the buffer of all fields.
         instance: u32,
-        /// Its group; bit 31: beyond the seam.
+        /// Index of its group; bit 31: the asteroid is drawn on the other side of the seam.
         item: u32,
-        /// Cross-fade; see `faded` in `shaders/asteroids/listed.wgsl`.
+        /// Fade between two lists; see `faded` in `shaders/asteroids/listed.wgsl`.
         fade: f32,
     }
-    /// Parameters of asteroid culling.
-    AsteroidCullParameters {
+    /// Parameters of culling asteroids.
+    struct AsteroidCullParameters {
         /// Number of groups.
         items: u32,
         /// Workgroups per row of the dispatch.
@@ -147,41 +137,40 @@ gpu_structs! {
         kinds: u32,
         /// Number of lists.
         buckets: u32,
-        /// Capacity of the lists, entries.
+        /// Number of entries that fit into the lists.
         capacity: u32,
-        /// Number of lists per plane that hold meshes.
+        /// Number of kinds that are meshes.
         mesh_kinds: u32,
-        /// Workgroups per row of the dispatch if impostors are splatted; 0: they are drawn as squares.
+        /// Workgroups per row of the dispatch that splats impostors; 0: impostors are drawn.
         splat_row: u32,
-        /// Impostors per workgroup if they are splatted.
+        /// Impostors per workgroup of that dispatch.
         splats_per_workgroup: u32,
     }
-    /// Band of samples that impostors are splatted onto at once; see `shaders/asteroids/impostors/splat_band.wgsl`.
-    SplatBand {
-        /// Samples in a row.
+    /// The samples that impostors are splatted onto in one pass.
+    struct SplatBand {
+        /// Samples per row.
         width: u32,
-        /// First row.
+        /// First row of the band in the target.
         first_row: u32,
         /// Number of rows.
         rows: u32,
-        /// Blocks of samples per row.
+        /// Blocks of samples per row of blocks.
         blocks: u32,
     }
-    /// Target of splatted impostors; see `shaders/asteroids/impostors/footprint.wgsl`.
-    SplatTarget {
-        /// Band of samples.
+    /// Target of splatted impostors.
+    struct SplatTarget {
         band: SplatBand,
-        /// Index of the first word of the list's arguments.
+        /// First word of the list's arguments: workgroups along x, y and z, number of entries, first entry.
         arguments: u32,
-        /// 0: find depths; 1: find owners; 2: light samples.
+        /// 0: finds the greatest depth of each sample. 1: finds the asteroid at that depth. 2: lights the samples.
         stage: u32,
-        /// Quality factor on distances of detail.
+        /// Factor on the distances of detail.
         quality: f32,
-        /// Greatest angle between the view direction and the direction of the nearest tile, rad.
+        /// Greatest angle between the direction and that of the nearest tile, rad.
         tile_error_rad: f32,
     }
-    /// Parameters of the pass over asteroids drawn as points.
-    AsteroidPointParameters {
+    /// Parameters of the pass that draws asteroids as points.
+    struct AsteroidPointParameters {
         /// Fixed-point units per lux.
         units_per_lx: f32,
         /// Number of groups.
@@ -191,17 +180,16 @@ gpu_structs! {
         /// Number of tiles of the batch.
         tiles: u32,
     }
-    /// Target that asteroids are drawn onto; see `shaders/asteroids/listed.wgsl`.
-    AsteroidTarget {
-        /// Viewport of the picture or of the cube face.
+    /// Target of drawn asteroids.
+    struct AsteroidTarget {
+        /// The picture, or the face of its cube.
         viewport: Viewport,
         /// Eye minus camera, world axes, m.
         eye: [f32; 3],
         /// Distance at depth 1, m.
         near: f32,
-        /// First row of the window, pixels.
+        /// The window is the rows `first_row .. first_row + rows` of the viewport.
         first_row: u32,
-        /// Number of rows of the window, pixels.
         rows: u32,
         /// Samples along each side of a pixel.
         samples: u32,
@@ -211,112 +199,90 @@ gpu_structs! {
         units_per_cd_m2: f32,
         /// Number of lists per plane.
         kinds: u32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
     }
-    /// List that a draw reads.
-    AsteroidBucket {
-        /// Kind of the list.
+    /// The list of a draw.
+    struct AsteroidBucket {
+        /// Its kind.
         kind: u32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
-        /// Padding.
         unused_2: u32,
     }
-    /// Target of the impostor probe; see `shaders/asteroids/impostors/given.wgsl`.
-    GivenTarget {
-        /// Viewport of the picture.
+    /// Target of individually given asteroids, which tests and probes draw.
+    struct GivenTarget {
         viewport: Viewport,
-        /// Distance at depth 1, m.
+        /// Distance at depth 1 along the axis, m.
         near: f32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
-        /// Padding.
         unused_2: u32,
     }
-    /// Single asteroid of the impostor probe.
-    GivenAsteroid {
+    /// An individually given asteroid.
+    struct GivenAsteroid {
         /// Centre relative to the eye, view axes, m.
         centre: [f32; 3],
         /// Mean radius, m.
         radius: f32,
-        /// First column of the rotation from the shape's axes to view axes.
+        /// Columns of the rotation from the shape's axes to view axes.
         view_from_shape_x: [f32; 3],
         /// Index of the shape.
         shape: u32,
-        /// Second column.
         view_from_shape_y: [f32; 3],
-        /// 0: Lambert; 1: Lommel-Seeliger.
+        /// Law of reflection: 0 Lambert, 1 Lommel-Seeliger.
         law: u32,
-        /// Third column.
         view_from_shape_z: [f32; 3],
-        /// Padding.
         unused_0: u32,
-        /// Unit vector towards the sun, view axes.
+        /// Unit vector to the sun, view axes.
         sun: [f32; 3],
-        /// Padding.
         unused_1: u32,
         /// Geometric albedo times illuminance over pi, units of the target.
         luminance: [f32; 3],
-        /// Padding.
         unused_2: u32,
     }
-    /// An atlas of impostors; see `shaders/asteroids/impostors/atlas.wgsl`.
-    ImpostorAtlas {
+    /// An atlas of impostors.
+    struct ImpostorAtlas {
         /// Tiles along a side.
         tiles: u32,
         /// Texels along a side of a tile.
         tile_px: u32,
         /// Number of mip levels.
         levels: u32,
-        /// Albedo factor that is stored as 1.
+        /// Factor on the albedo that the atlas stores as 1.
         albedo_scale: f32,
     }
-    /// Parameters of baking a block of an atlas; see `shaders/asteroids/impostors/bake_block.wgsl`.
-    ImpostorBakeParameters {
+    /// Parameters of baking a block of an atlas.
+    struct ImpostorBakeParameters {
         /// Samples along the side of the block.
         side: f32,
         /// Samples per bounding radius.
         scale: f32,
         /// Radius of the bounding sphere, mean radii.
         bound: f32,
-        /// Albedo factor that is stored as 1.
+        /// Factor on the albedo that the atlas stores as 1.
         albedo_scale: f32,
     }
-    /// Tile of the block.
-    ImpostorBakeTile {
-        /// Right direction of the picture, shape's axes.
+    /// A tile of a block.
+    struct ImpostorBakeTile {
+        /// Axes of the tile's picture in the shape's axes: right, up, and the direction to the eye.
         right: [f32; 3],
-        /// Padding.
         unused_0: f32,
-        /// Up direction of the picture.
         up: [f32; 3],
-        /// Padding.
         unused_1: f32,
-        /// Direction towards the eye.
         direction: [f32; 3],
-        /// Padding.
         unused_2: f32,
-        /// Centre on the block, samples.
+        /// Centre of the tile on the block, samples from the top left.
         middle: [f32; 2],
-        /// Padding.
         unused_3: [f32; 2],
     }
     /// Parameters of filtering a block of an atlas.
-    ImpostorFilterParameters {
+    struct ImpostorFilterParameters {
         /// Texels along the side of the block.
         side: u32,
         /// Samples along the side of a texel.
         samples: u32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
     }
 }

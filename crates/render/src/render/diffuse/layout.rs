@@ -6,19 +6,16 @@ use crate::{
 };
 
 gpu_structs! {
-    /// Parameters of the pass over grid points; see `shaders/diffuse/points.wgsl`.
-    DiffusePointParameters {
+    /// Parameters of the pass that evaluates diffuse light at the grid points of the pictures.
+    struct DiffusePointParameters {
         /// The diffuse light.
         light: DiffuseLight,
         /// The air in front of it.
         air: AirAbove,
-        /// Maximum roughness at which light is interpolated between points, cd/m^2.
+        /// Greatest error of the light between points, cd/m^2 of its pictures.
         most_rough: f32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
-        /// Padding.
         unused_2: u32,
     }
 }

@@ -5,147 +5,134 @@ pub(crate) use crate::render::layout::Tile;
 
 gpu_structs! {
     /// Parameters of the glare pass over pixels.
-    GlareParameters {
-        /// Share of the light that is scattered.
+    struct GlareParameters {
+        /// Fraction of the light that is scattered.
         fraction: f32,
-        /// Pixels of the batch.
+        /// Pixels of the batch: offset of the plane of B and solid angles.
         plane_pixels: u32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
     }
-    /// Cell of the sky; see `shaders/glare/sky_cube/map_gather.wgsl`.
-    GlareCell {
-        /// Unit vector towards the centroid of its light.
+    /// Light of a cell of the sky cube.
+    struct GlareCell {
+        /// Unit vector to the centroid of the light.
         direction: [f32; 3],
-        /// Padding.
         unused_0: f32,
         /// Illuminance, linear Rec. 709, lx.
         light: [f32; 3],
-        /// Padding.
         unused_1: f32,
     }
     /// Parameters of a level of the glare map.
-    GlareLevelParameters {
+    struct GlareLevelParameters {
         /// Cells along an edge of a face.
         edge_cells: u32,
-        /// Cells along an edge of a face of the coarser level.
+        /// Cells along an edge of the next coarser level; 0: there is none.
         coarser_cells: u32,
         /// Squared chord at which the kernel ends.
         end_squared: f32,
-        /// Sine of the angle at which the kernel ends, or 2.
+        /// Sine of the angle at which the kernel ends; 2: the kernel covers the whole sphere.
         end_sine: f32,
-        /// Entries of the kernel table per unit of squared chord.
+        /// Entries of the table per unit of a squared chord.
         entries: f32,
-        /// Inverse square of the radius of bumps, or 0.
+        /// 1 over the squared radius of bumps; 0: there are none.
         bump_inverse: f32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
     }
-    /// Parameters of sharpening a level.
-    GlareSharpenParameters {
+    /// Parameters of sharpening a level of the glare map.
+    struct GlareSharpenParameters {
         /// Cells along an edge of a face.
         edge_cells: u32,
         /// Index of the first point of the result.
         first_point: u32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
     }
-    /// Source that is drawn individually; see `shaders/glare/sky_cube/sprites.wgsl`.
-    GlareSprite {
+    /// A source of glare that is drawn individually.
+    struct GlareSprite {
         /// Unit vector, world axes.
         direction: [f32; 3],
-        /// Inverse square of the chord at which it ends.
+        /// 1 over the square of the chord at which the sprite ends.
         inverse_squared: f32,
         /// Illuminance, linear Rec. 709, lx.
         light: [f32; 3],
-        /// 1: the sprite adds the whole part that the map's kernel omits.
+        /// 1: the sprite has the largest reach and holds the remainder of the map's kernel.
         whole: u32,
     }
-    /// Sprites of a region of the sky.
-    GlareSpriteCell {
-        /// Unit vector towards the centre of the region.
+    /// Sprites of a part of the sky, or cells of a region of it.
+    struct GlareSpriteCell {
+        /// Unit vector to the centre.
         direction: [f32; 3],
-        /// Greatest chord that its sprites reach.
+        /// Greatest chord from the centre to a direction that one of its sprites reaches.
         reach: f32,
-        /// Index of the first sprite.
+        /// Index of the first sprite or cell.
         first: u32,
-        /// Number of sprites.
+        /// Number of sprites or cells.
         count: u32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
     }
     /// Glare parameters of a viewport.
-    GlareView {
-        /// Coefficients of the kernel's core, 1/sr.
+    struct GlareView {
+        /// The kernel inside the chord of `core_squared`: coefficients of 1, u and u^2, 1/sr. u is the squared chord over `core_squared`.
         core: [f32; 3],
-        /// Squared chord at which the core ends.
+        /// Square of the chord at which the core ends.
         core_squared: f32,
-        /// Greatest inverse square of a sprite.
+        /// Sprites with a greater inverse square are too narrow for the view.
         greatest_inverse: f32,
-        /// Index of the first point of its map.
+        /// Index of the first point of the view's map.
         first_point: u32,
-        /// Index of the first of the viewport's own sources.
+        /// Index of the first source of this eye alone.
         first_near: u32,
-        /// Number of those sources.
+        /// Number of sources of this eye alone.
         near_count: u32,
     }
     /// Parameters of finding and drawing sprites.
-    SkyCubeParameters {
-        /// Coefficients of the map's kernel, 1/sr.
+    struct SkyCubeParameters {
+        /// The map's kernel inside a chord: coefficients of 1, u and u^2, 1/sr. u is the squared chord times `soft_inverse`.
         soft: [f32; 3],
-        /// Inverse square of the chord within which the coefficients hold.
+        /// 1 over the square of that chord.
         soft_inverse: f32,
         /// Cells along an edge of a face of the map.
         edge_cells: u32,
         /// Number of regions with sprites.
         regions: u32,
-        /// Inverse-square kernel: its constant.
+        /// Inverse-square kernel: its constant, 1/sr.
         constant: f32,
-        /// Inverse-square kernel: square of the inner angle, rad^2.
+        /// Inverse-square kernel: square of the angle inside which it is constant, rad^2.
         inner_squared: f32,
-        /// Kernel table: log2 of the squared chord of its first entry.
+        /// Table of the kernel times the squared chord: log2 of the squared chord of its first entry.
         first_octave: f32,
         /// Kernel table: entries per octave.
         entries_per_octave: f32,
         /// Kernel table: number of entries.
         entries: u32,
-        /// Number of words of a block's list.
+        /// Words of the list of a block; the first word is the number of its sprites.
         list_words: u32,
-        /// Number of words of a square's list.
+        /// Words of the list of a square of blocks; the first word is the number of its sprites.
         square_words: u32,
-        /// Number of columns of blocks.
+        /// Columns of blocks of the batch.
         columns: u32,
-        /// Number of rows of blocks.
+        /// Rows of blocks of the batch.
         rows: u32,
         /// Number of tiles of the batch.
         tiles: u32,
     }
-    /// Parameters of the pass over the points of veils.
-    VeilParameters {
-        /// Share of the light that is scattered.
+    /// Parameters of the pass that evaluates veils at grid points.
+    struct VeilParameters {
+        /// Fraction of the light that is scattered.
         fraction: f32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
-        /// Padding.
         unused_2: u32,
     }
-    /// Parameters of the pass that adds the veil of single sources to sums.
-    VeilSplatParameters {
-        /// Fixed-point units per lux of total light, scattered or not.
+    /// Parameters of the pass that adds the veil of single sources to the sums.
+    struct VeilSplatParameters {
+        /// Fixed-point units per lux of scattered light, times the fraction that is scattered.
         units_per_lx: f32,
-        /// Brightness of the faintest source, lx.
+        /// Sources of these sums are at least this bright, lx.
         faintest_lx: f32,
-        /// Upper limit of the brightness of the sources, lx.
+        /// Sources of these sums are fainter than this, lx.
         brightest_lx: f32,
         /// Index of the first source.
         first: u32,
@@ -153,85 +140,75 @@ gpu_structs! {
         count: u32,
         /// Sources per row of the dispatch.
         per_row: u32,
-        /// Viewport that sees the sources, or `EVERY_VIEWPORT`.
+        /// The viewport that sees these sources, or `EVERY_VIEWPORT`.
         viewport: u32,
-        /// Number of invocations that share a source.
+        /// Invocations per source.
         shared_by: u32,
     }
-    /// Source of light that belongs to one eye.
-    GlareNear {
+    /// A source of glare whose direction differs between eyes.
+    struct GlareNear {
         /// Unit vector, world axes.
         direction: [f32; 3],
-        /// With parts: chord within which the parts replace the source. Without parts: squared softening chord.
+        /// Source with parts: chord inside which the parts replace it. Without parts: square of the chord that softens its kernel.
         reach: f32,
         /// Illuminance, linear Rec. 709, lx.
         light: [f32; 3],
-        /// Number of parts that follow.
+        /// Number of parts, which follow the source. Extended source: `IS_EXTENDED`, and in the low 16 bits the fraction of its light that the
+        /// softened kernel omits.
         parts: u32,
     }
-    /// Parameters of the pass over the light of surfaces.
-    ObjectGlareParameters {
-        /// Share of the light that is scattered.
+    /// Parameters of the glare pass over surfaces.
+    struct ObjectGlareParameters {
+        /// Fraction of the light that is scattered.
         fraction: f32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
-        /// Padding.
         unused_2: u32,
     }
     /// Parameters of the search for the brightest channel of a frame.
-    GlareMaximumParameters {
-        /// Pixels of the batch.
+    struct GlareMaximumParameters {
+        /// Pixels of the batch: offset of the plane of B and solid angles.
         plane_pixels: u32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
-        /// Padding.
         unused_2: u32,
     }
     /// Parameters of the base of a glare pyramid.
-    GlareBaseParameters {
-        /// Tile that contains the upper pixels.
+    struct GlareBaseParameters {
+        /// The tile of the upper pixels.
         upper: Tile,
-        /// Tile that continues below, or the same tile again.
+        /// The tile of the lower pixels: the next tile, or the same.
         lower: Tile,
-        /// Pixels of the batch of the upper tile.
+        /// Pixels of the batch of `upper`: offset of the plane of B and solid angles.
         upper_plane_pixels: u32,
-        /// Pixels of the batch of the lower tile.
+        /// The same for `lower`.
         lower_plane_pixels: u32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
     }
     /// Parameters of a blur of a glare pyramid.
-    GlareBlurParameters {
-        /// Weights of the taps: the middle one first, then those on either side.
+    struct GlareBlurParameters {
+        /// Weights of the taps: the centre, then those on either side.
         weights: [f32; 4],
-        /// Cosines of the taps' angles.
+        /// Cosines of the taps' angles, for axes in view space.
         cosines: [f32; 4],
-        /// Sines of the taps' angles.
+        /// Sines of the taps' angles, for axes in view space.
         sines: [f32; 4],
         /// Index of the viewport.
         viewport: u32,
-        /// Axis of the blur: 0 or 1.
+        /// 0: the first axis. 1: the second axis.
         axis: u32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
     }
     /// Parameters of the sum over the levels of a glare pyramid.
-    GlareCombineParameters {
+    struct GlareCombineParameters {
         /// Weight of level 0.
         first_weight: f32,
-        /// Weight of each level relative to the previous one.
+        /// Weight of each level over that of the level before.
         ratio: f32,
         /// Number of levels.
         levels: u32,
-        /// Padding.
         unused_0: u32,
     }
 }

@@ -3,49 +3,45 @@
 use crate::gpu::gpu_structs;
 
 gpu_structs! {
-    /// Parameters of the overlay pass; see `shaders/overlay/draw.wgsl`.
-    OverlayParameters {
+    /// Parameters of the overlay pass.
+    struct OverlayParameters {
         /// Number of blocks.
         blocks: u32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
-        /// Padding.
         unused_2: u32,
     }
-    /// Shape to draw; see `shaders/overlay/draw.wgsl`.
-    OverlayItem {
-        /// First end of a line, or first corner of a box.
+    /// A shape of the overlay.
+    struct OverlayItem {
+        /// Line: its first end. Other shapes: the first corner, whole pixels.
         begin: [f32; 2],
-        /// Other end of a line, or the corner after the last pixel of a box.
+        /// Line: its other end. Other shapes: the corner after the last pixel, whole pixels.
         end: [f32; 2],
         /// Inverse distance at both ends, 1/m.
         nearness: [f32; 2],
-        /// Half width of a line, pixels.
+        /// Line: half its width, pixels.
         half_width_px: f32,
         /// Opacity, 0 to 1.
         opacity: f32,
         /// sRGB codes, red in the lowest byte.
         colour: u32,
-        /// Stroke of the item; the items of one stroke are consecutive.
+        /// Index of the stroke; the items of a stroke are consecutive.
         stroke: u32,
-        /// Kind of the shape.
+        /// One of `SHAPE_...`.
         shape: u32,
-        /// Glyph: index of the first byte of coverage.
+        /// Glyph: index of the coverage of its first pixel, bytes.
         first_texel: u32,
     }
-    /// Block of pixels of a tile; see `shaders/overlay/draw.wgsl`.
-    OverlayBlock {
-        /// First column and first row.
+    /// A block of pixels of a tile.
+    struct OverlayBlock {
+        /// First column and row.
         corner: [u32; 2],
         /// Index of the tile.
         tile: u32,
-        /// Index of its first entry.
+        /// Index of its first entry in the list of items.
         first_entry: u32,
         /// Number of entries.
         entries: u32,
-        /// Padding.
         unused_0: u32,
     }
 }

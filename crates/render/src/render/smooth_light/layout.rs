@@ -3,9 +3,9 @@
 use crate::gpu::gpu_structs;
 
 gpu_structs! {
-    /// Parameters of the pass that stores a picture as texels; see `shaders/smooth_light/pack.wgsl`.
-    PackParameters {
-        /// Pixels of the batch.
+    /// Parameters of the pass that stores a picture as texels.
+    struct PackParameters {
+        /// Pixels of the batch: offset of the plane of B and solid angles.
         plane_pixels: u32,
         /// Side of a picture, texels.
         side: u32,

@@ -4,66 +4,58 @@ use crate::gpu::gpu_structs;
 pub(crate) use crate::render::layout::{AirAbove, Viewport};
 
 gpu_structs! {
-    /// Run of stars for one workgroup; see `shaders/stars/splat.wgsl`.
-    StarItem {
+    /// A run of stars for one workgroup.
+    struct StarItem {
         /// Chunk origin minus camera, pc.
         origin: [f32; 3],
         /// Index of the first star in its buffer.
         first: u32,
         /// Number of stars.
         count: u32,
-        /// Bit set of tiles.
+        /// Bit i: tile i of the batch may see these stars.
         tiles: u32,
-        /// Number of the first star within the scene.
+        /// Index of the first star among all stars of the scene; the dither depends on it.
         first_number: u32,
-        /// 1: the stars are at infinity, given by directions instead of positions.
+        /// 1: the stars are at infinity, where the position of the eye does not matter.
         at_infinity: u32,
     }
-    /// Motion of the camera; see `shaders/stars/relativity.wgsl`. All zero: at rest.
-    CameraMotion {
+    /// Motion of the camera. All zero: the camera is at rest. Computed in f64.
+    struct CameraMotion {
         /// Unit vector of the velocity, world axes.
         direction: [f32; 3],
         /// Lorentz factor.
         gamma: f32,
-        /// Lorentz factor times speed (fraction of the speed of light); 0 at rest.
+        /// Lorentz factor times speed over the speed of light; 0 at rest.
         gamma_beta: f32,
-        /// Doppler factor in the backward direction.
+        /// Doppler factor straight behind: gamma * (1 - beta).
         doppler_behind: f32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
     }
     /// Parameters of the star pass.
-    StarParameters {
+    struct StarParameters {
         /// Fixed-point units per lux.
         units_per_lx: f32,
         /// Illuminance of the faintest stars that are drawn, lx.
         faintest_lx: f32,
-        /// Exclusive upper limit of the illuminance of stars that are drawn, lx.
+        /// Stars of at least this illuminance belong to another pass with a coarser unit, lx.
         brightest_lx: f32,
         /// Number of items.
         item_count: u32,
         /// Workgroups per row of the dispatch.
         items_per_row: u32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
-        /// Padding.
         unused_2: u32,
-        /// Motion of the camera.
         camera_motion: CameraMotion,
-        /// Air around the camera.
+        /// The air around the camera.
         air: AirAbove,
     }
-    /// Star as the published methods read it; see `shaders/stars/catalogue_star.wgsl`.
-    CatalogueStar {
-        /// Position x, ICRS, from the barycentre, pc.
+    /// A star for the published methods.
+    struct CatalogueStar {
+        /// ICRS position from the barycentre, pc.
         x: f32,
-        /// Position y.
         y: f32,
-        /// Position z.
         z: f32,
         /// Absolute V magnitude.
         absolute_magnitude: f32,
@@ -71,43 +63,40 @@ gpu_structs! {
         temperature: f32,
     }
     /// Parameters of the published passes over the whole catalogue.
-    CatalogueParameters {
-        /// Position of the camera, ICRS, pc.
+    struct CatalogueParameters {
+        /// ICRS position of the camera, pc.
         camera: [f32; 3],
         /// Number of stars in the buffer.
         star_count: u32,
         /// Illuminance of the faintest stars that are drawn, lx.
         faintest_lx: f32,
-        /// Index of the target tile; of the viewport if the pass does not use tiles.
+        /// Index of the target tile; for passes without tiles, of the viewport.
         tile: u32,
         /// Threads per row of the dispatch.
         row_threads: u32,
-        /// Padding.
         unused_0: u32,
     }
-    /// Parameters of the blending methods; see `shaders/stars/billboards/billboard.wgsl`.
-    BillboardParameters {
-        /// First row of the rotation from the axes of the plane to those of the view.
+    /// Parameters of the methods that blend.
+    struct BillboardParameters {
+        /// Rows of the rotation from the axes of the plane to view axes; they differ only for the faces of a cube.
         view_from_plane_x: [f32; 4],
-        /// Second row.
         view_from_plane_y: [f32; 4],
-        /// Third row.
         view_from_plane_z: [f32; 4],
-        /// Position of the camera, ICRS, pc.
+        /// ICRS position of the camera, pc.
         camera: [f32; 3],
         /// Illuminance of the faintest stars that are drawn, lx.
         faintest_lx: f32,
-        /// Radius of discs and sprites, rad.
+        /// Discs and sprites: radius, rad.
         radius_rad: f32,
-        /// Solid angle of discs and sprites, sr.
+        /// Discs and sprites: solid angle, sr.
         solid_angle_sr: f32,
-        /// Magnitude from which brighter stars have the largest size.
+        /// Stars of this magnitude or brighter have the largest size.
         brightest_magnitude: f32,
-        /// Magnitude from which fainter stars have the smallest size.
+        /// Stars of this magnitude or fainter have the smallest size.
         faintest_magnitude: f32,
-        /// Half side of a square on the screen, pixels.
+        /// `screen_billboard`: half the side, pixels.
         half_side_px: f32,
-        /// Magnitude of the faintest visible stars.
+        /// Gaussians, named as in the publication: faintest visible magnitude.
         limiting_magnitude: f32,
         /// Magnitude of display white.
         saturation_magnitude: f32,
@@ -119,44 +108,42 @@ gpu_structs! {
         glare_brightness: f32,
         /// cd/m^2 per unit of relative brightness.
         white_cd_m2: f32,
-        /// Half of the angular width of the point-spread function, rad.
+        /// `psf_texture`: half the angle of the stored function, rad.
         half_width_rad: f32,
-        /// Angle of a texel, rad.
+        /// `psf_texture`: angle of a texel, rad.
         texel_rad: f32,
-        /// Half of the angular width to which a star is cropped, rad per sqrt(lx).
+        /// Half the angle that a star of 1 lx is cropped to; scales with the square root of illuminance, rad per sqrt(lx).
         crop_rad: f32,
-        /// Minimum of that half width, rad.
+        /// Smallest such angle, rad.
         least_crop_rad: f32,
-        /// Softening term added to the squared angle by which the stored function is divided, rad^2.
+        /// Added to the squared angle that divides the stored function, rad^2.
         softening_rad2: f32,
     }
-    /// Parameters of the published rasteriser for culled stars.
-    PackedParameters {
-        /// Illuminance of the faintest stars that are drawn, lx.
+    /// Parameters of the published rasteriser on culled stars.
+    struct PackedParameters {
+        /// Fainter stars are not drawn, lx.
         faintest_lx: f32,
         /// Number of items.
         item_count: u32,
         /// Workgroups per row of the dispatch.
         items_per_row: u32,
-        /// Padding.
         unused_0: u32,
     }
-    /// Parameters of the resolve pass of methods that output luminance.
-    LuminanceParameters {
-        /// Pixels of the batch.
+    /// Parameters of the resolve pass of methods that write luminance.
+    struct LuminanceParameters {
+        /// Pixels of the batch: offset of the plane of B and solid angles.
         plane_pixels: u32,
-        /// cd/m^2 per unit of the method's output.
+        /// cd/m^2 per unit of the method's result.
         scale: f32,
-        /// First parameter of the luminance source.
+        /// Parameters of the source of luminance (`shaders/stars/luminance_*.wgsl`).
         source_0: u32,
-        /// Second parameter of the luminance source.
         source_1: u32,
     }
-    /// Parameters of the procedural sky; see `shaders/stars/luminance_cell_sky.wgsl`.
-    CellSkyParameters {
-        /// Angle of a pixel at the centre of the view, rad.
+    /// Parameters of the procedural sky.
+    struct CellSkyParameters {
+        /// Angle of a pixel in the centre of the view, rad.
         pixel_rad: f32,
-        /// Radius of a star, in these pixels.
+        /// Radius of a star, in pixels of that angle.
         radius_px: f32,
         /// Cells along an edge of a cube face.
         cells: u32,
@@ -164,11 +151,8 @@ gpu_structs! {
         layers: u32,
         /// Seed of the random stars.
         seed: u32,
-        /// Padding.
         unused_0: u32,
-        /// Padding.
         unused_1: u32,
-        /// Padding.
         unused_2: u32,
     }
 }

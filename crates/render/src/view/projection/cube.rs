@@ -22,27 +22,16 @@ pub enum Face {
     Down,
 }
 
+named!(Face {
+    Front = "front",
+    Right = "right",
+    Left = "left",
+    Back = "back",
+    Up = "up",
+    Down = "down",
+});
+
 impl Face {
-    /// All faces, in the order of their numbers in the shader.
-    pub const ALL: [Face; 6] = [Face::Front, Face::Right, Face::Left, Face::Back, Face::Up, Face::Down];
-
-    /// Name in configurations and file names.
-    pub fn name(self) -> &'static str {
-        match self {
-            Face::Front => "front",
-            Face::Right => "right",
-            Face::Left => "left",
-            Face::Back => "back",
-            Face::Up => "up",
-            Face::Down => "down",
-        }
-    }
-
-    /// The face with this name.
-    pub fn from_name(name: &str) -> Option<Face> {
-        Face::ALL.into_iter().find(|face| face.name() == name)
-    }
-
     /// Viewing direction of the face and up direction of its image, in cube space.
     pub const fn forward_and_up(self) -> [DVec3; 2] {
         match self {

@@ -32,17 +32,12 @@ pub enum FisheyeMapping {
     Stereographic,
 }
 
-impl FisheyeMapping {
-    /// Name in configurations.
-    pub fn name(self) -> &'static str {
-        match self {
-            FisheyeMapping::Equidistant => "equidistant",
-            FisheyeMapping::Equisolid => "equisolid",
-            FisheyeMapping::Orthographic => "orthographic",
-            FisheyeMapping::Stereographic => "stereographic",
-        }
-    }
-}
+named!(FisheyeMapping {
+    Equidistant = "equidistant",
+    Equisolid = "equisolid",
+    Orthographic = "orthographic",
+    Stereographic = "stereographic",
+});
 
 /// A round picture of the sky around -z.
 #[derive(Clone, Copy, Debug, PartialEq)]

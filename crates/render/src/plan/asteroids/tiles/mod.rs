@@ -55,6 +55,11 @@ pub enum AtlasLayout {
     Octahedral,
 }
 
+named!(AtlasLayout {
+    Euler = "euler",
+    Octahedral = "octahedral",
+});
+
 impl AtlasLayout {
     /// The layout that a method reads; `None` for methods without an atlas.
     pub fn of(method: ImpostorMethod) -> Option<Self> {
@@ -64,14 +69,6 @@ impl AtlasLayout {
                 Some(Self::Octahedral)
             }
             ImpostorMethod::Auto | ImpostorMethod::None => None,
-        }
-    }
-
-    /// Name, for files and messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Euler => "euler",
-            Self::Octahedral => "octahedral",
         }
     }
 
