@@ -166,7 +166,7 @@ pub const COLUMNS: &[&str] = &[
 
 pub fn csv() -> Vec<Vec<u8>> {
     let mut all = files("tests/data/catalogues", &["csv"]);
-    let bright = include_bytes!("../../src/catalogue/bright_stars.csv");
+    let bright = include_bytes!("../../crates/sky/src/catalogue/bright_stars.csv");
     all.push(bright[..bright.len().min(8000)].to_vec());
     all
 }
