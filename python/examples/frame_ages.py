@@ -1,10 +1,10 @@
-"""How old pictures are in the hands of slow readers, and how many frames per second come.
+"""Measures the age of pictures at slow readers, and the frame rate.
 
     python frame_ages.py --connect 127.0.0.1:7143 --view ahead
 
-The camera turns meanwhile, by 20 poses per second for the ages and by 200 for the rates. The age of a picture is the
+The camera turns meanwhile, with 20 poses per second for the ages and 200 for the rates. The age of a picture is the
 time from the arrival of its pose at the daemon to the moment when the reader has it; daemon and reader must share a
-clock. Prints tables in Markdown, and puts the camera back.
+clock. Prints tables in Markdown, and restores the camera.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import steradian
 
 @contextmanager
 def turning(client: steradian.Client, rate_hz: float) -> Iterator[None]:
-    """Turns the camera meanwhile, half a turn per minute; afterwards it is where it was."""
+    """Turns the camera by half a turn per minute, and restores it afterwards."""
     start = client.camera()
     ends = threading.Event()
 
@@ -36,20 +36,20 @@ def turning(client: steradian.Client, rate_hz: float) -> Iterator[None]:
     thread = threading.Thread(target=turn)
     thread.start()
     try:
-        # A camera at rest has an old pose, and no picture of it is old.
+        # A camera at rest has an old pose, which says nothing about the age of pictures.
         while client.camera().revision == start.revision and thread.is_alive():
             time.sleep(0.01)
         yield
     finally:
         ends.set()
         thread.join()
-        # Whatever has failed, the camera is put back, and the lease given back.
+        # Restore the camera and release the lease after any failure.
         steer(start)
         steer.close()
 
 
 def greatest_age_s(take: Callable[[], steradian.Frame], period_s: float, frames: int) -> float:
-    """The greatest age of so many pictures, s, of a reader that rests this long after each."""
+    """Returns the maximum age of this many pictures, s, for a reader that pauses this long after each."""
     ages = []
     for _ in range(frames):
         frame = take()
@@ -59,7 +59,7 @@ def greatest_age_s(take: Callable[[], steradian.Frame], period_s: float, frames:
 
 
 def print_ages(client: steradian.Client, view: str, encoding: str, periods_s: Sequence[float], frames: int) -> None:
-    """A row for each way to take frames, a column for each period."""
+    """Prints a row for each way to take frames, a column for each period."""
     print(f"| reader, {encoding} | " + " | ".join(f"{period_s:g} s" for period_s in periods_s) + " |")
     print("|---" * (len(periods_s) + 1) + "|")
     seen = 0
@@ -80,7 +80,7 @@ def print_ages(client: steradian.Client, view: str, encoding: str, periods_s: Se
 
 
 def print_rates(client: steradian.Client, view: str, encodings: Sequence[str], seconds: float) -> None:
-    """A row for each encoding."""
+    """Prints a row for each encoding."""
     print("| `client.frames` | frames/s | MB/s | skipped |\n|---|---|---|---|")
     for encoding in encodings:
         with turning(client, 200.0), client.frames(view, encoding) as loop:
@@ -96,15 +96,15 @@ def print_rates(client: steradian.Client, view: str, encodings: Sequence[str], s
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """The program."""
+    """Runs the program."""
     parser = argparse.ArgumentParser(description="Measures ages and rates of frames.")
     parser.add_argument("--connect", default="127.0.0.1:7143", help="address of the daemon")
     parser.add_argument("--view", required=True, help="the view")
     parser.add_argument("--encoding", default="JPEG", help="encoding of the pictures whose age is measured")
-    parser.add_argument("--periods", type=float, nargs="*", default=[0.5, 2.0, 10.0], help="rests of the readers, s")
+    parser.add_argument("--periods", type=float, nargs="*", default=[0.5, 2.0, 10.0], help="pauses of the readers, s")
     parser.add_argument("--frames", type=int, default=10, help="pictures of each reader")
     parser.add_argument("--rates", nargs="*", default=["JPEG", "RGB32F"], help="encodings whose rate is measured")
-    parser.add_argument("--seconds", type=float, default=10.0, help="how long a rate is measured")
+    parser.add_argument("--seconds", type=float, default=10.0, help="duration of each rate measurement, s")
     given = parser.parse_args(arguments)
     with steradian.Client(given.connect) as client:
         info = client.info()

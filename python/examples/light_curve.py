@@ -3,14 +3,14 @@
     python light_curve.py --connect 127.0.0.1:7143 --view star-tracker --csv light_curve.csv --plot light_curve.png
 
 An ellipsoid spins in sunlight. For each time of one turn the daemon draws it, and the light in the picture is added up:
-the sum of luminance times solid angle over all pixels is the illuminance at the camera. Beside it stands what theory
-says, in closed form. The daemon's scene, camera and view are then put back as they were; other clients see the asteroid
-meanwhile. The file is in cells (`# %%`), which editors with notebooks run one by one.
+the sum of luminance times solid angle over all pixels is the illuminance at the camera. The table also has the
+closed form of theory. Scene, camera and view of the daemon are restored afterwards; other clients see the asteroid
+in the meantime. The file is in cells (`# %%`), which editors with notebooks run one by one.
 """
 
 # %% [markdown]
-# ## What is needed
-# numpy and this package; matplotlib for `--plot` alone.
+# ## Requirements
+# numpy and this package; matplotlib for `--plot` only.
 
 # %%
 from __future__ import annotations
@@ -32,7 +32,7 @@ import steradian
 Vector = npt.NDArray[np.float64]
 
 ASTRONOMICAL_UNIT_M = 149_597_870_700.0
-# Rotation angles of bodies count from here.
+# Rotation angles of bodies are relative to this time.
 J2000 = datetime.datetime(2000, 1, 1, 12, tzinfo=datetime.timezone.utc)
 # A sun without limb darkening: its illuminance at the distance d is pi L (R / d)^2.
 SUN_RADIUS_M, SUN_LUMINANCE_CD_M2 = 6.957e8, 1.6e9
@@ -63,15 +63,15 @@ class Asteroid:
 
     @property
     def position_m(self) -> Vector:
-        """Its centre; the Sun is at the origin."""
+        """Returns its centre; the Sun is at the origin."""
         return np.array([self.sun_distance_m, 0.0, 0.0])
 
     def illuminance_lx(self) -> float:
-        """Sunlight that comes to it, across its direction."""
+        """Returns the illuminance by sunlight at its place, perpendicular to the rays."""
         return float(np.pi * SUN_LUMINANCE_CD_M2 * (SUN_RADIUS_M / self.sun_distance_m) ** 2)
 
     def bodies(self) -> list[dict[str, object]]:
-        """The Sun and it, as fields of messages `Body`."""
+        """Returns the Sun and the asteroid as fields of messages `Body`."""
         sun: dict[str, object] = {
             "name": "sun",
             "position_m": [0.0, 0.0, 0.0],
@@ -99,18 +99,18 @@ class Asteroid:
 
 # %%
 def theory_lx(asteroid: Asteroid, to_eye: Vector, distance_m: float, times: Sequence[datetime.datetime]) -> Vector:
-    """Illuminance of an asteroid with the law of Lommel and Seeliger at an eye far away, lx, one of each time.
+    """Returns the illuminance of an asteroid with the law of Lommel and Seeliger at a distant eye, lx, for each time.
 
     Args:
         to_eye: (3,), unit vector from it to the eye, ICRS axes.
         distance_m: distance of the eye, m.
     """
     if asteroid.law != "lommel_seeliger":
-        raise ValueError(f"{asteroid.law}: the closed form is that of lommel_seeliger")
+        raise ValueError(f"{asteroid.law}: the closed form exists for lommel_seeliger only")
     turns = np.array([(time - J2000).total_seconds() / asteroid.period_s for time in times])
     angles = 2 * np.pi * (turns % 1.0)
     radii = np.array(asteroid.radii_m)
-    # The directions along the axes of the body, stretched.
+    # Directions in the axes of the body, stretched.
     sun, eye = (_turned(direction, -angles) / radii for direction in (np.array([-1.0, 0.0, 0.0]), to_eye))
     sun_length, eye_length = np.linalg.norm(sun, axis=1), np.linalg.norm(eye, axis=1)
     both = np.linalg.norm(sun + eye, axis=1)
@@ -118,7 +118,7 @@ def theory_lx(asteroid: Asteroid, to_eye: Vector, distance_m: float, times: Sequ
     phase = np.arccos(cos_phase)
     x = np.arccos(np.clip((sun_length + eye_length * cos_phase) / both, -1.0, 1.0))
     y = phase - x
-    # 0 at full phase, where the logarithm is infinite.
+    # 0 at full phase, at which the logarithm is infinite.
     with np.errstate(divide="ignore", invalid="ignore"):
         product = np.sin(x) * np.sin(y) * -np.log(np.tan(x / 2) * np.tan(y / 2))
     term = np.cos(x) + np.cos(y) - np.where(np.minimum(x, y) > 0, product, 0.0)
@@ -128,22 +128,22 @@ def theory_lx(asteroid: Asteroid, to_eye: Vector, distance_m: float, times: Sequ
 
 
 def _turned(direction: Vector, angles: Vector) -> Vector:
-    """A direction, turned about z by each of the angles: (n, 3)."""
+    """Returns a direction, turned about z by each of the angles: (n, 3)."""
     c, s = np.cos(angles), np.sin(angles)
     return np.stack([c * direction[0] - s * direction[1], s * direction[0] + c * direction[1], 0 * c + direction[2]], 1)
 
 
 # %% [markdown]
 # ## The measurement
-# Stars and glare are left out while it lasts, so that all light in the picture is that of the asteroid. Each change
-# names the revision of the last one: if another client changes the scene in between, the measurement ends with
-# `Conflict`, and not with wrong numbers.
+# Stars and glare are turned off during the measurement, so that all light in the picture is the asteroid's. Each change
+# contains the revision of the previous one: if another client changes the scene in between, the measurement ends with
+# `Conflict` instead of wrong numbers.
 
 
 # %%
 @contextlib.contextmanager
 def prepared(client: steradian.Client, view: str, asteroid: Asteroid) -> Iterator[int]:
-    """A scene with the asteroid alone; gives its revision. Afterwards all is as it was."""
+    """Shows the asteroid alone; gives the scene's revision, and restores the scene afterwards."""
     scene, camera, shown = client.scene(), client.camera(), client.view(view)
     own_glare = {
         key.removeprefix("glare."): getattr(shown.message.glare, key.removeprefix("glare."))
@@ -171,7 +171,7 @@ def aim(client: steradian.Client, view: str, asteroid: Asteroid, phase_rad: floa
         raise ValueError(f"the light curve needs a view of one image, and {view} has {len(images)}")
     projection = images[0].projection
     half_rad = np.arctan(projection.up_tan) if projection.mapping == "perspective" else projection.fov_rad / 2
-    # Theory knows parallel rays alone: what it leaves out is of the order of size over distance, here 0.2 %.
+    # Theory assumes parallel rays: its error is of the order of size over distance, here 0.2 %.
     distance_m = max(asteroid.radii_m) / min(0.15 * half_rad, 0.002) if half_rad > 0 else 100 * max(asteroid.radii_m)
     to_eye = np.array([-np.cos(phase_rad), -np.sin(phase_rad), 0.0])
     ahead = steradian.multiply(steradian.looking_at(-to_eye), steradian.conjugate(images[0].orientation))
@@ -182,14 +182,14 @@ def aim(client: steradian.Client, view: str, asteroid: Asteroid, phase_rad: floa
 def measured_lx(
     client: steradian.Client, view: str, times: Sequence[datetime.datetime], revision: int
 ) -> Iterator[float]:
-    """Light in the view at each time, lx."""
+    """Returns the light in the view at each time, lx."""
     for time in times:
         revision = client.update_scene({"time": time}, expected_revision=revision).revision
         yield client.render(view, "EXR").image().illuminance_lx()
 
 
 def turn_of(asteroid: Asteroid, steps: int) -> list[datetime.datetime]:
-    """Times of one turn, its beginning and its end among them."""
+    """Returns times of one turn, including its start and its end."""
     begin = datetime.datetime(2026, 1, 1, tzinfo=datetime.timezone.utc)
     return [begin + datetime.timedelta(seconds=asteroid.period_s * step / steps) for step in range(steps + 1)]
 
@@ -201,14 +201,14 @@ def turn_of(asteroid: Asteroid, steps: int) -> list[datetime.datetime]:
 # %%
 @dataclass(frozen=True)
 class LightCurve:
-    """Times, and the light at each, lx: in the pictures, and by theory."""
+    """Times, and the light at each of them, lx: measured in the pictures, and by theory."""
 
     times: list[datetime.datetime]
     measured_lx: Vector
     theory_lx: Vector
 
     def largest_error(self) -> float:
-        """Of the light in the pictures, relative."""
+        """Returns the largest relative error of the light in the pictures."""
         return float(np.max(np.abs(self.measured_lx / self.theory_lx - 1)))
 
 
@@ -222,7 +222,7 @@ def light_curve(client: steradian.Client, view: str, asteroid: Asteroid, phase_r
 
 
 def write_csv(file: str, curve: LightCurve) -> None:
-    """A row for each time: ISO 8601, and both illuminances, lx."""
+    """Writes a row for each time: ISO 8601, and both illuminances, lx."""
     with open(file, "w", newline="") as out:
         rows = csv.writer(out)
         rows.writerow(["time", "measured_lx", "theory_lx"])
@@ -231,7 +231,7 @@ def write_csv(file: str, curve: LightCurve) -> None:
 
 
 def plot(file: str, curve: LightCurve, title: str) -> None:
-    """Both curves, and the difference below them."""
+    """Plots both curves, and their difference below."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -256,18 +256,18 @@ def plot(file: str, curve: LightCurve, title: str) -> None:
 
 # %%
 def main(arguments: Sequence[str] | None = None) -> None:
-    """The program."""
+    """Runs the program."""
     parser = argparse.ArgumentParser(description="Measures the light curve of a spinning asteroid.")
     parser.add_argument("--connect", default="127.0.0.1:7143", help="address of the daemon")
     parser.add_argument("--view", required=True, help="a view of one image; narrow ones show the asteroid larger")
     parser.add_argument("--phase-deg", type=float, default=40.0, help="angle between Sun and camera, 0 to 120")
-    parser.add_argument("--steps", type=int, default=72, help="times of a turn")
+    parser.add_argument("--steps", type=int, default=72, help="number of times in a turn")
     parser.add_argument("--csv", required=True, help="file for the table")
     parser.add_argument("--plot", help="file for the picture")
     given = parser.parse_args(arguments)
     if not 0 <= given.phase_deg <= 120 or given.steps < 1:
-        parser.error("allowed are --phase-deg from 0 to 120 and --steps from 1")
-    # Found out before the measurement, not after it.
+        parser.error("--phase-deg must be between 0 and 120, and --steps at least 1")
+    # Check before the measurement, not after it.
     if given.plot and importlib.util.find_spec("matplotlib") is None:
         parser.error("--plot needs matplotlib, which is not installed (Debian: python3-matplotlib)")
     asteroid = Asteroid()

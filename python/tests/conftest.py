@@ -1,4 +1,4 @@
-"""A daemon of the built program for the tests: `STERADIAN_BINARY` names it, else it is the one in `target/release`."""
+"""A daemon of the built program for the tests, named by `STERADIAN_BINARY` or in `target/release`."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ import pytest
 
 import steradian
 
-# Far longer than anything takes: tests wait for what must come, and never assert how long it took.
+# Far longer than any test takes: tests wait for events, and never assert durations.
 PATIENCE_S = 120.0
 
-# One star, without glare: what is in a picture is its light.
+# One star, without glare: all light in a picture is the star's.
 STAR_RA_DEG, STAR_DEC_DEG, STAR_MAGNITUDE = 30.0, 10.0, 2.0
 CONFIGURATION = """
 [scene]
@@ -64,7 +64,7 @@ class Daemon:
         self.start()
 
     def start(self) -> None:
-        """Starts it, or starts it again at the same address."""
+        """Starts it, or restarts it at the same address."""
         command = [str(binary()), "serve", "--config", "test.toml", "--listen", self.address]
         with self._log.open("a") as log:
             self._process = subprocess.Popen(command, cwd=self.folder, stdout=subprocess.PIPE, stderr=log, text=True)
@@ -78,7 +78,7 @@ class Daemon:
         self._end(signal.SIGKILL)
 
     def stop(self) -> int:
-        """SIGTERM; gives the exit code."""
+        """Sends SIGTERM; returns the exit code."""
         return self._end(signal.SIGTERM)
 
     def _end(self, number: signal.Signals) -> int:
@@ -89,7 +89,7 @@ class Daemon:
 
 
 def binary() -> Path:
-    """The program."""
+    """Returns the path of the program."""
     named = os.environ.get("STERADIAN_BINARY")
     path = Path(named) if named else Path(__file__).parents[2] / "target/release/steradian"
     assert path.is_file(), f"{path} does not exist: build it, or name another one by STERADIAN_BINARY"
@@ -97,7 +97,7 @@ def binary() -> Path:
 
 
 def until(condition: Callable[[], bool], what: str) -> None:
-    """Waits until something is so."""
+    """Waits until a condition is true."""
     deadline = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < deadline, f"never: {what}"
@@ -106,15 +106,15 @@ def until(condition: Callable[[], bool], what: str) -> None:
 
 @pytest.fixture(scope="session")
 def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
-    """A daemon for tests that leave it as it was."""
+    """A daemon for tests that restore its state."""
     daemon = Daemon(tmp_path_factory.mktemp("daemon"))
     yield daemon
-    assert daemon.stop() == 0, "the daemon does not end in good order"
+    assert daemon.stop() == 0, "the daemon does not end with exit code 0"
 
 
 @pytest.fixture
 def client(shared: Daemon) -> Iterator[steradian.Client]:
-    """A client of it, with camera and scene as configured."""
+    """A client of the shared daemon, with camera and scene as configured."""
     with steradian.Client(shared.address) as made:
         scene, camera = made.scene(), made.camera()
         yield made
@@ -127,7 +127,7 @@ def client(shared: Daemon) -> Iterator[steradian.Client]:
 
 @pytest.fixture
 def daemon(tmp_path: Path) -> Iterator[Daemon]:
-    """A daemon of a test's own."""
+    """A daemon for a single test."""
     made = Daemon(tmp_path)
     yield made
     made.kill()

@@ -1,4 +1,4 @@
-"""Calls, and how they are refused."""
+"""Calls and their refusals."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from conftest import Daemon, until
 import steradian
 
 
-def test_views_tell_what_they_are(client: steradian.Client) -> None:
+def test_views_have_types_and_images(client: steradian.Client) -> None:
     assert [(view.name, view.type) for view in client.views()] == [
         ("flat", "perspective"),
         ("dome", "fisheye"),
@@ -21,7 +21,7 @@ def test_views_tell_what_they_are(client: steradian.Client) -> None:
     assert dome.projection.mapping == "equidistant" and dome.projection.fov_rad == pytest.approx(np.pi)
 
 
-def test_errors_have_the_name_of_what_went_wrong_and_the_words_of_the_daemon(client: steradian.Client) -> None:
+def test_errors_have_the_class_of_the_status_and_the_daemons_text(client: steradian.Client) -> None:
     with pytest.raises(steradian.NotFound, match="no view `none`; the views are: flat, dome, eyes") as refused:
         client.render("none")
     assert (refused.value.code, refused.value.call) == ("NOT_FOUND", "ViewService/RenderFrame")
@@ -41,7 +41,7 @@ def test_errors_have_the_name_of_what_went_wrong_and_the_words_of_the_daemon(cli
         next(client.stats(interval_s=1e9))
 
 
-def test_a_deadline_is_a_deadline_whichever_side_finds_out(client: steradian.Client) -> None:
+def test_an_expired_deadline_raises_deadline_exceeded_on_either_side(client: steradian.Client) -> None:
     passed = 0
     for step in range(200):
         try:
@@ -52,7 +52,7 @@ def test_a_deadline_is_a_deadline_whichever_side_finds_out(client: steradian.Cli
     assert passed > 0
 
 
-def test_nobody_listens() -> None:
+def test_an_unreachable_daemon_raises_unavailable() -> None:
     with steradian.Client("127.0.0.1:9", timeout_s=30.0) as client:
         with pytest.raises(steradian.Unavailable):
             client.info()
@@ -60,7 +60,7 @@ def test_nobody_listens() -> None:
             client.wait_until_ready(0.2)
 
 
-def test_mistakes_are_found_before_anything_is_sent(client: steradian.Client) -> None:
+def test_mistakes_are_detected_before_sending(client: steradian.Client) -> None:
     with pytest.raises(ValueError, match="RGBA8, PNG, JPEG"):
         client.render("flat", "GIF")
     with pytest.raises(ValueError, match="no service"):
@@ -81,7 +81,7 @@ def test_mistakes_are_found_before_anything_is_sent(client: steradian.Client) ->
         client.frames("flat", max_rate_hz=0.0)
 
 
-def test_the_camera_comes_back_as_it_was_sent(client: steradian.Client) -> None:
+def test_the_camera_survives_a_round_trip(client: steradian.Client) -> None:
     rotation = steradian.quaternion([1, 2, 3], 0.7)
     before = client.camera()
     camera = client.set_camera(
@@ -93,7 +93,7 @@ def test_the_camera_comes_back_as_it_was_sent(client: steradian.Client) -> None:
     shown = client.render("flat").camera
     assert shown is not None and shown.revision == camera.revision
     np.testing.assert_array_equal(shown.position_m, camera.position_m)
-    # What is not given stays.
+    # Missing values stay unchanged.
     np.testing.assert_array_equal(client.set_camera(velocity_c=[0, 0.1, 0]).position_m, camera.position_m)
 
 
@@ -106,7 +106,7 @@ def test_the_scene_changes_by_paths(client: steradian.Client) -> None:
     )
     assert (scene.time, scene.magnitude_limit, scene.revision) == (time, 3.5, before.revision + 1)
     assert scene.bodies["rock"].geometric_albedo.green == 0.15 and scene.bodies["rock"].radii_m.y == 7e3
-    # A message that has come goes as it is.
+    # A received message can be sent unchanged.
     moved = scene.bodies["rock"]
     moved.position_m.x = 3e11
     scene = client.update_scene({"bodies.rock": moved})
@@ -125,7 +125,7 @@ def test_settings_of_a_view_change_and_are_inherited_again(client: steradian.Cli
     assert list(client.update_view("flat", {"tone_map": {}}).message.own_keys) == []
 
 
-def test_views_are_made_changed_and_deleted(client: steradian.Client) -> None:
+def test_views_are_created_changed_and_deleted(client: steradian.Client) -> None:
     names = [view.name for view in client.views()]
     wide = {"name": "wide", "type": "fisheye", "size": [24, 16], "fov_deg": 200.0, "orientation": [0, 0.6, 0, 0.8]}
     made = client.create_view(wide, expected_revision=client.scene().revision)
@@ -170,7 +170,7 @@ def test_every_call_of_the_protocol_can_be_called_by_name(client: steradian.Clie
         client.call("ViewService", "GetView", steradian.message("GetViewRequest"), view="dome")
 
 
-def test_snapshots_bring_scene_views_and_camera_back(client: steradian.Client) -> None:
+def test_snapshots_restore_scene_views_and_camera(client: steradian.Client) -> None:
     camera = client.set_camera(position_m=[5, 6, 7])
     scene = client.update_scene({"stars.magnitude_limit": 4.25})
     client.update_view("dome", {"exposure.ev100": -3.0})
@@ -187,7 +187,7 @@ def test_snapshots_bring_scene_views_and_camera_back(client: steradian.Client) -
         client.save_snapshot("desk 1")
 
 
-def test_streams_tell_what_happens_and_end(client: steradian.Client) -> None:
+def test_streams_report_changes_and_end(client: steradian.Client) -> None:
     with client.watch_camera() as cameras, client.watch_scene() as scenes:
         first = next(cameras)
         assert next(scenes).revision == client.scene().revision
@@ -203,7 +203,7 @@ def test_streams_tell_what_happens_and_end(client: steradian.Client) -> None:
         assert second.time > first_stats.time and second.problem == ""
 
 
-def test_the_daemon_tells_of_itself_and_checks_itself(client: steradian.Client) -> None:
+def test_the_daemon_returns_information_and_check_results(client: steradian.Client) -> None:
     checks = list(client.verify("two-colours"))
     assert [(check.name, check.outcome) for check in checks] == [("two-colours", "PASS")]
     assert checks[0].message.figures[0].what
@@ -211,7 +211,7 @@ def test_the_daemon_tells_of_itself_and_checks_itself(client: steradian.Client) 
     assert info.stars == 1 and info.adapter
 
 
-def test_a_daemon_that_ends_ends_streams_in_good_order(daemon: Daemon) -> None:
+def test_a_daemon_that_ends_ends_streams_in_order(daemon: Daemon) -> None:
     with steradian.Client(daemon.address) as client, client.watch_camera() as cameras:
         next(cameras)
         assert daemon.stop() == 0
@@ -219,7 +219,7 @@ def test_a_daemon_that_ends_ends_streams_in_good_order(daemon: Daemon) -> None:
         with pytest.raises(steradian.Unavailable):
             client.info()
         daemon.start()
-        until(lambda: _answers(client), "a client finds the daemon again")
+        until(lambda: _answers(client), "the client reconnects")
 
 
 def _answers(client: steradian.Client) -> bool:

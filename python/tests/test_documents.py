@@ -1,4 +1,4 @@
-"""The page of the package is true: its programs and the commands of its examples run as they stand there, one after the
+"""The package's page is correct: its programs and the commands of its examples run unchanged, one after the
 other, on the daemon that it starts."""
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from conftest import Daemon
 REPOSITORY = Path(__file__).parents[2]
 PAGE = REPOSITORY / "docs/python.md"
 ADDRESS = "127.0.0.1:7143"
-# Options that make an example short.
+# Options that shorten an example.
 SHORT = {
     "light_curve.py": ["--steps", "4"],
     "frame_ages.py": ["--periods", "0.1", "--frames", "2", "--seconds", "0.3"],
@@ -25,14 +25,14 @@ SHORT = {
 
 
 def blocks(kind: str, text: str) -> list[str]:
-    """The fenced blocks of a kind."""
+    """Returns the fenced blocks of a language."""
     parts = text.split(f"```{kind}\n")[1:]
     return [part.split("```")[0] for part in parts]
 
 
 @pytest.fixture(scope="module")
 def documented(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
-    """The daemon of the page, at a free port."""
+    """Starts the daemon of the page on a free port."""
     configuration = (REPOSITORY / "configs/mission-control.toml").read_text()
     daemon = Daemon(tmp_path_factory.mktemp("documented"), configuration)
     yield daemon

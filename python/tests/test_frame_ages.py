@@ -1,4 +1,4 @@
-"""The example that measures ages and rates: it prints its tables and leaves the camera where it was. No times are
+"""The example that measures ages and rates: it prints its tables and restores the camera. No times are
 asserted."""
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from conftest import Daemon
 import steradian
 
 
-def test_the_tables_are_printed_and_the_camera_is_put_back(
+def test_the_tables_are_printed_and_the_camera_is_restored(
     client: steradian.Client, shared: Daemon, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = client.camera()

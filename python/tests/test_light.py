@@ -1,4 +1,4 @@
-"""Pixels by physics: the light of a star, and where it is."""
+"""Pixels by physics: the light of a star, and its place."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ def star_direction() -> npt.NDArray[np.float64]:
 
 
 def edges(image: steradian.ViewImage) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Tangents of the edges of the columns and of the rows of a flat image."""
+    """Returns the tangents of the edges of columns and rows of a flat image."""
     p = image.projection
     columns = np.linspace(p.left_tan, p.right_tan, image.width_px + 1)
     return columns, np.linspace(p.up_tan, p.down_tan, image.height_px + 1)
 
 
 def solid_angles(image: steradian.ViewImage) -> npt.NDArray[np.float64]:
-    """Solid angles of the pixels of a flat image, sr: the integral of (1 + x^2 + y^2)^-1.5 over each."""
+    """Returns the solid angles of the pixels of a flat image, sr: the integral of (1 + x^2 + y^2)^-1.5 over each."""
     x, y = edges(image)
     corner = np.arctan2(x * y[:, None], np.sqrt(1 + x**2 + y[:, None] ** 2))
     areas: npt.NDArray[np.float64] = np.abs(np.diff(np.diff(corner, axis=0), axis=1))
@@ -38,13 +38,13 @@ def flat(client: steradian.Client) -> steradian.ViewImage:
     return client.view("flat").images[0]
 
 
-def test_the_light_of_a_star_is_its_illuminance(client: steradian.Client) -> None:
+def test_the_sum_of_a_stars_light_is_its_illuminance(client: steradian.Client) -> None:
     client.set_camera(orientation=steradian.looking_at(star_direction()))
     pixels = client.render("flat", "RGB32F").array()
     assert pixels.shape == (120, 160, 3) and pixels.dtype == np.float32
     light_lx = np.sum(steradian.luminance(pixels) * solid_angles(flat(client)))
     assert light_lx == pytest.approx(STAR_LX, rel=1e-4)
-    # Twice the solid angle would be noticed.
+    # Twice the solid angle must fail.
     assert np.sum(steradian.luminance(pixels) * 2 * solid_angles(flat(client))) != pytest.approx(STAR_LX, rel=0.5)
 
 
@@ -58,11 +58,11 @@ def test_exr_images_have_the_light_and_its_solid_angles(client: steradian.Client
         np.testing.assert_allclose(frame.image().channels()["omega"], solid_angles(flat(client)), rtol=1e-5)
 
 
-def test_a_star_is_where_the_camera_says(client: steradian.Client) -> None:
+def test_a_star_appears_in_its_direction(client: steradian.Client) -> None:
     ahead = steradian.looking_at(star_direction())
     image = flat(client)
     for right_rad, up_rad in [(0.0, 0.0), (0.1, 0.0), (0.0, -0.13), (-0.2, 0.05)]:
-        # The camera turns to the other side.
+        # Turn the camera to the other side.
         turn = steradian.multiply(steradian.quaternion([0, 1, 0], right_rad), steradian.quaternion([1, 0, 0], -up_rad))
         orientation = steradian.multiply(ahead, turn)
         client.set_camera(orientation=orientation)
@@ -97,7 +97,7 @@ def test_stereo_frames_have_an_image_for_each_eye(client: steradian.Client) -> N
 @pytest.mark.parametrize(
     "encoding, beginning", [("PNG", b"\x89PNG"), ("JPEG", b"\xff\xd8"), ("EXR", b"\x76\x2f\x31\x01")]
 )
-def test_files_come_as_they_are(client: steradian.Client, encoding: str, beginning: bytes) -> None:
+def test_encoded_files_are_unchanged(client: steradian.Client, encoding: str, beginning: bytes) -> None:
     assert client.render("flat", encoding).image().data.startswith(beginning)
 
 

@@ -18,11 +18,11 @@ import steradian
 
 
 def summed_lx(asteroid: Asteroid, to_eye: npt.NDArray[np.float64], distance_m: float, turn_rad: float) -> float:
-    """The light of an asteroid, lx, from the law of its surface, element by element."""
+    """Returns the light of an asteroid, lx, summed over the elements of its surface."""
     z, longitude = np.meshgrid(np.linspace(-1, 1, 2001)[1:] - 5e-4, np.linspace(0, 2 * np.pi, 2001)[1:])
     sphere = np.stack([np.sqrt(1 - z**2) * np.cos(longitude), np.sqrt(1 - z**2) * np.sin(longitude), z], axis=-1)
     radii = np.array(asteroid.radii_m)
-    # Normals of the surface, as long as the area of its elements.
+    # Normals of the surface, scaled by the area of its elements.
     areas = sphere / radii * np.prod(radii) * 4 * np.pi / z.size
     back = steradian.quaternion([0, 0, 1], -turn_rad)
     to_sun = np.array([-1.0, 0.0, 0.0])
@@ -48,13 +48,13 @@ def test_the_closed_form_is_the_sum_over_the_surface(phase_rad: float) -> None:
 
 
 @pytest.mark.parametrize("view, phase_deg", [("flat", 0.0), ("flat", 100.0), ("dome", 40.0)])
-def test_the_light_in_the_pictures_is_that_of_theory(client: steradian.Client, view: str, phase_deg: float) -> None:
+def test_the_light_in_the_pictures_matches_theory(client: steradian.Client, view: str, phase_deg: float) -> None:
     before = client.scene()
     curve = light_curve.light_curve(client, view, Asteroid(), np.radians(phase_deg), 12)
-    # What theory leaves out is 0.2 % times a factor of order 1.
+    # The error of theory is 0.2 % times a factor of order 1.
     assert curve.largest_error() < 4e-3
     assert curve.measured_lx.max() > 1.3 * curve.measured_lx.min()
-    # Another body's theory would be noticed.
+    # Theory for another body must fail.
     other = theory_lx(Asteroid(radii_m=(9e3, 9e3, 6e3)), np.array([-1.0, 0.0, 0.0]), 1e6, curve.times)
     assert np.max(np.abs(curve.measured_lx / other - 1)) > 0.1
     after = client.scene()
@@ -75,7 +75,7 @@ def test_a_lambert_sphere_on_its_orbit_has_the_phase_law(client: steradian.Clien
             assert light == pytest.approx(expected, rel=4e-3)
 
 
-def test_another_client_in_between_is_noticed(client: steradian.Client) -> None:
+def test_changes_by_another_client_are_detected(client: steradian.Client) -> None:
     asteroid = Asteroid()
     with prepared(client, "flat", asteroid) as revision:
         client.update_scene({"stars.magnitude_limit": 3.0})

@@ -1,4 +1,4 @@
-"""Pull loops: what they give, in which order, and how they end. Frames are told apart by their numbers and revisions;
+"""Pull loops: their frames, their order, and their end. Frames are identified by their numbers and revisions;
 nothing is asserted of times."""
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import steradian
 
 
 def turn(client: steradian.Client, angle_rad: float) -> int:
-    """Turns the camera; gives its revision."""
+    """Turns the camera; returns its revision."""
     return client.set_camera(orientation=steradian.quaternion([0, 1, 0], angle_rad)).revision
 
 
@@ -31,19 +31,19 @@ def test_frames_follow_each_other(client: steradian.Client) -> None:
         frames.next()
 
 
-def test_a_slow_reader_gets_the_newest_frame_and_the_count_of_the_others(client: steradian.Client) -> None:
+def test_a_slow_reader_gets_the_newest_frame_and_the_number_of_skipped_ones(client: steradian.Client) -> None:
     with client.frames("flat") as frames:
         taken = frames.next(PATIENCE_S)
         for step in range(20):
             revision = turn(client, 0.01 * step)
-            # Each of them has its frame: they would wait in the buffers of a stream.
+            # Each turn has a frame: in a stream, they would wait in the buffers.
             client.render("flat")
-        # What was under way may be older. What is asked for after the last turn cannot be.
+        # A frame in transit may be older. One that is requested after the last turn cannot be.
         come = frames.received
         until(lambda: frames.received >= come + 2, "frames of a camera at rest")
         shown = frames.next(PATIENCE_S)
         assert shown.camera_revision == revision and shown.frame_number > taken.frame_number
-        # Frames were taken twice; of the others at most one waits.
+        # Two frames were taken; at most one of the others is waiting.
         assert 0 <= frames.received - frames.skipped - 2 <= 1
         assert frames.skipped >= 1
         latest = frames.latest()
@@ -61,11 +61,11 @@ def test_the_daemon_answers_with_the_newest_frame_beyond_a_number(client: sterad
         client.render("flat")
     second = next_frame(first.frame_number)
     assert second.frame_number > first.frame_number and second.camera_revision == revision
-    # Beyond the newest: as after a restart.
+    # Beyond the newest number, as after a restart.
     assert next_frame(second.frame_number + 1000).frame_number >= second.frame_number
 
 
-def test_several_views_come_by_one_loop(client: steradian.Client) -> None:
+def test_one_loop_serves_several_views(client: steradian.Client) -> None:
     seen: dict[str, int] = {}
     with client.frames_of({"flat": "RGBA8", "dome": "JPEG"}) as loop:
         for frames in loop:
@@ -125,7 +125,7 @@ def test_loops_leave_no_thread_and_end_with_their_client(shared: Daemon) -> None
     assert {thread for thread in threading.enumerate() if thread.name.startswith("frames of")} == before
 
 
-def test_a_loop_goes_on_when_the_daemon_is_back(daemon: Daemon) -> None:
+def test_a_loop_continues_when_the_daemon_is_back(daemon: Daemon) -> None:
     with steradian.Client(daemon.address) as client:
         with client.frames("flat", reconnect=True) as frames, client.frames("flat") as strict:
             first = frames.next(PATIENCE_S)
@@ -136,7 +136,7 @@ def test_a_loop_goes_on_when_the_daemon_is_back(daemon: Daemon) -> None:
                 while True:
                     strict.next(PATIENCE_S)
             daemon.start()
-            # One that came before the daemon went may wait still.
+            # A frame from before the restart may still be waiting.
             until(lambda: frames.reconnects == 1, "frames come again")
             again = frames.next(PATIENCE_S)
             assert again.render_time > first.render_time and frames.problem == ""

@@ -1,4 +1,4 @@
-"""Who moves the camera."""
+"""Steering and the lease of the camera."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def other(shared: Daemon) -> Iterator[steradian.Client]:
 
 
 def moved_to(client: steradian.Client, x_m: float) -> None:
-    until(lambda: bool(client.camera().position_m[0] == x_m), f"the camera comes to {x_m}")
+    until(lambda: bool(client.camera().position_m[0] == x_m), f"the camera is at {x_m}")
 
 
 def test_poses_arrive_and_the_last_one_counts(client: steradian.Client) -> None:
@@ -31,25 +31,25 @@ def test_poses_arrive_and_the_last_one_counts(client: steradian.Client) -> None:
     assert steer.camera is not None and steer.poses is not None
     np.testing.assert_array_equal(steer.camera.position_m, [499, 0, 0])
     np.testing.assert_array_equal(steer.camera.orientation, [0, 0, 1, 0])
-    # Poses that newer ones have replaced before they were sent are left out.
+    # Poses that newer ones replaced before they were sent are skipped.
     assert 1 <= steer.poses <= 501 and steer.camera.revision == before + steer.poses
     with pytest.raises(steradian.Cancelled):
         steer(position_m=[0, 0, 0])
 
 
-def test_who_has_the_lease_steers_alone(client: steradian.Client, other: steradian.Client) -> None:
+def test_the_lease_holder_has_exclusive_control(client: steradian.Client, other: steradian.Client) -> None:
     with client.steer(holder="desk 1") as steer:
         steer(position_m=[1, 0, 0])
         moved_to(other, 1)
-        with pytest.raises(steradian.LeaseHeld, match="`desk 1` steers"):
+        with pytest.raises(steradian.LeaseHeld, match="`desk 1` holds the lease"):
             other.set_camera(position_m=[2, 0, 0])
-        with pytest.raises(steradian.LeaseHeld, match="`desk 1` steers"):
+        with pytest.raises(steradian.LeaseHeld, match="`desk 1` holds the lease"):
             with other.steer(holder="desk 2") as second:
                 second(position_m=[2, 0, 0])
         with pytest.raises(steradian.LeaseHeld):
             with other.steer(lease=False) as second:
                 second(position_m=[2, 0, 0])
-    # It is given back.
+    # The lease is released.
     assert other.set_camera(position_m=[3, 0, 0]).position_m[0] == 3
 
 
@@ -58,7 +58,7 @@ def test_a_snapshot_does_not_move_the_camera_of_another(client: steradian.Client
     with client.steer(holder="desk 1") as steer:
         steer(position_m=[6, 0, 0])
         moved_to(other, 6)
-        with pytest.raises(steradian.FailedPrecondition, match="`desk 1` steers"):
+        with pytest.raises(steradian.FailedPrecondition, match="`desk 1` holds the lease"):
             other.load_snapshot("leased")
 
 
@@ -72,7 +72,7 @@ def test_a_lease_can_be_taken_over(client: steradian.Client, other: steradian.Cl
     moved_to(other, 1)
     with other.steer(take_over=True, holder="desk 2") as second:
         second(position_m=[2, 0, 0])
-        with pytest.raises(steradian.LeaseHeld, match="`desk 2` has taken the lease"):
+        with pytest.raises(steradian.LeaseHeld, match="`desk 2` has taken over the lease"):
             steer_on()
         moved_to(client, 2)
     with pytest.raises(steradian.LeaseHeld):
@@ -89,13 +89,13 @@ def test_a_wrong_pose_ends_the_stream_and_leaves_the_camera(client: steradian.Cl
     assert client.camera().revision == camera.revision
 
 
-def test_what_fails_inside_is_what_is_told(client: steradian.Client) -> None:
+def test_an_exception_inside_the_block_takes_precedence(client: steradian.Client) -> None:
     with pytest.raises(ZeroDivisionError):
         with client.steer() as steer:
             steer(position_m=[0, 0, 0])
             raise ZeroDivisionError
-    # The lease is given back, if not at once.
-    until(lambda: _moves(client), "the lease is given back")
+    # The lease is released, with some delay.
+    until(lambda: _moves(client), "the lease is released")
 
 
 def _moves(client: steradian.Client) -> bool:

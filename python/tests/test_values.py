@@ -1,4 +1,4 @@
-"""Values without a daemon: messages, EXR files, rotations, addresses, and what goes over the connection."""
+"""Values without a daemon: messages, EXR files, rotations, addresses, and transmitted metadata."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_plain_values_become_messages() -> None:
         ("Body", {"radius_m": 1.0}, TypeError, "no field `radius_m`: it has name"),
         ("Body", {"position_m": [1, 2]}, ValueError, "3 numbers"),
         ("Body", {"position_m": "far"}, ValueError, "far"),
-        ("Body", {"emission": 3.0}, TypeError, "no Emission"),
+        ("Body", {"emission": 3.0}, TypeError, "converted to Emission"),
         ("NextFramesRequest", {"views": "dome"}, TypeError, "sequence"),
         ("NextFrameRequest", {"encoding": "GIF"}, ValueError, "has no `GIF`"),
         ("NextFrameRequest", {"view": 3}, TypeError, "type"),
@@ -61,7 +61,7 @@ def test_values_that_do_not_fit_are_refused(
 
 
 def exr_file(pixels: dict[str, npt.NDArray[Any]], compression: int) -> bytes:
-    """A file as the layout of the OpenEXR documentation says, written row by row."""
+    """Writes a file after the layout of the OpenEXR documentation, row by row."""
     height, width = next(iter(pixels.values())).shape
     kinds = {np.dtype("float16"): 1, np.dtype("float32"): 2}
     names = sorted(pixels)
@@ -102,7 +102,7 @@ def test_exr_files_are_read(compression: int) -> None:
     assert list(read) == ["B", "G", "omega"]
     for name, values in pixels.items():
         np.testing.assert_array_equal(read[name], values.astype(np.float32))
-    # Nothing that is cut off passes for a whole file.
+    # A truncated file is an error.
     for length in [0, 3, 20, 100, len(data) // 2, len(data) - 1]:
         with pytest.raises(ValueError):
             exr.channels(data[:length])
@@ -152,12 +152,12 @@ def test_rotations() -> None:
     "address", ["127.0.0.1", "localhost:port", "ftp://127.0.0.1:1", "http://127.0.0.1:1/path", "", "http://:7143"]
 )
 def test_wrong_addresses_are_refused(address: str) -> None:
-    with pytest.raises(ValueError, match="allowed are"):
+    with pytest.raises(ValueError, match="must be HOST:PORT"):
         steradian.Client(address)
 
 
-def test_credentials_that_do_not_go_with_the_address_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="in the clear"):
+def test_credentials_unsuitable_for_the_address_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="unencrypted"):
         steradian.Client("http://control.example:7143", token="secret")
     with pytest.raises(ValueError, match="https"):
         steradian.Client("127.0.0.1:7143", ca_file=tmp_path / "ca.pem")
@@ -168,7 +168,7 @@ def test_credentials_that_do_not_go_with_the_address_are_refused(tmp_path: Path)
 
 
 def _get_camera(request: bytes, context: Any) -> bytes:
-    """A camera whose revision is the length of the token that has come."""
+    """Returns a camera whose revision is the length of the received token."""
     sent = dict(context.invocation_metadata()).get("authorization", "")
     answer: bytes = steradian.message("Camera", revision=len(sent.removeprefix("Bearer "))).SerializeToString()
     return answer
@@ -184,7 +184,7 @@ def server() -> Iterator[Any]:
     made.stop(None)
 
 
-def test_a_token_comes_with_every_call_here_and_over_a_socket(server: Any, tmp_path: Path) -> None:
+def test_a_token_is_sent_with_every_call_over_tcp_and_sockets(server: Any, tmp_path: Path) -> None:
     port = server.add_insecure_port("127.0.0.1:0")
     server.add_insecure_port(f"unix:{tmp_path}/socket")
     server.start()
@@ -202,7 +202,7 @@ def test_certificates_are_checked(server: Any, tmp_path: Path) -> None:
         files = ["-keyout", f"{name}.key", "-out", f"{name}.pem", "-addext", "subjectAltName=DNS:localhost"]
         subprocess.run(command.split() + files, cwd=tmp_path, check=True, capture_output=True)
     key, certificate = (tmp_path / "daemon.key").read_bytes(), (tmp_path / "daemon.pem").read_bytes()
-    # The daemon asks for a certificate that is its own.
+    # The server requires a client certificate.
     credentials = grpc.ssl_server_credentials([(key, certificate)], certificate, True)
     port = server.add_secure_port("127.0.0.1:0", credentials)
     server.start()

@@ -85,20 +85,20 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         let adapter_name = renderer.adapter().adapter.clone();
         let mut options = ServeOptions::new(listen, Box::new(renderer), scene, rig, config.render_settings(), announce);
         let catalogue = |loaded: LoadedCatalogue| SceneCatalogue { name: loaded.name, stars: loaded.stars as u64 };
-        options.clock = Some(clock);
-        options.catalogues = report.catalogues.into_iter().map(catalogue).collect();
-        options.asteroid_fields = config.field_specs()?;
-        options.observer.clone_from(&config.scene.observer);
-        options.star_sources = config.star_sources();
-        options.view_tables = config.views.iter().map(|view| view.tables.clone()).collect();
-        options.view_definitions = config.views.iter().map(reported_definition).collect();
-        options.folder.clone_from(&config.folder);
-        options.hosts.clone_from(&config.server.hosts);
-        options.access = Some(access);
+        options.scene.clock = Some(clock);
+        options.scene.catalogues = report.catalogues.into_iter().map(catalogue).collect();
+        options.scene.asteroid_fields = config.field_specs()?;
+        options.scene.observer.clone_from(&config.scene.observer);
+        options.scene.star_sources = config.star_sources();
+        options.views.tables = config.views.iter().map(|view| view.tables.clone()).collect();
+        options.views.definitions = config.views.iter().map(reported_definition).collect();
+        options.views.folder.clone_from(&config.folder);
+        options.network.hosts.clone_from(&config.server.hosts);
+        options.network.access = Some(access);
         let configured = config.server.state.as_ref().map(|state| config.folder.join(state));
         options.state = arguments.state.clone().or(configured);
         options.headset = headset(&config);
-        options.windows = windows(&config, &options.rig, adapter_name);
+        options.windows = windows(&config, &options.views.rig, adapter_name);
         options.shutdown = Shutdown::When(Box::pin(async move {
             signals.await;
             notify_supervisor(NotifyState::Stopping);
@@ -116,7 +116,7 @@ fn access(arguments: &ServeArguments) -> AccessSource {
     let arguments = arguments.clone();
     Arc::new(move || {
         let config = load_config(&arguments).map_err(|error| error.to_string())?;
-        Access::of(&config.server, &config.folder).map_err(|problem| format!("{}: {problem}", config.origin))
+        Access::from_config(&config.server, &config.folder).map_err(|problem| format!("{}: {problem}", config.origin))
     })
 }
 

@@ -1,10 +1,11 @@
-//! Messages with mutated bytes, as `tests/fuzz` does it with files: decoded, and converted to plain values, without a daemon. The generated types are private to
-//! the service, so this stands here.
+//! Fuzz tests of messages, like those of files in `tests/fuzz`: mutated bytes are decoded and converted to plain
+//! values, without a daemon. They are here because the generated types are private to the service.
 //!
-//! The first byte of an input names the message. Fields of asteroids are converted and not placed, which takes time by design.
+//! The first byte of an input selects the message. Asteroid fields are converted but not placed, because that takes
+//! long.
 
-#![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
-#![allow(clippy::print_stderr, reason = "the process that reads tells why it ends")]
+#![allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
+#![allow(clippy::print_stderr, reason = "the child process reports why it ends")]
 
 use std::{
     path::Path,
@@ -14,22 +15,28 @@ use std::{
 use prost::Message;
 use prost_types::{FieldMask, Timestamp};
 
-use super::{
-    client::{ReceivedFrame, camera_from_pb},
-    convert::{self, scene_to_pb, scene_update_from_pb, star_method},
-    convert_objects::{body_from_pb, field_from_pb},
-    convert_overlay::overlay_from_pb,
-    convert_views::{definition_from_pb, definition_to_pb, settings_to_pb, view_to_pb, view_update_from_pb},
-    objects::Objects,
-    proto,
-    scene::{SceneState, SceneUpdate},
-    state::Saved,
-    views::{GivenView, ViewSet, ViewUpdate},
-};
 use crate::{
     config::{Config, ObserverConfig},
     plan::settings::RenderSettings,
     scene::{Camera, SceneClock, SceneObjects},
+    service::{
+        client::connection::ReceivedFrame,
+        proto,
+        scene::{
+            objects::Objects,
+            state::{SceneState, SceneUpdate},
+            views::{GivenView, ViewSet, ViewUpdate},
+        },
+        state_file::Saved,
+        wire::{
+            camera::{self, camera_from_pb},
+            encoding,
+            objects::{body_from_pb, field_from_pb},
+            overlay::overlay_from_pb,
+            scene::{self, scene_to_pb, scene_update_from_pb, star_method},
+            views::{definition_from_pb, definition_to_pb, settings_to_pb, view_to_pb, view_update_from_pb},
+        },
+    },
     verify,
 };
 
@@ -38,8 +45,8 @@ mod driver;
 
 use driver::{Run, Target, as_it_is, check};
 
-/// A scene of two views and nothing in it.
-/// An observer and what is around it.
+/// A scene with two views and no objects.
+/// An observer and its surroundings.
 static PLACE: LazyLock<(ObserverConfig, Arc<SceneObjects>)> = LazyLock::new(|| {
     let text = "[scene]\ntime = 2026-11-23T20:00:00Z\nsolar_system = false\n\
                 [scene.observer]\nlatitude_deg = 48\nlongitude_deg = 11\n";
@@ -76,15 +83,15 @@ fn changed(update: &SceneUpdate) -> Result<SceneState, String> {
     update.overlay.check_views(&["dome", "flat"])?;
     let made = update.make(&scene)?;
     let changed = scene.changed(&made, None).map_err(|error| error.to_string())?;
-    // What a client or a file of states is told of it.
+    // Messages to clients and state files.
     scene_to_pb(&changed, &[]).encode_to_vec();
-    Saved::of(&changed, None).encode_to_vec();
+    Saved::from_scene(&changed, None).encode_to_vec();
     Ok(changed)
 }
 
 fn update_scene(bytes: &[u8]) -> Result<(), String> {
     let update = scene_update_from_pb(&decoded(bytes)?)?;
-    convert::scene_update_to_pb(&update, None).encode_to_vec();
+    scene::scene_update_to_pb(&update, None).encode_to_vec();
     if !update.asteroid_fields.is_nothing() { Ok(()) } else { changed(&update).map(drop) }
 }
 
@@ -95,19 +102,19 @@ fn update_view(bytes: &[u8]) -> Result<(), String> {
     let before = scene();
     for view in 0..2 {
         let after = before.views.changed(&general, view, &update)?;
-        told(&before, after);
+        encode_views(&before, after);
     }
     Ok(())
 }
 
-/// What clients and a file of states are told of views.
-fn told(before: &SceneState, views: ViewSet) {
+/// Messages about views to clients and state files.
+fn encode_views(before: &SceneState, views: ViewSet) {
     let scene = before.clone().with_views(views, Some(("flat", true))).unwrap();
     for view in 0..scene.views.ids().len() {
         view_to_pb(view, &scene).encode_to_vec();
     }
     scene.views.frame_groups(&RenderSettings::default());
-    Saved::of(&scene, None).encode_to_vec();
+    Saved::from_scene(&scene, None).encode_to_vec();
 }
 
 fn create_view(bytes: &[u8]) -> Result<(), String> {
@@ -115,32 +122,32 @@ fn create_view(bytes: &[u8]) -> Result<(), String> {
     let (given, _) = GivenView::read(definition_from_pb(&request.definition.unwrap_or_default()))?;
     let (general, before) = (RenderSettings::default(), scene());
     let after = before.views.with(&general, given)?;
-    told(&before, after.without(&general, 0)?);
-    told(&before, after);
+    encode_views(&before, after.without(&general, 0)?);
+    encode_views(&before, after);
     Ok(())
 }
 
 fn set_camera(bytes: &[u8]) -> Result<(), String> {
-    let update = convert::update_from_pb(decoded(bytes)?);
+    let update = camera::update_from_pb(decoded(bytes)?);
     let [zero, at_rest] = [[0.0; 3]; 2];
     let camera = Camera::new(
         update.position_m.unwrap_or(zero),
         update.orientation.unwrap_or([0.0, 0.0, 0.0, 1.0]),
         update.velocity_c.unwrap_or(at_rest),
     );
-    camera.map(|camera| drop(convert::camera_to_pb(&camera).encode_to_vec())).map_err(|error| error.to_string())
+    camera.map(|camera| drop(camera::camera_to_pb(&camera).encode_to_vec())).map_err(|error| error.to_string())
 }
 
-/// The names in requests that ask for something.
+/// Names in requests.
 fn names(bytes: &[u8]) -> Result<(), String> {
     let request: proto::VerifyRequest = decoded(bytes)?;
     verify::select(Some(&request.filter)).map_err(|error| error.to_string())?;
     star_method(&request.star_method)?;
-    let order: proto::NextFrameRequest = decoded(bytes)?;
-    convert::encoding_from_pb(order.encoding).map(drop).ok_or_else(|| "no encoding".to_owned())
+    let request: proto::NextFrameRequest = decoded(bytes)?;
+    encoding::encoding_from_pb(request.encoding).map(drop).ok_or_else(|| "no encoding".to_owned())
 }
 
-/// What a file of states holds.
+/// Content of a state file.
 fn saved(bytes: &[u8]) -> Result<(), String> {
     let mut saved: Saved = decoded(bytes)?;
     if let Some(scene) = &mut saved.scene {
@@ -152,7 +159,7 @@ fn saved(bytes: &[u8]) -> Result<(), String> {
     saved.applied(&scene(), &RenderSettings::default()).map(drop)
 }
 
-/// What a client is sent.
+/// Messages to clients.
 fn answers(bytes: &[u8]) -> Result<(), String> {
     let frame = decoded::<proto::Frame>(bytes)
         .and_then(|frame| ReceivedFrame::try_from(frame).map(drop).map_err(|error| error.to_string()));
@@ -278,7 +285,7 @@ fn seeds() -> Vec<Vec<u8>> {
         let request = proto::UpdateViewRequest { view: Some(view), update_mask: mask(paths), expected_revision: None };
         message(1, request.encode_to_vec())
     };
-    let camera = convert::camera_to_pb(&Camera::default());
+    let camera = camera::camera_to_pb(&Camera::default());
     let moved = proto::SetCameraRequest {
         position_m: camera.position_m,
         orientation: camera.orientation,
@@ -303,14 +310,14 @@ fn seeds() -> Vec<Vec<u8>> {
                 .encode_to_vec(),
         )
     };
-    let mut shown = scene();
+    let mut displayed = scene();
     let join = ViewUpdate { exposure_group: Some("both".to_owned()), ..ViewUpdate::default() };
     for view in 0..2 {
-        shown.views = Arc::new(shown.views.changed(&general, view, &join).unwrap());
+        displayed.views = Arc::new(displayed.views.changed(&general, view, &join).unwrap());
     }
     let (eyes, _) = GivenView::read(definition_from_pb(&definition)).unwrap();
-    shown.views = Arc::new(shown.views.with(&general, eyes).unwrap().without(&general, 0).unwrap());
-    let mut full = Saved::of(&shown, Some(&Camera::default()));
+    displayed.views = Arc::new(displayed.views.with(&general, eyes).unwrap().without(&general, 0).unwrap());
+    let mut full = Saved::from_scene(&displayed, Some(&Camera::default()));
     full.scene = Some(full_scene());
     let frame = proto::Frame {
         view: "dome".to_owned(),
@@ -332,7 +339,7 @@ fn seeds() -> Vec<Vec<u8>> {
         redefined(&["definition.ipd_m", "definition.fov_left", "definition.test_pattern"]),
         message(2, moved.encode_to_vec()),
         message(3, asked.encode_to_vec()),
-        message(4, Saved::of(&shown, Some(&Camera::default())).encode_to_vec()),
+        message(4, Saved::from_scene(&displayed, Some(&Camera::default())).encode_to_vec()),
         message(4, full.encode_to_vec()),
         message(5, frame.encode_to_vec()),
         message(5, full_scene().encode_to_vec()),

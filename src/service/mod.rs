@@ -2,98 +2,86 @@
 //! port, and the thread that owns the renderer.
 //!
 //! ```text
-//! connections (tokio) --camera slot, bounded queue--> render thread (owns the Engine)
-//! connections (tokio) <--latest-wins slots, replies-- render thread
+//! connections (tokio) --newest camera, bounded queue--> render thread (owns the Engine)
+//! connections (tokio) <--newest frames, replies-------- render thread
 //!                     `-- encoders on blocking threads
-//! connections (tokio) <--latest-wins slots, replies-- headset thread (drives the headset, with a device of its own)
+//! connections (tokio) <--newest frames, replies-------- headset thread (drives the headset, with its own device)
 //! ```
 //!
 //! - [`run`] serves until SIGINT or SIGTERM and then drains.
-//! - [`Engine`] is what renders: the GPU renderer, or a small one in tests.
-//! - [`Client`] is the other end of the wire in plain Rust types.
+//! - [`Engine`] is the renderer: the GPU renderer, or a small one in tests.
+//! - [`Client`] is the client side in plain Rust types.
 //!
-//! The camera is a slot: a pose that is overtaken before the next frame starts is never drawn. One frame serves
-//! everyone who waits for one. What a client changes of the scene holds from the next frame on, for all views;
-//! asteroids are placed on blocking threads. A slow client drops frames (counted) and never slows the renderer or
-//! another client; a frame that fails fails for those who wait for it, and the daemon goes on; a renderer that panics
-//! ends the daemon with an error. A headset is one more view, and nothing that happens to it concerns the others.
+//! The modules, in the order in which they may import each other. Each imports only those above it; `tests/cpu/layering.rs`
+//! checks that.
+//!
+//! | module | content |
+//! |---|---|
+//! | `threads` | thread priority, text of a panic |
+//! | `scene` | the part of the scene that clients may change, in plain types: objects, observer, overlay, views, camera updates |
+//! | `wire` | conversion between protobuf messages and plain types, error statuses with details |
+//! | `state_file` | the file of acknowledged changes and snapshots |
+//! | `network` | connections, limits per client, access (tokens, TLS, roles, log of changes), the web page |
+//! | `frames` | subscriptions, the newest frame of each, pacing, encoders, video |
+//! | `engine` | the render thread, its handle and queue, background jobs, quality levels, audits |
+//! | `displays` | the headset and the windows of the daemon's machine |
+//! | `handlers` | the gRPC methods, and `/metrics` |
+//! | `client` | the Rust client; imports only `scene` and `wire` |
+//! | `daemon` | options, listening, start and shutdown |
+//!
+//! Only the newest camera counts: a pose that is replaced before the next frame starts is never drawn. One frame serves
+//! all clients that wait for one. A change of the scene applies from the next frame on, for all views; asteroids are
+//! placed on blocking threads. A slow client drops frames (counted) and never slows the renderer or another client. A
+//! frame that fails fails only for the clients that wait for it, and the daemon goes on; a renderer that panics ends the
+//! daemon with an error. A headset is one more view, and its failures do not affect the other views.
 
-mod access;
-mod answers;
-mod audit;
-mod background;
-mod camera;
-mod changes;
 mod client;
-mod client_camera;
-mod client_scene;
-mod client_stats;
-mod clients;
-mod connections;
-mod convert;
-mod convert_objects;
-mod convert_observer;
-mod convert_overlay;
-mod convert_stats;
-mod convert_views;
-mod credentials;
-mod diagnostics;
+mod daemon;
+mod displays;
 mod engine;
-mod find;
-mod forecast;
 mod frames;
 #[cfg(test)]
 mod fuzz_tests;
 mod handlers;
-mod headset;
-mod identify;
-mod metrics;
-mod objects;
-mod observer;
-mod order;
-mod overlay;
-mod page;
-mod pull;
-mod quality;
-mod refusals;
-mod render;
-mod room;
+mod network;
 mod scene;
-mod schedule;
-mod server;
-mod slot;
-mod state;
-mod streams;
-mod track;
-mod video;
-mod view_changes;
-mod views;
-mod windows;
-mod worker;
-mod workshop;
+mod state_file;
+mod threads;
+mod wire;
 
-pub use access::{Access, AccessSource, Admitted, digest_of, new_token};
-/// Target of the spans that tell where the time of frames, encodings and calls goes; logs have them where they are asked for.
+/// Target of the spans that measure frames, encodings and calls; logs contain them on request.
 pub const SPANS: &str = "steradian::spans";
 
 pub use client::{
-    After, CheckReceiver, Client, ClientError, FrameReceiver, HeadsetStatus, ReceivedAudits, ReceivedCheck,
-    ReceivedFigure, ReceivedFrame, ReceivedHeadset, ReceivedImage, ReceivedImageAudit, ReceivedQuality, ReceivedStats,
-    ReceivedTimes, ReceivedWindow, SceneForm, SceneReceiver, SeenKind, SeenObject, ServerInfo, StatsReceiver, ViewForm,
-    ViewImageForm,
+    camera::{CameraReceiver, Lease, Steering},
+    connection::{
+        After, Client, ClientError, FrameReceiver, ReceivedFrame, ReceivedImage, ServerInfo, ViewForm, ViewImageForm,
+    },
+    credentials::Credentials,
+    scene::{CheckReceiver, ReceivedCheck, ReceivedFigure, SceneForm, SceneReceiver, SeenKind, SeenObject},
+    stats::{
+        HeadsetStatus, ReceivedAudits, ReceivedHeadset, ReceivedImageAudit, ReceivedQuality, ReceivedStats,
+        ReceivedTimes, ReceivedWindow, StatsReceiver,
+    },
 };
-pub use client_camera::{CameraReceiver, Lease, Steering};
-pub use credentials::Credentials;
-pub use engine::{BesideEngine, Engine, EngineError, OpenBeside};
-pub use headset::{Drive, HeadsetOptions};
-pub use objects::{BodyForm, Change, FieldForm, ShapesForm};
-pub use observer::{GroundForm, ObserverChange};
-pub use overlay::OverlayChange;
-pub use render::CameraUpdate;
-pub use scene::SceneUpdate;
-pub use server::{Address, Reloads, SceneCatalogue, ServeError, ServeOptions, Shutdown, check_listen, run, signals};
-pub use state::StateError;
-pub use views::{TableChange, ViewUpdate};
-pub use windows::{OpenWindows, WindowsEnd, WindowsOptions};
+pub use daemon::{
+    Address, LimitOptions, NetworkOptions, Reloads, SceneOptions, ServeError, ServeOptions, Shutdown, ViewOptions,
+    check_listen, run, signals,
+};
+pub use displays::{
+    headset::{Drive, HeadsetOptions},
+    windows::{OpenWindows, WindowsEnd, WindowsOptions},
+};
+pub use engine::interface::{BesideEngine, Engine, EngineError, OpenBeside};
+pub use network::access::{Access, AccessSource, Admitted, digest_of, new_token};
+pub use scene::{
+    camera::CameraUpdate,
+    objects::{BodyForm, Change, FieldForm, ShapesForm},
+    observer::{GroundForm, ObserverChange},
+    overlay::OverlayChange,
+    state::{SceneCatalogue, SceneUpdate},
+    views::{TableChange, ViewUpdate},
+};
+pub use state_file::StateError;
 
 use steradian_proto::v1 as proto;

@@ -54,6 +54,20 @@ const ONLY_SERVICE: &[&str] = &["tonic", "prost", "include_proto"];
 /// Modules of `service` with generated protobuf types.
 const GENERATED: &[&str] = &["proto"];
 
+/// Modules of `service`, in the order of the table in its head: each may import those before it.
+const SERVICE: &[&str] =
+    &["threads", "scene", "wire", "state_file", "network", "frames", "engine", "displays", "handlers", "daemon"];
+
+/// Imports between modules of `service` besides those of [`SERVICE`]: (importer, imported). The client shares plain types and
+/// conversions with the daemon, and nothing else.
+const SERVICE_PAIRS: &[(&str, &str)] = &[("client", "scene"), ("client", "wire")];
+
+/// Names of `service` itself that all its modules may import. Re-exports are for other modules.
+const SERVICE_ROOT: &[&str] = &["proto", "SPANS"];
+
+/// Test modules of `service` that may import all of it.
+const SERVICE_TESTS: &[&str] = &["fuzz_tests"];
+
 /// Modules of `render` that are techniques: none of them imports another one. Code that several need is in the other
 /// modules.
 const TECHNIQUES: &[&str] =
@@ -325,6 +339,24 @@ fn may_import(importer: &str, imported: &str) -> Result<(), String> {
     }
 }
 
+/// Why a module of `service` may not import a name of `service`; `None`: it may.
+fn service_breach(importer: &str, imported: &str) -> Option<String> {
+    let position = |module: &str| SERVICE.iter().position(|known| *known == module);
+    let is_known = position(importer).is_some() || SERVICE_PAIRS.iter().any(|(known, _)| *known == importer);
+    if SERVICE_TESTS.contains(&importer) {
+        return None;
+    }
+    if !is_known {
+        return Some(format!("`service::{importer}` is neither in SERVICE nor in SERVICE_PAIRS"));
+    }
+    let is_before = matches!((position(importer), position(imported)), (Some(from), Some(to)) if to < from);
+    let may = importer == imported
+        || is_before
+        || SERVICE_PAIRS.contains(&(importer, imported))
+        || SERVICE_ROOT.contains(&imported);
+    (!may).then(|| format!("`service::{importer}` must not import `service::{imported}`"))
+}
+
 /// Violations of the order in one file. `module` is the path of its module.
 fn breaches(module: &[&str], source: &str) -> Vec<String> {
     let importer = module[0];
@@ -346,6 +378,9 @@ fn breaches(module: &[&str], source: &str) -> Vec<String> {
                 }
                 _ => {}
             }
+        }
+        if importer == "service" && imported == "service" {
+            found.extend(module.get(1).and_then(|own| service_breach(own, part)));
         }
         if importer != "service" && imported == "service" && GENERATED.contains(&part.as_str()) {
             found.push(format!("`{importer}` must not name generated types of `service::{part}`"));
@@ -518,6 +553,12 @@ mod the_check_itself {
             (&["scene"], "fn f(d: &wgpu::Device) {}"),
             (&["view"], "use tokio::sync::mpsc;"),
             (&["photometry", "rec709"], "use tonic_web as w;"),
+            (&["service", "wire", "views"], "use crate::service::frames::video::Rate;"),
+            (&["service", "scene", "views"], "use super::super::wire::refusals;"),
+            (&["service", "frames"], "use crate::service::CameraUpdate;"),
+            (&["service", "client", "scene"], "use crate::service::engine::interface::Engine;"),
+            (&["service", "handlers", "find"], "use crate::service::{scene, client::connection::Client};"),
+            (&["service", "unknown"], "use crate::service::scene;"),
             (&["render"], "use prost::Message;"),
             (&["render"], "tonic::include_proto!(\"steradian.v1\");"),
             (&["cli", "serve"], "use crate::service::proto::Frame;"),
@@ -552,6 +593,12 @@ mod the_check_itself {
             (&["render", "sequence"], "use super::{glare::Glare, stars::Stars}; use wgpu::Device;"),
             (&["render", "glare"], "use crate::render::RenderError; use super::RenderError as E;"),
             (&["service", "scene"], "use super::proto; use crate::output::png; use tonic::Status;"),
+            (
+                &["service", "handlers", "find"],
+                "use super::service::Service; use crate::service::{SPANS, wire, network};",
+            ),
+            (&["service", "client", "scene"], "use crate::service::{proto, scene::state::SceneUpdate, wire};"),
+            (&["service", "frames", "video"], "mod tests { use super::*; }"),
             (&["main"], "use steradian::cli; fn main() { steradian::telemetry::start(); }"),
             (&["gpu"], "fn f<'a>(x: &'a str) -> std::result::Result<(), E> { other::crate_name::g() }"),
         ];
@@ -572,6 +619,18 @@ mod the_check_itself {
         }
         for module in FOREIGN.iter().flat_map(|(modules, _)| modules.iter()) {
             assert!(layer_of(module).is_some(), "{module}");
+        }
+    }
+
+    #[test]
+    fn the_head_of_the_service_lists_its_modules_in_order() {
+        let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/service/mod.rs"))
+            .expect("the module's head can be read");
+        let rows = text.lines().filter_map(|line| line.strip_prefix("//! | `")?.split('`').next());
+        let listed: Vec<&str> = rows.filter(|module| *module != "client").collect();
+        assert_eq!(listed, SERVICE);
+        for (importer, imported) in SERVICE_PAIRS {
+            assert!(SERVICE.contains(imported) && !SERVICE.contains(importer), "{importer}, {imported}");
         }
     }
 

@@ -18,24 +18,24 @@ use serde_json::{Value, json};
 
 use crate::daemon::Daemon;
 
-/// Far longer than anything takes: a test that waits in vain fails instead of hanging.
+/// Far longer than any test takes: a waiting test fails instead of hanging.
 const PATIENCE: Duration = Duration::from_secs(90);
-/// Between two looks at something that is waited for.
+/// Interval between checks of a condition.
 const POLL: Duration = Duration::from_millis(50);
-/// Moves of a drag.
+/// Number of moves of a drag.
 const STEPS: i32 = 12;
 
-/// What the page is looked at with.
+/// Emulated screen.
 #[derive(Clone, Copy)]
 pub enum Screen {
     Desk,
     Phone,
 }
 
-/// A browser with the page of a daemon; closed when it is dropped.
+/// A browser that shows the page of a daemon; closed on drop.
 pub struct Browser {
     driver: Child,
-    /// chromedriver's own address, and the path of the session there.
+    /// Address of chromedriver, and path of its session.
     address: String,
     session: String,
     pub client: Client,
@@ -43,15 +43,15 @@ pub struct Browser {
 
 impl Drop for Browser {
     fn drop(&mut self) {
-        // Ends Chromium as well, whose processes would outlive the driver's.
+        // End Chromium first, because its processes would outlive the driver.
         let _ = self.request("DELETE", "", "");
         let _ = self.driver.kill();
         let _ = self.driver.wait();
     }
 }
 
-/// Runs a test with a browser that shows the page of a daemon of its own, and then looks for errors in the browser's log. The error says that there is
-/// no browser.
+/// Runs a test with a browser that shows the page of a new daemon, then checks the browser's log for errors. The error
+/// states that there is no browser.
 pub fn with_page<F: AsyncFnOnce(&Browser, &mut Daemon)>(screen: Screen, test: F) -> Result<(), String> {
     for program in ["chromedriver", "chromium"] {
         let there = Command::new(program).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
@@ -79,7 +79,7 @@ impl Browser {
             let after = line.strip_prefix("ChromeDriver was started successfully on port ")?;
             Some(after.trim_end_matches('.').to_owned())
         });
-        let address = format!("127.0.0.1:{}", port.expect("chromedriver tells its port"));
+        let address = format!("127.0.0.1:{}", port.expect("chromedriver reports its port"));
         let mut options = json!({
             "args": ["--headless=new", "--disable-gpu", "--no-sandbox", "--window-size=1280,900"],
         });
@@ -95,7 +95,7 @@ impl Browser {
         Self { driver, address, session: format!("/session/{session}"), client }
     }
 
-    /// A command to chromedriver that is not of the WebDriver standard.
+    /// Sends a command to chromedriver that is not part of the WebDriver standard.
     fn request(&self, method: &str, path: &str, body: &str) -> std::io::Result<String> {
         let mut socket = TcpStream::connect(&self.address)?;
         let (session, length) = (&self.session, body.len());
@@ -105,7 +105,7 @@ impl Browser {
              connection: close\r\n\r\n{body}",
             self.address
         )?;
-        // The driver keeps the connection: the answer ends where its length says.
+        // The driver keeps the connection open: read up to the content length.
         socket.set_read_timeout(Some(PATIENCE))?;
         let mut answer = BufReader::new(socket);
         let (mut line, mut length) = (String::new(), 0);
@@ -120,7 +120,7 @@ impl Browser {
         String::from_utf8(body).map_err(std::io::Error::other)
     }
 
-    /// Errors in the browser's log since it was asked last.
+    /// Returns the errors in the browser's log since the last call.
     pub fn errors(&self) -> Vec<String> {
         let answer = self.request("POST", "/se/log", r#"{"type": "browser"}"#).unwrap();
         let answer: Value = serde_json::from_str(&answer).unwrap_or_else(|error| panic!("{error}: {answer}"));
@@ -129,7 +129,7 @@ impl Browser {
         errors.map(|entry| entry["message"].to_string()).collect()
     }
 
-    /// What a script returns.
+    /// Returns the result of a script.
     pub async fn run<T: DeserializeOwned>(&self, script: &str) -> T {
         let value = self.client.execute(script, Vec::new()).await.unwrap_or_else(|error| panic!("{script}: {error}"));
         serde_json::from_value(value.clone()).unwrap_or_else(|error| panic!("{script} gives {value}: {error}"))
@@ -144,7 +144,7 @@ impl Browser {
         }
     }
 
-    /// The page as text, for messages.
+    /// Returns the text of the page, for messages.
     async fn page(&self) -> String {
         self.run("return document.body.innerText").await
     }
@@ -157,14 +157,14 @@ impl Browser {
         self.find(selector).await.click().await.unwrap_or_else(|error| panic!("{selector}: {error}"));
     }
 
-    /// Replaces what an input holds.
+    /// Replaces the value of an input.
     pub async fn fill(&self, selector: &str, text: &str) {
         let input = self.find(selector).await;
         input.clear().await.unwrap();
         input.send_keys(text).await.unwrap();
     }
 
-    /// Types into whatever has the focus.
+    /// Types into the focused element.
     pub async fn press(&self, keys: &str) {
         self.client.active_element().await.unwrap().send_keys(keys).await.unwrap();
     }
@@ -192,7 +192,8 @@ impl Browser {
         result.unwrap();
     }
 
-    /// The brightest pixel of a canvas within `radius` of a point of it, or of all of it: where in the window its centre is, and its codes added up.
+    /// Finds the brightest pixel of a canvas, within `radius` of a point of it or anywhere: returns its centre in the
+    /// window, and the sum of its codes.
     pub async fn brightest(&self, canvas: &str, near: Option<([f64; 2], f64)>) -> ([f64; 2], u32) {
         let script = format!(
             "const canvas = document.querySelector({canvas:?}), near = {};

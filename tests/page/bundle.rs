@@ -1,4 +1,4 @@
-//! `web/dist` is what its sources give, byte by byte: it is checked in, and part of the program.
+//! Compares `web/dist`, which is checked in and embedded in the program, with a build of its sources, byte by byte.
 
 use std::{
     fs,
@@ -8,10 +8,8 @@ use std::{
 
 use crate::Test;
 
-pub const TESTS: &[Test] = &[
-    ("bundle::is_what_its_sources_give", is_what_its_sources_give),
-    ("bundle::differences_are_found", differences_are_found),
-];
+pub const TESTS: &[Test] =
+    &[("bundle::matches_its_sources", matches_its_sources), ("bundle::differences_are_found", differences_are_found)];
 
 fn web() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("web")
@@ -26,7 +24,7 @@ fn text(output: &Output) -> String {
     String::from_utf8_lossy(&[&output.stdout[..], &output.stderr].concat()).into_owned()
 }
 
-/// Names of the files that are not the same in both folders.
+/// Returns the names of files that differ between the folders.
 fn differences(a: &Path, b: &Path) -> Vec<String> {
     let names = |folder: &Path| {
         let names = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
@@ -39,8 +37,8 @@ fn differences(a: &Path, b: &Path) -> Vec<String> {
     all
 }
 
-fn is_what_its_sources_give() -> Result<(), String> {
-    // Newer than what is installed: installed anew, in the versions that the lock file names.
+fn matches_its_sources() -> Result<(), String> {
+    // Reinstall the locked versions if the lock file is newer than the installation.
     let written = |path: &str| fs::metadata(web().join(path)).and_then(|file| file.modified()).ok();
     if written("node_modules/.package-lock.json") < written("package-lock.json") {
         let installed = npm(&["ci", "--no-fund", "--no-audit"])?;
@@ -52,7 +50,10 @@ fn is_what_its_sources_give() -> Result<(), String> {
     let built = npm(&["run", "--silent", "build", "--", folder.path().to_str().unwrap()])?;
     assert!(built.status.success(), "the page does not build: {}", text(&built));
     let other = differences(&web().join("dist"), folder.path());
-    assert!(other.is_empty(), "{other:?} in web/dist are not what web/src gives: run make page, and check them in");
+    assert!(
+        other.is_empty(),
+        "web/dist differs from a build of web/src in {other:?}: run make page, and check in the result"
+    );
     Ok(())
 }
 

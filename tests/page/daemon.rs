@@ -44,7 +44,7 @@ type = 'equirectangular'
 size = [1024, 512]
 ";
 
-/// A running daemon; killed when it is dropped.
+/// A running daemon; killed on drop.
 pub struct Daemon {
     process: Child,
     folder: TempDir,
@@ -67,12 +67,12 @@ impl Daemon {
 
     /// SIGKILL.
     pub fn kill(&mut self) {
-        // It may be gone already.
+        // It may have ended already.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
 
-    /// Starts it again on the same port.
+    /// Restarts it on the same port.
     pub fn restart(&mut self) {
         self.kill();
         let (process, address) = launch(&self.folder, &self.address);
@@ -80,7 +80,7 @@ impl Daemon {
         self.process = process;
     }
 
-    /// Starts it again with more in its configuration.
+    /// Restarts it with an extended configuration.
     pub fn restart_with(&mut self, more: &str) {
         std::fs::write(self.folder.path().join("views.toml"), format!("{CONFIGURATION}\n{more}")).unwrap();
         self.restart();
@@ -90,7 +90,7 @@ impl Daemon {
         format!("http://{}", self.address)
     }
 
-    /// Another client beside the page.
+    /// Returns another client.
     pub async fn client(&self) -> Client {
         Client::connect(&self.url()).await.unwrap()
     }

@@ -1,4 +1,4 @@
-//! Panels that show things, and the keyboard alone.
+//! Panels that display data, and operation by keyboard only.
 
 use fantoccini::{
     actions::{InputSource, KeyAction, KeyActions},
@@ -16,30 +16,30 @@ pub const TESTS: &[Test] = &[
     ("panels::statistics_are_plotted_and_checks_have_results", statistics_and_checks),
 ];
 
-/// Presses Tab until an expression is true of the element that has the focus.
+/// Presses Tab until an expression is true for the focused element.
 async fn tab_to(page: &Browser, what: &str) {
     for _ in 0..40 {
         page.press(&Key::Tab).await;
         if page.run::<bool>(&format!("const at = document.activeElement; return Boolean({what})")).await {
-            // The focus can be seen, on the element or, of a hidden box, on its label.
+            // The focus is visible on the element or, for a hidden box, on its label.
             let seen = "const at = document.activeElement; return [at, at.nextElementSibling].some(e => e && \
                         getComputedStyle(e).outlineStyle !== 'none' && getComputedStyle(e).opacity > 0)";
             assert!(page.run::<bool>(seen).await, "the focus is not seen on {what}");
             return;
         }
     }
-    panic!("Tab does not lead to {what}");
+    panic!("Tab does not reach {what}");
 }
 
 fn everything_can_be_done_by_keyboard() -> Result<(), String> {
     with_page(Screen::Desk, async |page, daemon| {
         let mut client = daemon.client().await;
         page.until(&has_picture("window")).await;
-        // A second view by the space bar.
+        // Select a second view with the space bar.
         tab_to(page, "at.value === 'dome'").await;
         page.press(" ").await;
         page.until(&has_picture("dome")).await;
-        // Looks and flies while the picture has the focus.
+        // Turn and fly while the picture has the focus.
         tab_to(page, "at.tagName === 'CANVAS'").await;
         let before = client.camera().await.unwrap();
         for key in [char::from(Key::Right), 'w'] {
@@ -51,19 +51,19 @@ fn everything_can_be_done_by_keyboard() -> Result<(), String> {
             "the right arrow does not turn"
         );
         assert!(after.position_m.distance(before.position_m) > 0.0, "W does not fly");
-        // Panels by the arrows, one of them in the order of Tab.
+        // Switch panels with the arrow keys; the active panel is next in tab order.
         tab_to(page, "at.getAttribute('role') === 'tab'").await;
         page.press(&Key::Right).await;
         page.until("document.activeElement.id === 'tab-exposure' && !document.getElementById('panel-exposure').hidden")
             .await;
-        // The form sends what was typed, by Enter.
+        // Enter submits the form.
         tab_to(page, "at.name === 'limiting_magnitude'").await;
         page.press(&format!("{}5.25{}", select_all(), Key::Enter)).await;
         page.until("document.getElementById('notices').textContent.includes('is set')").await;
         let views = client.views().await.unwrap();
         let limit = views[0].exposure.get("limiting_magnitude").and_then(toml::Value::as_float);
         assert_eq!(limit, Some(5.25));
-        // Every control has a name that can be read aloud.
+        // Every control has an accessible name.
         let nameless = "return [...document.querySelectorAll('button, input, select, canvas')].filter(e => !(e.ariaLabel || \
                         e.textContent.trim() || [...(e.labels ?? [])].some(l => l.textContent.trim()))).map(e => e.outerHTML)";
         assert_eq!(page.run::<Vec<String>>(nameless).await, [""; 0]);
@@ -95,13 +95,13 @@ fn statistics_and_checks() -> Result<(), String> {
         page.click("#panel-checks [type=submit]").await;
         page.until("document.getElementById('checks-sum').textContent.includes('Done')").await;
         assert_eq!(page.find("#panel-checks tbody .outcome").await.text().await.unwrap(), "pass");
-        // A name that there is not is told with the daemon's own words.
+        // An unknown name is reported with the daemon's message.
         page.fill("#panel-checks [name=filter]", "no-such-check").await;
         page.click("#panel-checks [type=submit]").await;
         page.until("document.getElementById('notices').textContent.includes('no-such-check')").await;
         page.click("#tab-headset").await;
         page.until("document.getElementById('panel-headset').textContent.includes('drives no headset')").await;
-        // Red light alone.
+        // Red light only.
         page.click("#night").await;
         assert_eq!(page.find("#night").await.attr("aria-pressed").await.unwrap().as_deref(), Some("true"));
         page.client.refresh().await.unwrap();

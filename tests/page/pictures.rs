@@ -1,4 +1,4 @@
-//! Pictures: what is shown, and how drags and fingers turn it.
+//! Pictures: their content, and turning them by drags and fingers.
 
 use steradian::{
     catalogue::bright::named_bright_stars,
@@ -14,17 +14,17 @@ pub const TESTS: &[Test] = &[
     ("pictures::a_dragged_star_stays_under_the_pointer_in_every_view", a_dragged_star_stays_under_the_pointer),
     ("pictures::a_click_names_the_star", a_click_names_the_star),
     ("pictures::several_views_are_shown_at_once_and_the_address_keeps_them", several_views_at_once),
-    ("pictures::views_come_and_go_as_other_clients_make_and_delete_them", views_come_and_go),
-    ("pictures::a_phone_shows_them_and_a_finger_turns_them", a_phone_and_a_finger),
-    ("pictures::their_age_is_told", their_age_is_told),
+    ("pictures::views_appear_and_disappear_as_other_clients_create_and_delete_them", views_appear_and_disappear),
+    ("pictures::a_phone_shows_pictures_and_a_finger_turns_them", a_phone_and_a_finger),
+    ("pictures::the_age_of_pictures_is_displayed", the_age_of_pictures_is_displayed),
     ("pictures::video_and_jpeg_show_what_png_shows", video_and_jpeg_show_what_png_shows),
-    ("pictures::the_way_from_camera_to_screen_is_told_for_video_and_jpeg", the_way_from_camera_to_screen),
+    ("pictures::the_latency_from_camera_to_screen_is_displayed", latency_from_camera_to_screen),
 ];
 
-/// How far from the pointer a dragged star may be, CSS pixels: a pixel of the picture, and the pointer's own rounding.
+/// Maximum distance of a dragged star from the pointer, CSS pixels: a pixel of the picture, and the pointer's rounding.
 const REACH_PX: f64 = 3.5;
 
-/// Chooses one view alone, and waits for its picture.
+/// Selects one view, and waits for its picture.
 pub async fn choose(page: &Browser, view: &str) {
     page.run::<Option<u8>>(&format!("location.hash = '#views={view}'")).await;
     page.until(&format!("document.querySelectorAll('#pictures figure').length === 1 && {}", has_picture(view))).await;
@@ -35,11 +35,11 @@ pub fn has_picture(view: &str) -> String {
     format!("document.querySelector('[data-view={view}]')?.dataset.frame")
 }
 
-/// Expression: the picture shows the newest camera, and the page has sent all of its poses.
+/// Waits until the picture shows the newest camera, and the page has sent all of its poses.
 async fn settle(page: &Browser, view: &str) {
     let camera = format!("document.querySelector('[data-view={view}]').dataset.camera");
     let mut before = String::new();
-    // The same after two further frames: nothing is under way any more.
+    // Unchanged after two further frames: no pose is in transit.
     for _ in 0..100 {
         let frame = page.run::<String>(&format!("return {}", has_picture(view))).await;
         page.until(&format!("{} - {frame} >= 2", has_picture(view))).await;
@@ -49,10 +49,10 @@ async fn settle(page: &Browser, view: &str) {
         }
         before = now;
     }
-    panic!("{view}: the camera does not come to rest");
+    panic!("{view}: the camera does not stop");
 }
 
-/// Drags the brightest star near a point of the canvas (fractions of its sides) and finds it where the pointer has let it go.
+/// Drags the brightest star near a point of the canvas (fractions of its sides), and finds it at the release point.
 async fn drag_a_star(page: &Browser, screen: Screen, view: &str, canvas: &str, by: [f64; 2]) {
     settle(page, view).await;
     let [x, y, width, height] = page
@@ -63,14 +63,14 @@ async fn drag_a_star(page: &Browser, screen: Screen, view: &str, canvas: &str, b
         .await;
     let middle = [x + width / 2.0, y + height / 2.0];
     let (star, codes) = page.brightest(canvas, Some((middle, width.min(height) / 4.0))).await;
-    assert!(codes > 200, "{view}: there is no star, only codes of {codes} together");
+    assert!(codes > 200, "{view}: no star found, brightest sum of codes {codes}");
     let from = star.map(f64::round);
     let to = [from[0] + (by[0] * width).round(), from[1] + (by[1] * height).round()];
     let (_, before) = page.brightest(canvas, Some((to, REACH_PX))).await;
     page.drag(screen, from, to).await;
     settle(page, view).await;
     let (found, after) = page.brightest(canvas, Some((to, 4.0 * REACH_PX))).await;
-    assert!(after > 100, "{view}: codes of {after} together where the star was dragged to, {before} before");
+    assert!(after > 100, "{view}: sum of codes {after} at the target of the drag, {before} before");
     let off = (found[0] - to[0] - star[0] + from[0]).hypot(found[1] - to[1] - star[1] + from[1]);
     assert!(off < REACH_PX, "{view}: the star is {off} px from the pointer");
 }
@@ -94,17 +94,21 @@ fn a_click_names_the_star() -> Result<(), String> {
         let (star, codes) = page.brightest("[data-view=window] canvas", None).await;
         assert!(codes > 200, "black: {codes}");
         page.drag(Screen::Desk, star, star).await;
-        let told = "document.querySelector('#notices li')?.dataset.text ?? ''";
-        page.until(told).await;
-        let told = page.run::<String>(&format!("return {told}")).await;
+        let text = "document.querySelector('#notices li')?.dataset.text ?? ''";
+        page.until(text).await;
+        let text = page.run::<String>(&format!("return {text}")).await;
         let names = named_bright_stars(0.0);
-        let named = names.iter().find(|named| !named.name.is_empty() && told.starts_with(named.name));
-        let named = named.unwrap_or_else(|| panic!("no star of the catalogue: {told}"));
+        let named = names.iter().find(|named| !named.name.is_empty() && text.starts_with(named.name));
+        let named = named.unwrap_or_else(|| panic!("no star of the catalogue: {text}"));
         assert!(
-            named.star.apparent_magnitude() < 1.7 && told.contains("magnitude") && told.contains("light-years"),
-            "{told}"
+            named.star.apparent_magnitude() < 1.7 && text.contains("magnitude") && text.contains("light-years"),
+            "{text}"
         );
-        assert_eq!(daemon.client().await.camera().await.unwrap().revision, revision, "a click moves nothing");
+        assert_eq!(
+            daemon.client().await.camera().await.unwrap().revision,
+            revision,
+            "a click does not move the camera"
+        );
     })
 }
 
@@ -118,14 +122,14 @@ fn several_views_at_once() -> Result<(), String> {
             let (_, codes) = page.brightest(&format!("[data-view={view}] canvas"), None).await;
             assert!(codes > 200, "{view} is black: {codes}");
         }
-        // Where the screen shows fewer pixels, fewer come.
+        // Where the screen shows fewer pixels, smaller images are sent.
         assert!(page.run::<u32>("return document.querySelector('[data-view=around] canvas').width").await < 1024);
         assert_eq!(page.client.current_url().await.unwrap().fragment(), Some("views=window,dome,around"));
-        // PNG as well as JPEG.
+        // PNG works as well as JPEG.
         let seen = page.run::<String>(&format!("return {}", has_picture("dome"))).await;
         page.click("#encoding option[value=png]").await;
         page.until(&format!("Number({}) > {seen}", has_picture("dome"))).await;
-        // Who opens this address sees these views.
+        // The address contains the selected views.
         page.client.refresh().await.unwrap();
         page.until(&has_picture("around")).await;
         assert_eq!(page.run::<u32>("return document.querySelectorAll('#pictures figure').length").await, 3);
@@ -136,7 +140,7 @@ fn several_views_at_once() -> Result<(), String> {
     })
 }
 
-fn views_come_and_go() -> Result<(), String> {
+fn views_appear_and_disappear() -> Result<(), String> {
     with_page(Screen::Desk, async |page, daemon| {
         page.until(&has_picture("window")).await;
         let mut client = daemon.client().await;
@@ -148,7 +152,7 @@ fn views_come_and_go() -> Result<(), String> {
         page.until(&chip("guest")).await;
         page.run::<Option<u8>>("location.hash = '#views=guest,window'").await;
         page.until(&has_picture("guest")).await;
-        // Another geometry has another shape.
+        // A new geometry changes the shape.
         let size = ViewUpdate {
             definition: TableChange::Keys(vec![("size".to_owned(), Some(vec![160_i64, 80].into()))]),
             ..ViewUpdate::default()
@@ -161,7 +165,7 @@ fn views_come_and_go() -> Result<(), String> {
         page.until(&format!("!document.querySelector('[data-view=guest]') && !{}", chip("guest"))).await;
         let seen = page.run::<String>(&format!("return {}", has_picture("window"))).await;
         page.until(&format!("Number({}) > {seen}", has_picture("window"))).await;
-        // Without a picture too.
+        // A selection without views works too.
         page.run::<Option<u8>>("location.hash = '#views='").await;
         page.until("document.querySelectorAll('#pictures figure').length === 0").await;
         client.create_view(&guest("late", "[64, 64]"), None).await.unwrap();
@@ -174,7 +178,7 @@ fn a_phone_and_a_finger() -> Result<(), String> {
         page.until(&has_picture("window")).await;
         let [inner, scroll] = page.run::<[f64; 2]>("return [innerWidth, document.documentElement.scrollWidth]").await;
         assert!((inner - 390.0).abs() < 0.5 && scroll <= inner, "{scroll} px wide on a screen of {inner}");
-        // Fingers need room: nothing that is pressed is lower than 32 px.
+        // Touch targets need space: none is lower than 32 px.
         let low = "return [...document.querySelectorAll('button, select, .chip')].filter(e => e.offsetParent && e.getBoundingClientRect().height < 32)
                    .map(e => e.textContent)";
         assert_eq!(page.run::<Vec<String>>(low).await, [""; 0]);
@@ -187,13 +191,13 @@ fn a_phone_and_a_finger() -> Result<(), String> {
     })
 }
 
-fn their_age_is_told() -> Result<(), String> {
+fn the_age_of_pictures_is_displayed() -> Result<(), String> {
     with_page(Screen::Desk, async |page, _| {
         page.until("document.getElementById('age').dataset.ms").await;
-        let told = page.run::<String>("return document.getElementById('age').textContent").await;
-        assert!(told.starts_with("picture ") && told.contains(" old"), "{told}");
+        let text = page.run::<String>("return document.getElementById('age').textContent").await;
+        assert!(text.starts_with("picture ") && text.contains(" old"), "{text}");
         let age_ms = page.run::<f64>("return Number(document.getElementById('age').dataset.ms)").await;
-        // Both clocks are this machine's. How old pictures are is no matter of a test, but an offset of minutes is.
+        // Both clocks are this machine's. The age itself is not tested, but an offset of minutes would be wrong.
         assert!((-1000.0..60_000.0).contains(&age_ms), "{age_ms} ms");
         drag_a_star(page, Screen::Desk, "window", "[data-view=window] canvas", [0.1, 0.0]).await;
         page.until("document.getElementById('age').textContent.includes('camera to screen')").await;
@@ -202,14 +206,14 @@ fn their_age_is_told() -> Result<(), String> {
     })
 }
 
-/// Chooses an encoding, and waits for a picture in it.
+/// Selects an encoding, and waits for a picture in it.
 async fn encode(page: &Browser, encoding: &str) {
     page.click(&format!("#encoding option[value={encoding}]")).await;
-    let shown = "document.querySelector('[data-view=window]')?.dataset.encoding";
-    page.until(&format!("{shown} === '{}'", encoding.to_uppercase())).await;
+    let encoding_of_view = "document.querySelector('[data-view=window]')?.dataset.encoding";
+    page.until(&format!("{encoding_of_view} === '{}'", encoding.to_uppercase())).await;
 }
 
-/// Pixels of the view's canvas: R, G, B, A.
+/// Returns the pixels of the view's canvas: R, G, B, A.
 async fn pixels(page: &Browser) -> Vec<u8> {
     page.run::<Vec<u8>>(
         "const canvas = document.querySelector('[data-view=window] canvas');
@@ -237,7 +241,7 @@ fn errors(exact: &[u8], found: &[u8]) -> [f64; 4] {
 fn video_and_jpeg_show_what_png_shows() -> Result<(), String> {
     with_page(Screen::Desk, async |page, _| {
         page.until(&has_picture("window")).await;
-        // Where the browser has a decoder, video is what it begins with.
+        // If the browser has a decoder, video is the default.
         let first = page.run::<String>("return document.querySelector('[data-view=window]').dataset.encoding").await;
         assert_eq!(first, "H264");
         settle(page, "window").await;
@@ -251,14 +255,14 @@ fn video_and_jpeg_show_what_png_shows() -> Result<(), String> {
             println!("{encoding}: luma {luma:.1}, error {luma_off:.2}; R - B {colour:.1}, error {colour_off:.2}");
             assert!(luma_off < most[0] * luma && colour_off < most[1] * colour, "{encoding}");
         }
-        // What is compared is not the same picture twice, and another picture does not pass.
+        // The comparison must fail for another picture.
         let other: Vec<u8> = exact.iter().rev().copied().collect();
         let [luma, _, luma_off, _] = errors(&exact, &other);
         assert!(video != exact && luma_off > 0.5 * luma);
     })
 }
 
-fn the_way_from_camera_to_screen() -> Result<(), String> {
+fn latency_from_camera_to_screen() -> Result<(), String> {
     with_page(Screen::Desk, async |page, _| {
         page.until(&has_picture("window")).await;
         page.click("#tab-statistics").await;
@@ -271,13 +275,13 @@ fn the_way_from_camera_to_screen() -> Result<(), String> {
             settle(page, "window").await;
             let rows = "[...document.querySelectorAll('#panel-statistics dt')].filter(e => /Camera to screen|of it to|coded and|decoded and/.test(e.textContent))";
             page.until(&format!("{rows}.length === 4")).await;
-            let told = page
+            let text = page
                 .run::<Vec<String>>(&format!(
                     "return {rows}.map(e => e.textContent + ': ' + e.nextSibling.textContent)"
                 ))
                 .await;
-            println!("{encoding}: {told:?}");
-            assert!(told.iter().all(|row| row.contains("median") && !row.contains("NaN")), "{told:?}");
+            println!("{encoding}: {text:?}");
+            assert!(text.iter().all(|row| row.contains("median") && !row.contains("NaN")), "{text:?}");
         }
     })
 }

@@ -1,4 +1,4 @@
-//! A daemon that goes away and comes back.
+//! A daemon that stops and comes back.
 
 use fantoccini::key::Key;
 use steradian::service::{CameraUpdate, Lease, digest_of};
@@ -12,10 +12,10 @@ use crate::{
 pub const TESTS: &[Test] = &[
     ("session::a_daemon_that_was_killed_is_told_and_found_again", a_killed_daemon),
     ("session::a_daemon_that_asks_for_a_token_gets_it", a_token),
-    ("session::while_another_has_the_lease_a_drag_moves_nothing_and_says_who", another_steers),
+    ("session::without_the_lease_a_drag_moves_nothing_and_names_the_holder", another_client_steers),
 ];
 
-/// A daemon that lets in who has a token; the page may only look then.
+/// With a token, the page has the role view only.
 fn a_token() -> Result<(), String> {
     with_page(Screen::Desk, async |page, daemon| {
         page.until(&has_picture("window")).await;
@@ -27,12 +27,13 @@ fn a_token() -> Result<(), String> {
             page.find("#login-token").await.send_keys(&format!("{token}{}", char::from(Key::Enter))).await.unwrap();
         };
         enter("wrong").await;
-        page.until("document.getElementById('login-why').textContent.includes('not one of [[server.tokens]]')").await;
+        page.until("document.getElementById('login-why').textContent.includes('no longer, in [[server.tokens]]')")
+            .await;
         enter("look").await;
         page.until("document.getElementById('age').textContent.startsWith('picture')").await;
         let frame = page.run::<String>(&format!("return {}", has_picture("window"))).await;
         page.until(&format!("{} !== '{frame}'", has_picture("window"))).await;
-        // What this role may not do is told.
+        // Refused actions are reported.
         page.fill("#panel-camera [name=right_ascension]", "80").await;
         page.find("#panel-camera button[type=submit]").await.click().await.unwrap();
         page.until("document.getElementById('notices').textContent.includes('`screen` has the role view')").await;
@@ -43,8 +44,8 @@ fn a_token() -> Result<(), String> {
     })
 }
 
-/// Two who steer: the page follows the one who has the lease, says who it is, and steers when it is given back.
-fn another_steers() -> Result<(), String> {
+/// Two clients steer: the page follows the lease holder, names it, and steers after the release.
+fn another_client_steers() -> Result<(), String> {
     with_page(Screen::Desk, async |page, daemon| {
         page.until(&has_picture("window")).await;
         let mut client = daemon.client().await;
@@ -52,13 +53,20 @@ fn another_steers() -> Result<(), String> {
         assert!(steering.send(&CameraUpdate { position_m: Some([5.0, 0.0, 0.0]), ..CameraUpdate::default() }).await);
         page.until("document.querySelector('[data-view=window]').dataset.camera === '1'").await;
         page.drag(Screen::Desk, [600.0, 400.0], [660.0, 420.0]).await;
-        page.until("document.getElementById('notices').textContent.includes('`flight desk` steers the camera')").await;
+        page.until(
+            "document.getElementById('notices').textContent.includes('`flight desk` holds the lease of the camera')",
+        )
+        .await;
         let (camera, poses) = steering.end().await.unwrap();
-        assert_eq!((camera.position_m.x, camera.revision, poses), (5.0, 1, 1), "the drag has moved it");
+        assert_eq!(
+            (camera.position_m.x, camera.revision, poses),
+            (5.0, 1, 1),
+            "only the lease holder has moved the camera"
+        );
         page.drag(Screen::Desk, [600.0, 400.0], [660.0, 420.0]).await;
         page.until("Number(document.querySelector('[data-view=window]').dataset.camera) > 1").await;
         let after = client.camera().await.unwrap();
-        assert_eq!(after.position_m.x, 5.0, "it goes on from where the other has left it");
+        assert_eq!(after.position_m.x, 5.0, "steering continues from the holder's last pose");
         assert!(after.world_from_camera.angle_between(camera.world_from_camera) > 1e-3);
     })
 }
@@ -70,9 +78,9 @@ fn a_killed_daemon() -> Result<(), String> {
         assert_eq!(page.errors(), [""; 0]);
         daemon.kill();
         page.until("!document.getElementById('banner').hidden").await;
-        let told = page.find("#banner").await.text().await.unwrap();
-        assert!(told.contains("No connection to the daemon") && told.contains(&daemon.address), "{told}");
-        // What is on the screen is marked as from before.
+        let text = page.find("#banner").await.text().await.unwrap();
+        assert!(text.contains("No connection to the daemon") && text.contains(&daemon.address), "{text}");
+        // The displayed picture is marked as outdated.
         page.until("document.getElementById('age').textContent === 'no connection'").await;
         page.until("getComputedStyle(document.getElementById('pictures')).opacity < 0.5").await;
         daemon.restart();
@@ -82,7 +90,7 @@ fn a_killed_daemon() -> Result<(), String> {
         page.until(&format!("{} !== '{frame}'", has_picture("window"))).await;
         let (_, codes) = page.brightest("[data-view=window] canvas", None).await;
         assert!(codes > 200, "black: {codes}");
-        // The browser itself logs every connection that has failed. Other errors it must not have.
+        // The browser itself logs every failed connection. It must log no other errors.
         let others: Vec<String> = page.errors().into_iter().filter(|error| !error.contains("net::ERR_")).collect();
         assert!(others.is_empty(), "{others:#?}");
     })

@@ -1,7 +1,7 @@
-//! The Python package in `python/`, against the built program: its tests by pytest, its types by mypy. Where Python or a package of it is absent, these are
-//! shown as ignored, with the reason; with `STERADIAN_REQUIRE_PYTHON=1` they fail. Its description of the protocol needs no Python to be compared with
-//! `proto/`. The arguments are those of libtest.
-#![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+//! Tests of the Python package in `python/` with the built program: its tests by pytest, its types by mypy. Without
+//! Python or a required package, they are shown as ignored, with the reason; with `STERADIAN_REQUIRE_PYTHON=1` they
+//! fail. The protocol description is compared with `proto/` without Python. The arguments are those of libtest.
+#![allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
 
 use testkit::trials;
 

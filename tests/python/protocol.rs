@@ -1,7 +1,8 @@
-//! The package reads the protocol from `steradian.binpb`, a serialised `FileDescriptorSet`, which is checked in: the package then works with every version
-//! of protobuf's runtime, and needs no compiler. It is what the build script has compiled from `proto/`, without the comments.
+//! The package reads the protocol from `steradian.binpb`, a serialised `FileDescriptorSet`, which is checked in: the
+//! package then works with every version of the protobuf runtime and needs no compiler. The file is the output of the
+//! build script for `proto/`, without comments.
 //!
-//! `STERADIAN_WRITE_REFERENCE=1 cargo test --release --test python protocol` writes it anew.
+//! `STERADIAN_WRITE_REFERENCE=1 cargo test --release --test python protocol` updates it.
 
 use std::{fs, path::Path};
 
@@ -11,9 +12,9 @@ use prost_types::FileDescriptorSet;
 use crate::Test;
 
 pub const TESTS: &[Test] =
-    &[("protocol::is_that_of_proto", is_that_of_proto), ("protocol::a_change_is_noticed", a_change_is_noticed)];
+    &[("protocol::matches_proto", matches_proto), ("protocol::a_change_is_detected", a_change_is_detected)];
 
-/// What the build script has compiled, comments and positions included.
+/// Descriptors of the protocol, with comments and positions.
 const COMPILED: &[u8] = steradian_proto::v1::DESCRIPTORS;
 
 /// The same without comments and positions.
@@ -25,7 +26,7 @@ fn descriptors() -> FileDescriptorSet {
     set
 }
 
-/// Names of the files that one of both sets lacks or has otherwise.
+/// Returns the names of files that differ between the sets, or are missing in one.
 fn differences(a: &FileDescriptorSet, b: &FileDescriptorSet) -> Vec<String> {
     let only = |a: &FileDescriptorSet, b: &FileDescriptorSet| -> Vec<String> {
         let files = a.file.iter().filter(|file| !b.file.contains(file));
@@ -37,7 +38,7 @@ fn differences(a: &FileDescriptorSet, b: &FileDescriptorSet) -> Vec<String> {
     names
 }
 
-fn is_that_of_proto() -> Result<(), String> {
+fn matches_proto() -> Result<(), String> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("python/src/steradian/steradian.binpb");
     let compiled = descriptors();
     if std::env::var_os("STERADIAN_WRITE_REFERENCE").is_some() {
@@ -47,12 +48,12 @@ fn is_that_of_proto() -> Result<(), String> {
     let other = differences(&FileDescriptorSet::decode(&*committed).unwrap(), &compiled);
     assert!(
         other.is_empty() && committed == compiled.encode_to_vec(),
-        "steradian.binpb is not what proto/ says ({other:?}): STERADIAN_WRITE_REFERENCE=1 writes it anew"
+        "steradian.binpb differs from proto/ ({other:?}): STERADIAN_WRITE_REFERENCE=1 updates it"
     );
     Ok(())
 }
 
-fn a_change_is_noticed() -> Result<(), String> {
+fn a_change_is_detected() -> Result<(), String> {
     let compiled = descriptors();
     assert!(differences(&compiled, &compiled).is_empty());
     let mut changed = compiled.clone();

@@ -1,5 +1,5 @@
-//! Runs pytest and mypy on the package. On systems where another Python comes first in PATH, the one that has the packages is found all the same:
-//! `STERADIAN_PYTHON` names it, else `/usr/bin/python3` and `python3` are tried in this order.
+//! Runs pytest and mypy on the package. `STERADIAN_PYTHON` names the interpreter; otherwise `/usr/bin/python3` and
+//! `python3` are tried in this order, because the first Python in PATH may lack the packages.
 
 use std::{
     ffi::OsString,
@@ -19,7 +19,7 @@ fn text(output: &Output) -> String {
     String::from_utf8_lossy(&[&output.stdout[..], &output.stderr].concat()).into_owned()
 }
 
-/// A Python that has these modules.
+/// Finds a Python that has these modules.
 fn python(modules: &[&str]) -> Result<OsString, String> {
     let named = std::env::var_os("STERADIAN_PYTHON");
     let candidates = named.map_or_else(|| vec!["/usr/bin/python3".into(), "python3".into()], |named| vec![named]);
@@ -37,7 +37,7 @@ fn python(modules: &[&str]) -> Result<OsString, String> {
     Err(format!("no Python has all of {modules:?} ({}): scripts/ensure-python.sh installs them", reasons.join("; ")))
 }
 
-/// Runs a module of Python in `python/`; panics with what it says if it fails.
+/// Runs a Python module in `python/`; panics with its output if it fails.
 fn run(python: &OsString, arguments: &[&str]) {
     let output = Command::new(python)
         .arg("-m")

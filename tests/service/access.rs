@@ -1,4 +1,4 @@
-//! Who is let in, and what each may do.
+//! Access control: authentication and roles.
 
 use std::{
     fs,
@@ -26,7 +26,7 @@ use crate::{
     rig::round,
 };
 
-/// An authority, and what it has signed, as files in a folder.
+/// A certificate authority and its certificates, as files in a folder.
 struct Files {
     folder: tempfile::TempDir,
     authority: CertifiedIssuer<'static, KeyPair>,
@@ -50,7 +50,7 @@ impl Files {
         self.folder.path().join(name)
     }
 
-    /// A certificate and its key, PEM.
+    /// Returns a certificate and its key, PEM.
     fn signed(&self, name: &str, is_expired: bool) -> [String; 2] {
         let mut params = CertificateParams::new([name.to_owned()]).unwrap();
         params.distinguished_name.push(DnType::CommonName, name);
@@ -62,7 +62,7 @@ impl Files {
         [params.signed_by(&key, &self.authority).unwrap().pem(), key.serialize_pem()]
     }
 
-    /// A client's certificate and its key; the certificate is a file too.
+    /// Returns a client's certificate and its key; writes the certificate to a file too.
     fn client(&self, name: &str, is_expired: bool) -> [String; 2] {
         let both = self.signed(name, is_expired);
         fs::write(self.path(&format!("{name}.pem")), &both[0]).unwrap();
@@ -74,10 +74,10 @@ impl Files {
         fs::rename(self.path("new.toml"), self.path("server.toml")).unwrap();
     }
 
-    /// Reads what was written last, whenever it is asked.
+    /// Returns a source that reads the last written file on each call.
     fn source(&self) -> steradian::service::AccessSource {
         let folder = self.folder.path().to_owned();
-        Arc::new(move || Access::of(&configured(&folder)?, &folder))
+        Arc::new(move || Access::from_config(&configured(&folder)?, &folder))
     }
 
     fn credentials(&self) -> Credentials {
@@ -97,12 +97,12 @@ fn token_of(name: &str, role: Role, token: &str) -> String {
 
 const TLS: &str = "tls = { certificate = \"server.pem\", key = \"server.key\", client_ca = \"authority.pem\" }\n";
 
-/// One with all roles, over TLS, and what makes it read the roles again.
+/// Starts a daemon with all roles over TLS, and returns the trigger to reload the roles.
 async fn start(files: &Files) -> (Daemon, mpsc::Sender<()>) {
     let (reload, reloads) = mpsc::channel(1);
     let source = files.source();
     let daemon = Daemon::start_with(small_rig(), |options| {
-        options.access = Some(source);
+        options.network.access = Some(source);
         options.reloads = Reloads::When(reloads);
     })
     .await;
@@ -117,12 +117,12 @@ fn code<T>(answer: Result<T, ClientError>) -> Option<Code> {
     answer.err().map(|error| error.code().unwrap_or_else(|| panic!("{error}")))
 }
 
-/// What somebody gets who looks, steers, and checks.
+/// Results of calls that need the roles view, steer and admin.
 async fn gets(client: &mut Client) -> [Option<Code>; 3] {
     let pose = CameraUpdate { position_m: Some([1.0, 0.0, 0.0]), ..CameraUpdate::default() };
     let looks = code(client.camera().await);
     let steers = code(client.set_camera(&pose).await);
-    // There is no file of states: who may ask for one is told so.
+    // There is no state file, so the snapshot call itself fails.
     let checks = code(client.load_snapshot("none", None).await);
     [looks, steers, checks]
 }
@@ -132,7 +132,7 @@ const NOTHING: [Option<Code>; 3] = [Some(Code::Unauthenticated); 3];
 const DENIED: Option<Code> = Some(Code::PermissionDenied);
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn tokens_and_certificates_let_in_with_their_roles_and_nothing_else_does() {
+async fn only_tokens_and_certificates_give_access_with_their_roles() {
     let files = Files::new();
     let [desk, stranger, old] =
         [("desk", false), ("stranger", false), ("old", true)].map(|(name, expired)| files.client(name, expired));
@@ -161,15 +161,15 @@ async fn tokens_and_certificates_let_in_with_their_roles_and_nothing_else_does()
         (with_token("wrong"), NOTHING),
         (files.credentials(), NOTHING),
         (with(&desk), ALL),
-        // Signed by the authority, but nobody who is named.
+        // Signed by the authority, but not listed.
         (with(&stranger), NOTHING),
-        // What a caller says of itself counts for more than what its connection shows.
+        // A token takes precedence over the certificate of the connection.
         (Credentials { token: Some("look".to_owned()), ..with(&desk) }, [None, DENIED, DENIED]),
     ] {
         let mut client = connect(&daemon, &credentials).await.unwrap();
         assert_eq!(gets(&mut client).await, expected, "{credentials:?}");
     }
-    // The texts say what is needed.
+    // The messages state the required role.
     let mut viewer = connect(&daemon, &with_token("look")).await.unwrap();
     let error = viewer.update_scene(&SceneUpdate::default(), None).await.unwrap_err().to_string();
     assert!(error.contains("`viewer` has the role view") && error.contains("needs steer"), "{error}");
@@ -180,7 +180,7 @@ async fn tokens_and_certificates_let_in_with_their_roles_and_nothing_else_does()
     }
     assert_eq!(viewer.views().await.unwrap().len(), 2);
 
-    // An expired certificate and an unknown authority get no connection, and neither does who does not encrypt.
+    // An expired certificate, an unknown authority and an unencrypted connection are refused.
     for credentials in
         [with(&old), Credentials { authorities: Some(Files::new().authority.pem()), ..Credentials::default() }]
     {
@@ -188,7 +188,7 @@ async fn tokens_and_certificates_let_in_with_their_roles_and_nothing_else_does()
             Ok(mut client) => client.camera().await.map(drop),
             Err(error) => Err(error),
         };
-        let error = end.expect_err("no connection");
+        let error = end.expect_err("the connection is refused");
         assert_ne!(error.code(), Some(Code::Unauthenticated), "{error}");
     }
     let plain = Client::connect(&format!("http://{}", daemon.address)).await;
@@ -200,7 +200,7 @@ async fn tokens_and_certificates_let_in_with_their_roles_and_nothing_else_does()
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_token_is_replaced_while_the_daemon_runs_and_its_calls_end() {
+async fn replacing_a_token_ends_its_calls() {
     let files = Files::new();
     files.write(
         &[TLS.to_owned(), token_of("pilot", Role::Steer, "first"), token_of("other", Role::View, "stays")].concat(),
@@ -215,12 +215,12 @@ async fn a_token_is_replaced_while_the_daemon_runs_and_its_calls_end() {
     let mut steering = first.steer(Lease::Take, "pilot").await.unwrap();
     assert!(steering.send(&CameraUpdate { position_m: Some([3.0; 3]), ..CameraUpdate::default() }).await);
 
-    // What cannot be read leaves everything as it is.
+    // An unreadable file leaves everything unchanged.
     let good = fs::read_to_string(files.path("server.toml")).unwrap();
     for bad in ["tokens = 3", "", TLS] {
         files.write(bad);
         reload.send(()).await.unwrap();
-        // Where there is room for another one, this one was read.
+        // When the channel has room again, the daemon has read the previous signal.
         drop(reload.reserve().await.unwrap());
         first.camera().await.unwrap();
     }
@@ -238,19 +238,19 @@ async fn a_token_is_replaced_while_the_daemon_runs_and_its_calls_end() {
     assert_eq!(end.as_ref().err().and_then(ClientError::code), Some(Code::Unauthenticated), "{end:?}");
     assert_eq!(code(first.camera().await), Some(Code::Unauthenticated));
     let mut second = connect(&daemon, &with_token("second")).await.unwrap();
-    // The lease of the call that was ended is free again.
+    // The lease of the ended call is free again.
     second.set_camera(&CameraUpdate { position_m: Some([4.0; 3]), ..CameraUpdate::default() }).await.unwrap();
     while within(cameras_of_other.next()).await.unwrap().expect("a camera").position_m.x != 4.0 {}
     daemon.shutdown().await.unwrap();
 }
 
 #[tokio::test]
-async fn what_tells_nothing_is_open_and_the_rest_of_http_is_not() {
+async fn only_the_page_is_served_without_a_token() {
     let files = Files::new();
-    // Behind a proxy that encrypts, on the loopback address.
+    // Behind an encrypting proxy, on the loopback address.
     files.write(&token_of("viewer", Role::View, "look"));
     let source = files.source();
-    let daemon = Daemon::start_with(small_rig(), |options| options.access = Some(source)).await;
+    let daemon = Daemon::start_with(small_rig(), |options| options.network.access = Some(source)).await;
     for (path, more, status) in [
         ("/", "", "200"),
         ("/page.js", "", "200"),
@@ -272,14 +272,14 @@ async fn what_tells_nothing_is_open_and_the_rest_of_http_is_not() {
 }
 
 #[tokio::test]
-async fn others_are_not_let_in_without_tls_and_names() {
+async fn network_addresses_need_tls_and_named_clients() {
     let never = |address: Address| panic!("ready on {address}");
     let files = Files::new();
     let all = [TLS.to_owned(), token_of("viewer", Role::View, "look")].concat();
     for (server, parts) in [
         ("", ["[server.tls]", "[[server.tokens]]"]),
-        (TLS, ["no [[server.tokens]]", "so that not everybody"]),
-        (&token_of("viewer", Role::View, "look"), ["no [server.tls]", "listens in"]),
+        (TLS, ["no [[server.tokens]]", "so that not every client"]),
+        (&token_of("viewer", Role::View, "look"), ["no [server.tls]", "are encrypted"]),
         (&all.replace("server.key", "none.key"), ["none.key", "server.tls.key"]),
         (&all.replace("server.key", "server.pem"), ["server.pem", "private key"]),
         (
@@ -296,7 +296,7 @@ async fn others_are_not_let_in_without_tls_and_names() {
             camera: Default::default(),
         };
         let mut options = ServeOptions::new("0.0.0.0:0", engine, scene, small_rig(), Default::default(), never);
-        options.access = Some(files.source());
+        options.network.access = Some(files.source());
         let error = within(run(options)).await.unwrap_err();
         assert!(matches!(error, ServeError::Open { .. } | ServeError::Access(_)));
         let error = error.to_string();
@@ -305,7 +305,7 @@ async fn others_are_not_let_in_without_tls_and_names() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_socket_is_guarded_by_its_file_permissions() {
+async fn a_unix_socket_is_protected_by_file_permissions() {
     use std::os::unix::fs::{FileTypeExt, PermissionsExt};
     let files = Files::new();
     files.write(&token_of("viewer", Role::View, "look"));
@@ -314,8 +314,8 @@ async fn a_socket_is_guarded_by_its_file_permissions() {
     for _ in 0..2 {
         let (source, listen) = (files.source(), listen.clone());
         let daemon = Daemon::start_with(small_rig(), |options| {
-            options.listen = listen;
-            options.access = Some(source);
+            options.network.listen = listen;
+            options.network.access = Some(source);
         })
         .await;
         assert_eq!(daemon.listening, Address::Unix(path.clone()));
@@ -323,7 +323,7 @@ async fn a_socket_is_guarded_by_its_file_permissions() {
         assert!(metadata.file_type().is_socket() && metadata.permissions().mode() & 0o777 == 0o660);
         let mut client = Client::connect(&format!("unix:{}", path.display())).await.unwrap();
         assert_eq!(gets(&mut client).await, ALL);
-        // A second one on it is refused.
+        // A second daemon on the socket is refused.
         let engine = Box::new(TestEngine::new(Default::default()));
         let scene = steradian::scene::SceneSnapshot {
             revision: 0,
@@ -337,7 +337,7 @@ async fn a_socket_is_guarded_by_its_file_permissions() {
         drop(client);
         daemon.shutdown().await.unwrap();
         assert!(!path.exists());
-        // One that was killed leaves its socket behind.
+        // A killed daemon leaves its socket behind.
         drop(std::os::unix::net::UnixListener::bind(&path).unwrap());
         assert!(path.exists());
     }

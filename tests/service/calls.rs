@@ -27,7 +27,7 @@ fn at_x(x: f64) -> CameraUpdate {
 }
 
 #[tokio::test]
-async fn the_camera_keeps_what_an_update_leaves_out() {
+async fn the_camera_keeps_values_that_an_update_omits() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     assert_eq!(client.camera().await.unwrap(), Camera::default());
@@ -50,7 +50,7 @@ async fn the_camera_keeps_what_an_update_leaves_out() {
 }
 
 #[tokio::test]
-async fn impossible_poses_are_refused_with_the_reason_and_the_old_one_stays() {
+async fn invalid_poses_are_refused_with_the_reason() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let old = client.set_camera(&at_x(3.0)).await.unwrap();
@@ -95,7 +95,7 @@ async fn views_and_info_are_listed() {
     daemon.shutdown().await.unwrap();
 }
 
-/// What the test engine should have put into an image.
+/// Values that the test engine puts into an image.
 fn expected(frame: &ReceivedFrame, view: usize, x_m: f64, image: usize) -> FrameImage {
     let received = &frame.images[image];
     let pixels = 0..(received.width * received.height) as usize;
@@ -116,7 +116,7 @@ fn exr_pixels(data: &[u8]) -> Vec<[f32; 4]> {
 }
 
 #[tokio::test]
-async fn a_frame_comes_in_every_encoding_with_the_values_that_were_rendered() {
+async fn every_encoding_contains_the_rendered_values() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let before = SystemTime::now();
@@ -139,7 +139,7 @@ async fn a_frame_comes_in_every_encoding_with_the_values_that_were_rendered() {
                         reader.next_frame(&mut pixels).unwrap();
                         assert_eq!(Some(pixels), expected.display);
                     }
-                    // The encoders' own tests look into JPEG files and H.264.
+                    // The encoders' unit tests decode JPEG and H.264.
                     Encoding::Jpeg | Encoding::H264 => assert_eq!(image.data, encode(encoding, &expected).unwrap()),
                     Encoding::Rgb32f => {
                         let floats = image.data.chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap()));
@@ -155,7 +155,7 @@ async fn a_frame_comes_in_every_encoding_with_the_values_that_were_rendered() {
 }
 
 #[tokio::test]
-async fn unknown_views_and_rates_are_refused_with_what_is_allowed() {
+async fn unknown_views_and_rates_are_refused_with_the_valid_ones() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let unknown = [
@@ -185,22 +185,22 @@ async fn a_failing_frame_fails_its_call_and_the_daemon_goes_on() {
     client.set_camera(&at_x(1.0)).await.unwrap();
     let error = within(client.render_frame("flat", Encoding::Png)).await.unwrap_err();
     assert_eq!(error.code(), Some(Code::Internal));
-    assert!(error.to_string().contains("told to fail"), "{error}");
+    assert!(error.to_string().contains("requested to fail"), "{error}");
     let mut figures = client.watch_stats(None).await.unwrap();
-    let told = within(figures.next()).await.unwrap().expect("figures");
-    assert!(told.frames_failed > 0 && told.problem.contains("told to fail"), "{told:?}");
+    let statistics = within(figures.next()).await.unwrap().expect("figures");
+    assert!(statistics.frames_failed > 0 && statistics.problem.contains("requested to fail"), "{statistics:?}");
     daemon.controls.failing.store(false, SeqCst);
-    // The stream has outlived it.
+    // The stream has survived the failure.
     client.set_camera(&at_x(2.0)).await.unwrap();
-    while within(stream.next()).await.unwrap().expect("frames come again").camera_revision < 2 {}
+    while within(stream.next()).await.unwrap().expect("frames continue").camera_revision < 2 {}
     let mut figures = client.watch_stats(None).await.unwrap();
     assert_eq!(within(figures.next()).await.unwrap().expect("figures").problem, "");
     daemon.shutdown().await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_full_queue_refuses_at_once_and_the_others_are_served_by_few_frames() {
-    let daemon = Daemon::start_with(small_rig(), |options| options.pending_renders = 4).await;
+async fn a_full_queue_refuses_at_once_and_few_frames_serve_the_other_calls() {
+    let daemon = Daemon::start_with(small_rig(), |options| options.limits.pending_renders = 4).await;
     let client = daemon.client().await;
     daemon.controls.close_gate();
     let mut calls = tokio::task::JoinSet::new();
@@ -208,7 +208,7 @@ async fn a_full_queue_refuses_at_once_and_the_others_are_served_by_few_frames() 
         let mut client: Client = client.clone();
         calls.spawn(async move { client.render_frame("eyes", Encoding::Png).await });
     }
-    // No frame can be finished, so the first two answers are refusals.
+    // No frame can finish, so the first two answers are refusals.
     for _ in 0..2 {
         let answer = within(calls.join_next()).await.unwrap().unwrap();
         assert_eq!(answer.unwrap_err().code(), Some(Code::ResourceExhausted));
@@ -219,28 +219,28 @@ async fn a_full_queue_refuses_at_once_and_the_others_are_served_by_few_frames() 
         numbers.push(answer.unwrap().unwrap().number);
     }
     assert_eq!(numbers.len(), 4);
-    assert!(numbers.iter().max() <= Some(&3), "at most one frame a call: {numbers:?}");
+    assert!(numbers.iter().max() <= Some(&3), "at most one frame per call: {numbers:?}");
     daemon.shutdown().await.unwrap();
 }
 
 #[tokio::test]
-async fn single_frames_are_adapted_to_what_they_show_if_there_was_time() {
-    let daemon = Daemon::start_with(small_rig(), |options| options.settings.exposure.adaptation_s = 0.02).await;
+async fn single_frames_are_fully_adapted_after_a_pause() {
+    let daemon = Daemon::start_with(small_rig(), |options| options.views.settings.exposure.adaptation_s = 0.02).await;
     let mut client = daemon.client().await;
     *daemon.controls.metered_ev100_per_m.lock().unwrap() = 1.0;
     for x in [0.0, 20.0, -7.0] {
         client.set_camera(&at_x(x)).await.unwrap();
         let frame = client.render_frame("flat", Encoding::Rgba8).await.unwrap();
-        assert_eq!(frame.exposure_ev100, x, "and not to what the frame before showed");
+        assert_eq!(frame.exposure_ev100, x, "the exposure is not that of the previous frame");
         tokio::time::sleep(Duration::from_millis(110)).await;
     }
     daemon.shutdown().await.unwrap();
 }
 
 #[tokio::test]
-async fn a_single_frame_soon_after_another_goes_on_adapting() {
-    // An hour: no pause of the machine is long enough to count as adapted.
-    let daemon = Daemon::start_with(small_rig(), |options| options.settings.exposure.adaptation_s = 3600.0).await;
+async fn a_single_frame_soon_after_another_continues_adapting() {
+    // An hour: no pause of the machine is long enough to complete the adaptation.
+    let daemon = Daemon::start_with(small_rig(), |options| options.views.settings.exposure.adaptation_s = 3600.0).await;
     let mut client = daemon.client().await;
     *daemon.controls.metered_ev100_per_m.lock().unwrap() = 1.0;
     assert_eq!(client.render_frame("flat", Encoding::Rgba8).await.unwrap().exposure_ev100, 0.0);
@@ -257,19 +257,19 @@ async fn a_single_frame_soon_after_another_goes_on_adapting() {
 
 #[tokio::test]
 async fn single_frames_after_a_jump_of_time_are_adapted_at_once() {
-    let daemon = Daemon::start_with(small_rig(), |options| options.settings.exposure.adaptation_s = 3600.0).await;
+    let daemon = Daemon::start_with(small_rig(), |options| options.views.settings.exposure.adaptation_s = 3600.0).await;
     let mut client = daemon.client().await;
-    let at = |time_s: f64| SceneUpdate { time_s: Some(time_s), ..SceneUpdate::default() };
-    client.update_scene(&at(1e8), None).await.unwrap();
+    let update = |time_s: f64| SceneUpdate { time_s: Some(time_s), ..SceneUpdate::default() };
+    client.update_scene(&update(1e8), None).await.unwrap();
     assert_eq!(client.render_frame("flat", Encoding::Rgba8).await.unwrap().exposure_ev100, 0.0);
     *daemon.controls.metered_ev100.lock().unwrap() = 7.0;
-    // The eye goes on from the frame before, and has an hour to get used to it.
+    // The adaptation continues from the previous frame, and takes an hour.
     for _ in 0..2 {
-        client.update_scene(&at(1e8 + 30.0), None).await.unwrap();
+        client.update_scene(&update(1e8 + 30.0), None).await.unwrap();
         let ev = client.render_frame("flat", Encoding::Rgba8).await.unwrap().exposure_ev100;
         assert!(ev < 1.0, "{ev} EV");
     }
-    client.update_scene(&at(1e8 + 7200.0), None).await.unwrap();
+    client.update_scene(&update(1e8 + 7200.0), None).await.unwrap();
     assert_eq!(client.render_frame("flat", Encoding::Rgba8).await.unwrap().exposure_ev100, 7.0);
     daemon.shutdown().await.unwrap();
 }

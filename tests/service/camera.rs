@@ -1,4 +1,4 @@
-//! Who moves the camera, and what it may not be.
+//! Moving the camera: revisions, leases and invalid poses.
 
 use std::time::{Duration, SystemTime};
 
@@ -37,7 +37,7 @@ async fn a_pose_for_another_revision_is_refused() {
 }
 
 #[tokio::test]
-async fn watchers_see_every_camera_that_they_wait_for() {
+async fn watchers_receive_every_camera_they_wait_for() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let mut cameras = client.watch_camera().await.unwrap();
@@ -49,7 +49,7 @@ async fn watchers_see_every_camera_that_they_wait_for() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn one_who_has_the_lease_steers_alone_until_it_is_taken_over_or_given_back() {
+async fn the_lease_holder_has_exclusive_control_until_takeover_or_release() {
     let daemon = Daemon::start(small_rig()).await;
     let [mut first, mut second] = [daemon.client().await, daemon.client().await];
     let mut steering = first.steer(Lease::Take, "first desk").await.unwrap();
@@ -58,10 +58,10 @@ async fn one_who_has_the_lease_steers_alone_until_it_is_taken_over_or_given_back
     }
     let mut cameras = second.watch_camera().await.unwrap();
     while within(cameras.next()).await.unwrap().expect("a camera").revision < 100 {}
-    refused(second.set_camera(&at_x(-1.0)).await, Code::FailedPrecondition, "`first desk` steers");
+    refused(second.set_camera(&at_x(-1.0)).await, Code::FailedPrecondition, "`first desk` holds the lease");
     assert_eq!(second.camera_holder().await.unwrap(), "first desk");
     let other = second.steer(Lease::Take, "second desk").await.unwrap();
-    refused(within(other.end()).await, Code::FailedPrecondition, "`first desk` steers");
+    refused(within(other.end()).await, Code::FailedPrecondition, "`first desk` holds the lease");
 
     let mut taker = second.steer(Lease::TakeOver, "second desk").await.unwrap();
     assert!(taker.send(&at_x(-5.0)).await);
@@ -69,11 +69,11 @@ async fn one_who_has_the_lease_steers_alone_until_it_is_taken_over_or_given_back
     while steering.send(&at_x(7.0)).await {
         sleep(Duration::from_millis(5)).await;
     }
-    refused(within(steering.end()).await, Code::FailedPrecondition, "`second desk` has taken the lease");
+    refused(within(steering.end()).await, Code::FailedPrecondition, "`second desk` has taken over the lease");
     assert_eq!(first.camera_holder().await.unwrap(), "second desk");
     let (camera, poses) = within(taker.end()).await.unwrap();
     assert_eq!((camera.position_m.x, poses), (-5.0, 1));
-    // It was given back, however it ended.
+    // The lease is released however the call ends.
     assert_eq!(first.set_camera(&at_x(9.0)).await.unwrap().position_m.x, 9.0);
     drop(first.steer(Lease::Take, "gone").await.unwrap());
     within(async {
@@ -86,9 +86,9 @@ async fn one_who_has_the_lease_steers_alone_until_it_is_taken_over_or_given_back
     daemon.shutdown().await.unwrap();
 }
 
-/// A scene in which nothing could be drawn any more is not accepted, from whichever side it is come to.
+/// A change that would make frames impossible is refused, whichever part changes.
 #[tokio::test]
-async fn what_cannot_be_drawn_together_is_refused() {
+async fn incompatible_settings_are_refused() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let fast = CameraUpdate { velocity_c: Some([0.1, 0.0, 0.0]), ..CameraUpdate::default() };
@@ -115,16 +115,16 @@ async fn what_cannot_be_drawn_together_is_refused() {
     daemon.shutdown().await.unwrap();
 }
 
-/// Poses at 20 Hz, each for 0.2 s later: frames show the camera on its way between them, and watchers where it comes to rest.
+/// Poses at 20 Hz, each 0.2 s ahead: frames show the camera between them, and watchers see where it comes to rest.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn poses_with_a_time_are_followed_to_the_time_when_frames_are_seen() {
+async fn frames_show_the_camera_at_their_finish_time_along_timed_poses() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let mut frames = daemon.client().await.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
     let mut steering = client.steer(Lease::Take, "desk").await.unwrap();
     let start = SystemTime::now() + Duration::from_millis(200);
     let steers = tokio::spawn(async move {
-        // A metre a second.
+        // One metre per second.
         for step in 0..=20_u32 {
             let x = 0.05 * f64::from(step);
             assert!(steering.send_for(&at_x(x), start + Duration::from_secs_f64(x)).await);
@@ -141,7 +141,7 @@ async fn poses_with_a_time_are_followed_to_the_time_when_frames_are_seen() {
         }
         if x > 0.0 {
             between += usize::from((x / 0.05 - (x / 0.05).round()).abs() > 1e-6);
-            // The test engine draws in no time: where the camera is when the frame is there.
+            // The test engine draws without delay, so the frame shows the camera at its finish time.
             let there = frame.render_time.duration_since(start).unwrap_or_default().as_secs_f64();
             worst = worst.max((there - x).abs());
         }
@@ -152,10 +152,10 @@ async fn poses_with_a_time_are_followed_to_the_time_when_frames_are_seen() {
     let (camera, poses) = within(steering.end()).await.unwrap();
     assert_eq!((camera.position_m.x, poses), (1.0, 21));
 
-    // Times that are none, and a pose without a time ends the way.
+    // Invalid times, and a pose without a time, end the path.
     let ahead = SystemTime::now() + Duration::from_secs(60);
     for (times, part) in
-        [(vec![ahead], "at most 10 s ahead"), (vec![start, start], "later than that of the pose before")]
+        [(vec![ahead], "at most 10 s ahead"), (vec![start, start], "later than that of the previous pose")]
     {
         let mut steering = client.steer(Lease::Take, "desk").await.unwrap();
         for time in times {
@@ -170,9 +170,9 @@ async fn poses_with_a_time_are_followed_to_the_time_when_frames_are_seen() {
     daemon.shutdown().await.unwrap();
 }
 
-/// A thousand poses a second by who has the lease: all are taken, and frames show the newest.
+/// A thousand poses a second from the lease holder: all are accepted, and frames show the newest.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_thousand_poses_a_second_are_taken() {
+async fn a_thousand_poses_per_second_are_accepted() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let mut frames = daemon.client().await.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();

@@ -1,4 +1,4 @@
-//! A daemon in this process, and an engine whose images say which frame they belong to.
+//! A daemon in this process, with an engine whose images contain the number of their frame.
 
 use std::{
     collections::VecDeque,
@@ -28,71 +28,71 @@ use steradian::{
 use tokio::{sync::oneshot, task::JoinHandle};
 use tonic::transport::{Channel, Endpoint};
 
-/// Far longer than any test takes: a test that waits in vain fails instead of hanging.
+/// Far longer than any test takes: a waiting test fails instead of hanging.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
-/// How long a frame of these settings takes, ms.
+/// Returns the frame time for these settings, ms.
 pub type TookMs = fn(&RenderSettings) -> f64;
 
-/// What the test tells the engine, and what the engine tells the test.
+/// State shared by the test and the engine.
 #[derive(Default)]
 pub struct Controls {
     closed: Mutex<bool>,
     checks_closed: Mutex<bool>,
     opened: Condvar,
-    /// Frames begun.
+    /// Number of frames begun.
     pub started: AtomicU64,
-    /// Frames finished or failed.
+    /// Number of frames finished or failed.
     pub finished: AtomicU64,
     /// Frames fail.
     pub failing: AtomicBool,
-    /// The next frame to be finished panics.
+    /// The next frame to finish panics.
     pub panicking: AtomicBool,
-    /// Frames to be finished find the device lost, and it cannot be made anew.
+    /// Frames lose the device, and it cannot be reopened.
     pub lost: AtomicBool,
-    /// So many frames to be finished find the device lost.
+    /// This many frames lose the device.
     pub losses: AtomicU64,
-    /// How often it was made anew.
+    /// Number of times that the device was reopened.
     pub reopened: AtomicU64,
-    /// Exposure that frames ask for, EV, at x = 0.
+    /// Exposure that frames request, EV, at x = 0.
     pub metered_ev100: Mutex<f64>,
-    /// How that changes with the camera's x, EV/m.
+    /// Its change with the camera's x, EV/m.
     pub metered_ev100_per_m: Mutex<f64>,
-    /// How the stars of each frame were drawn, and how many checks had been run before it.
+    /// Star method of each frame, and the number of checks run before it.
     pub drawn: Mutex<Vec<(StarMethod, f64, u64)>>,
-    /// What the last frame showed besides stars, and how.
+    /// Objects and asteroid settings of the last frame.
     pub shown: Mutex<Option<(Arc<SceneObjects>, AsteroidSettings)>>,
-    /// Names of the views of each frame, and how they were drawn.
+    /// Names and settings of the views of each frame.
     pub framed: Mutex<Vec<(Vec<String>, RenderSettings)>>,
-    /// How long a frame of these settings is told to have taken, ms.
+    /// Reported frame time for these settings, ms.
     pub took_ms: Mutex<Option<TookMs>>,
-    /// Checks begun.
+    /// Number of checks begun.
     pub checks_started: AtomicU64,
-    /// Calls that bake shapes begun, and sets of shapes baked.
+    /// Number of calls to bake shapes, and of baked shape sets.
     pub bakes_started: AtomicU64,
     pub baked: AtomicU64,
-    /// Methods that checks were run for.
+    /// Methods of the checks.
     pub checked: Mutex<Vec<StarMethod>>,
 }
 
 impl Controls {
-    /// Checks that are not finished wait, and shapes that are baked.
+    /// Blocks checks and baking.
     pub fn close_checks(&self) {
         *self.checks_closed.lock().unwrap() = true;
     }
 
-    /// Checks go on.
+    /// Unblocks checks and baking.
     pub fn open_checks(&self) {
         *self.checks_closed.lock().unwrap() = false;
         self.opened.notify_all();
     }
 
-    /// Frames that are not finished wait.
+    /// Blocks frames.
     pub fn close_gate(&self) {
         *self.closed.lock().unwrap() = true;
     }
 
-    /// Frames go on.
+    /// Unblocks frames.
     pub fn open_gate(&self) {
         *self.closed.lock().unwrap() = false;
         self.opened.notify_all();
@@ -101,7 +101,7 @@ impl Controls {
 
 pub struct TestEngine {
     pub controls: Arc<Controls>,
-    /// Frames begun and not finished.
+    /// Returns the number of frames in flight.
     begun: VecDeque<Frame>,
 }
 
@@ -111,7 +111,7 @@ impl TestEngine {
     }
 }
 
-/// What does long work beside the frames.
+/// Second engine for background jobs.
 struct TestBeside {
     controls: Arc<Controls>,
 }
@@ -124,7 +124,7 @@ impl BesideEngine for TestBeside {
         drop(controls.opened.wait_while(closed, |closed| *closed).unwrap());
         controls.checked.lock().unwrap().push(settings.stars.method);
         match check.number {
-            // One of each kind of result.
+            // One result of each kind.
             Some(1) => CheckResult::judge(check, vec![Figure::at_most("wrong", 0.5, 0.25, "px")]),
             Some(2) => CheckResult::without_figures(check, Outcome::NotApplicable, "no stars"),
             _ => CheckResult::judge(
@@ -222,24 +222,24 @@ impl Engine for TestEngine {
         let controls = &self.controls;
         let closed = controls.closed.lock().unwrap();
         drop(controls.opened.wait_while(closed, |closed| *closed).unwrap());
-        assert!(!controls.panicking.load(SeqCst), "the test engine was told to panic");
+        assert!(!controls.panicking.load(SeqCst), "the test engine was requested to panic");
         if controls.lost.load(SeqCst) {
-            return Err(EngineError::lost("the test engine was told to lose its device"));
+            return Err(EngineError::lost("the test engine was requested to lose its device"));
         }
         if controls.losses.fetch_update(SeqCst, SeqCst, |losses| losses.checked_sub(1)).is_ok() {
-            return Err(EngineError::lost("the test engine was told to lose its device for a while"));
+            return Err(EngineError::lost("the test engine was requested to lose its device temporarily"));
         }
         let frame = self.begun.pop_front().expect("a frame was begun");
         controls.finished.fetch_add(1, SeqCst);
         if controls.failing.load(SeqCst) {
-            return Err(EngineError::new("the test engine was told to fail"));
+            return Err(EngineError::new("the test engine was requested to fail"));
         }
         Ok(frame)
     }
 
     fn reopen(&mut self) -> Result<(), EngineError> {
         if self.controls.lost.load(SeqCst) {
-            return Err(EngineError::lost("the test engine was told to stay without its device"));
+            return Err(EngineError::lost("the test engine was requested to stay without its device"));
         }
         self.begun.clear();
         self.controls.reopened.fetch_add(1, SeqCst);
@@ -264,7 +264,7 @@ impl Engine for TestEngine {
     }
 }
 
-/// Side of the large view, pixels: its display image has 4 MiB, more than a connection takes in advance.
+/// Side of the large view, pixels: its display image has 4 MiB, more than the buffers of a connection.
 pub const LARGE: u32 = 1024;
 
 /// A flat view `flat` of 6 x 4 pixels and a stereo view `eyes` of 3 x 2.
@@ -289,7 +289,7 @@ fn rig(kinds: &[(&str, ViewKind)]) -> Rig {
 
 /// A running daemon.
 pub struct Daemon {
-    /// Of a Unix socket, no address.
+    /// Unset for a Unix socket.
     pub address: SocketAddr,
     pub listening: Address,
     pub controls: Arc<Controls>,
@@ -298,7 +298,7 @@ pub struct Daemon {
 }
 
 impl Daemon {
-    /// Starts one on a free port.
+    /// Starts a daemon on a free port.
     pub async fn start(rig: Rig) -> Self {
         Self::start_with(rig, |_| {}).await
     }
@@ -334,7 +334,7 @@ impl Daemon {
         format!("http://{}", self.address)
     }
 
-    /// A bare connection, for services that are not the crate's own.
+    /// Returns a plain channel, for services that the client does not cover.
     pub async fn channel(&self) -> Channel {
         Endpoint::from_shared(self.uri()).unwrap().connect().await.unwrap()
     }
@@ -343,26 +343,26 @@ impl Daemon {
         Client::connect(&self.uri()).await.unwrap()
     }
 
-    /// Tells it to end.
+    /// Requests the end.
     pub fn begin_shutdown(&mut self) {
         drop(self.stop.take());
     }
 
-    /// Waits for its end.
+    /// Waits for the end.
     pub async fn end(self) -> Result<(), ServeError> {
         within(self.end).await.expect("run does not panic")
     }
 
-    /// Tells it to end, and waits.
+    /// Requests the end, and waits.
     pub async fn shutdown(mut self) -> Result<(), ServeError> {
         self.begin_shutdown();
         self.end().await
     }
 }
 
-/// The future's value; the test fails if it does not come.
+/// Returns the value of a future; fails the test if it does not resolve in time.
 pub async fn within<F: Future>(future: F) -> F::Output {
-    tokio::time::timeout(PATIENCE, future).await.expect("this should not take so long")
+    tokio::time::timeout(PATIENCE, future).await.expect("the future resolves in time")
 }
 
 /// Waits for a condition.

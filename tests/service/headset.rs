@@ -1,4 +1,4 @@
-//! A headset as one more view, driven by a thread that a test tells what to do.
+//! A headset as one more view, driven by a thread that the test controls.
 
 use std::{
     collections::VecDeque,
@@ -33,7 +33,7 @@ use crate::{
 const SIZES: [[u32; 2]; 2] = [[3, 2], [4, 2]];
 const LOST: &str = "the runtime was lost";
 
-/// What the test tells the thread.
+/// Commands of the test to the thread.
 enum Order {
     Connect,
     Lose,
@@ -43,20 +43,20 @@ enum Order {
     End,
 }
 
-/// What the test and the thread share.
+/// State shared by the test and the thread.
 #[derive(Default)]
 struct Headset {
     host: Mutex<Option<Arc<dyn Host>>>,
     orders: Mutex<VecDeque<Order>>,
-    /// No frames, as while nobody wears it.
+    /// No frames, as if the headset was not worn.
     idle: AtomicBool,
-    /// It does not look whether it is to end.
+    /// Ignores requests to end.
     stubborn: AtomicBool,
-    /// What was wanted of each frame.
+    /// Requested images of each frame.
     wanted: Mutex<Vec<Wanted>>,
     last_shown: Mutex<Option<Shown>>,
     ended: AtomicBool,
-    /// Frames made, each with a time of its pose.
+    /// Number of frames; each has its own pose time.
     frames: AtomicU64,
 }
 
@@ -75,12 +75,12 @@ fn lost() -> Status {
     Status::Disconnected { reason: LOST.to_owned(), retrying: true }
 }
 
-/// When the poses of a frame were asked for.
+/// Time at which the poses of a frame were requested.
 fn pose_time(number: u64) -> SystemTime {
     SystemTime::UNIX_EPOCH + Duration::from_secs(1_000_000 + number)
 }
 
-/// What the eyes see: each pixel tells the frame and the eye.
+/// Images of the eyes: each pixel contains the frame and the eye.
 fn mirrored(number: u64, shown: &Shown, wanted: Wanted) -> MirroredFrame {
     let parts = [Part::LeftEye, Part::RightEye].into_iter().enumerate();
     let images = parts.map(|(eye, part)| {
@@ -141,7 +141,7 @@ impl Headset {
                 }
                 Some(Order::Statistics(statistics)) => host.statistics(&statistics),
                 Some(Order::Fail) => return Err("no runtime with XR_KHR_vulkan_enable2".into()),
-                Some(Order::Panic) => panic!("the test headset was told to panic"),
+                Some(Order::Panic) => panic!("the test headset was requested to panic"),
                 Some(Order::End) => return Ok(()),
                 None => {}
             }
@@ -157,7 +157,7 @@ impl Headset {
         }
     }
 
-    fn tell(&self, order: Order) {
+    fn send(&self, order: Order) {
         self.orders.lock().unwrap().push_back(order);
     }
 
@@ -165,12 +165,12 @@ impl Headset {
         Arc::clone(self.host.lock().unwrap().as_ref().expect("the thread has begun"))
     }
 
-    fn shown(&self) -> Shown {
+    fn last_content(&self) -> Shown {
         self.last_shown.lock().unwrap().clone().expect("the thread has asked")
     }
 }
 
-/// Options of a headset `visor` that the test drives.
+/// Options of a headset `visor` that the test controls.
 fn visor(name: &str) -> (Arc<Headset>, HeadsetOptions) {
     let headset = Arc::new(Headset::default());
     let driven = Arc::clone(&headset);
@@ -188,7 +188,7 @@ fn visor(name: &str) -> (Arc<Headset>, HeadsetOptions) {
     (headset, HeadsetOptions { name: name.to_owned(), drive: Box::new(drive) })
 }
 
-/// A daemon with the small rig and a headset, which is not connected yet.
+/// A daemon with the small rig and a headset that is not connected yet.
 async fn start() -> (Daemon, Arc<Headset>) {
     let (headset, options) = visor("visor");
     let daemon = Daemon::start_with(small_rig(), |serve| serve.headset = Some(options)).await;
@@ -200,7 +200,7 @@ async fn next(stream: &mut FrameReceiver) -> ReceivedFrame {
     within(stream.next()).await.unwrap().expect("the stream goes on")
 }
 
-/// Waits until clients see the headset with this status.
+/// Waits until clients see this status of the headset.
 async fn until_connected(daemon: &Daemon, connected: bool) {
     let mut client = daemon.client().await;
     within(async {
@@ -216,7 +216,7 @@ async fn until_connected(daemon: &Daemon, connected: bool) {
 }
 
 async fn connect(daemon: &Daemon, headset: &Headset) {
-    headset.tell(Order::Connect);
+    headset.send(Order::Connect);
     until_connected(daemon, true).await;
 }
 
@@ -231,7 +231,7 @@ fn unavailable(error: &ClientError, reason: &str) {
 }
 
 #[tokio::test]
-async fn the_headset_is_a_view_whose_sizes_are_known_while_it_is_connected() {
+async fn the_headset_is_a_view_with_sizes_while_connected() {
     let (daemon, headset) = start().await;
     let mut client = daemon.client().await;
     let views = client.views().await.unwrap();
@@ -239,7 +239,7 @@ async fn the_headset_is_a_view_whose_sizes_are_known_while_it_is_connected() {
     assert_eq!(names, [("flat", "perspective"), ("eyes", "stereo"), ("visor", "headset")]);
     assert!(views[2].images.is_empty(), "{:?}", views[2]);
     match client.info().await.unwrap().headset {
-        Some(HeadsetStatus::Disconnected { reason, retrying: true }) => assert!(reason.contains("not been connected")),
+        Some(HeadsetStatus::Disconnected { reason, retrying: true }) => assert!(reason.contains("not connected yet")),
         other => panic!("{other:?}"),
     }
     connect(&daemon, &headset).await;
@@ -256,7 +256,7 @@ async fn the_headset_is_a_view_whose_sizes_are_known_while_it_is_connected() {
     }
     let error = client.render_frame("vizor", Encoding::Png).await.unwrap_err();
     assert!(error.to_string().contains("flat, eyes, visor"), "{error}");
-    // No other view has its name, and it is there as long as the daemon drives it.
+    // No other view has its name, and it cannot be deleted.
     let made = client.create_view(&round("visor", 8), None).await.unwrap_err();
     assert_eq!(made.code(), Some(Code::AlreadyExists), "{made}");
     let deleted = client.delete_view("visor", None).await.unwrap_err();
@@ -280,14 +280,14 @@ async fn a_daemon_without_a_headset_has_none() {
 }
 
 #[tokio::test]
-async fn a_single_frame_is_what_the_eyes_saw_after_the_call() {
+async fn a_single_frame_shows_the_eyes_after_the_call() {
     let (daemon, headset) = start().await;
     let mut client = daemon.client().await;
     let error = client.render_frame("visor", Encoding::Rgba8).await.unwrap_err();
-    unavailable(&error, "not been connected yet");
+    unavailable(&error, "not connected yet");
     connect(&daemon, &headset).await;
     for x in 1..=5 {
-        // A frame that was begun before shows another camera.
+        // A frame that began earlier shows another camera.
         let camera = client.set_camera(&at_x(f64::from(x))).await.unwrap();
         let frame = within(client.render_frame("visor", Encoding::Rgba8)).await.unwrap();
         assert_eq!((frame.view.as_str(), frame.camera_revision, frame.scene_revision), ("visor", camera.revision, 7));
@@ -302,15 +302,15 @@ async fn a_single_frame_is_what_the_eyes_saw_after_the_call() {
     }
     let frame = within(client.render_frame("visor", Encoding::Rgb32f)).await.unwrap();
     assert_eq!(frame.images[1].data[4..8], 1_f32.to_le_bytes(), "luminance of the right eye");
-    headset.tell(Order::Lose);
+    headset.send(Order::Lose);
     until_connected(&daemon, false).await;
     unavailable(&client.render_frame("visor", Encoding::Rgba8).await.unwrap_err(), LOST);
-    assert_eq!(daemon.controls.started.load(SeqCst), 0, "the render thread has nothing to do with it");
+    assert_eq!(daemon.controls.started.load(SeqCst), 0, "the render thread draws nothing");
     daemon.shutdown().await.unwrap();
 }
 
 #[tokio::test]
-async fn frames_begun_before_the_call_or_without_its_images_do_not_answer_it() {
+async fn frames_from_before_the_call_or_without_its_images_do_not_serve_it() {
     let (daemon, headset) = start().await;
     headset.idle.store(true, SeqCst);
     connect(&daemon, &headset).await;
@@ -324,7 +324,7 @@ async fn frames_begun_before_the_call_or_without_its_images_do_not_answer_it() {
         let mut client = client.clone();
         async move { client.render_frame("visor", Encoding::Rgba8).await }
     });
-    // The frame that was in the works when the call came: it shows the newest camera, and yet another pose of the head.
+    // The frame in flight during the call: it shows the newest camera, but another pose of the head.
     until(|| {
         host.publish(mirrored(0, &host.shown().unwrap(), display));
         host.mirror().display
@@ -336,7 +336,7 @@ async fn frames_begun_before_the_call_or_without_its_images_do_not_answer_it() {
     host.publish(mirrored(1, &before, display));
     host.publish(mirrored(2, &old_scene, display));
     host.publish(mirrored(3, &now, Wanted { hdr: true, ..Wanted::default() }));
-    assert_eq!(host.mirror(), display, "it still waits");
+    assert_eq!(host.mirror(), display, "the call still waits");
     host.publish(mirrored(4, &now, display));
     assert_eq!(within(call).await.unwrap().unwrap().number, 4);
     assert_eq!(host.mirror(), Wanted::default());
@@ -344,28 +344,28 @@ async fn frames_begun_before_the_call_or_without_its_images_do_not_answer_it() {
 }
 
 #[tokio::test]
-async fn a_frame_that_was_asked_for_and_is_lost_is_asked_for_again() {
+async fn a_lost_frame_is_requested_again() {
     let (daemon, headset) = start().await;
     headset.idle.store(true, SeqCst);
     connect(&daemon, &headset).await;
     let mut client = daemon.client().await;
     let host = headset.host();
-    // Once in a thousand seconds: a frame that does not come must not count.
+    // Once in a thousand seconds: a missing frame must not count.
     let mut stream = client.stream_frames("visor", Encoding::Rgba8, 0.001).await.unwrap();
     let display = Wanted { display: true, ..Wanted::default() };
     assert_eq!(host.mirror(), display);
-    headset.tell(Order::Lose);
+    headset.send(Order::Lose);
     until_connected(&daemon, false).await;
     connect(&daemon, &headset).await;
     assert_eq!(host.mirror(), display);
     host.publish(mirrored(9, &host.shown().unwrap(), display));
     assert_eq!(next(&mut stream).await.number, 9);
-    assert_eq!(host.mirror(), Wanted::default(), "the next one is far away");
+    assert_eq!(host.mirror(), Wanted::default(), "the next frame is not due yet");
     daemon.shutdown().await.unwrap();
 }
 
 #[tokio::test]
-async fn a_call_that_waits_while_the_headset_is_lost_or_shows_nothing_is_told_so() {
+async fn waiting_calls_fail_when_the_headset_is_lost_or_idle() {
     let (daemon, headset) = start().await;
     headset.idle.store(true, SeqCst);
     connect(&daemon, &headset).await;
@@ -374,14 +374,14 @@ async fn a_call_that_waits_while_the_headset_is_lost_or_shows_nothing_is_told_so
         let mut client = client.clone();
         async move { client.render_frame("visor", Encoding::Png).await }
     });
-    // Its request is there when the headset is asked for images.
+    // The request is present when the headset is asked for images.
     let host = headset.host();
     until(|| host.mirror().display).await;
-    headset.tell(Order::Lose);
+    headset.send(Order::Lose);
     unavailable(&within(call).await.unwrap().unwrap_err(), LOST);
     connect(&daemon, &headset).await;
     unavailable(&within(client.render_frame("visor", Encoding::Png)).await.unwrap_err(), "not shown a frame");
-    assert!(!host.mirror().display, "nobody waits any more");
+    assert!(!host.mirror().display, "no call is waiting");
     daemon.shutdown().await.unwrap();
 }
 
@@ -410,12 +410,12 @@ async fn streams_mirror_the_eyes_at_their_own_rates_while_another_view_goes_on()
         while next(&mut flat).await.camera_revision < camera.revision {}
     }
     let (slow_frames, elapsed_s) = within(slow).await.unwrap();
-    // The clock starts before the first frame, so four frames a second bound the count however slow the machine is.
+    // The clock starts before the first frame, so four frames per second limit the count on any machine.
     assert!(slow_frames.len() as u32 <= 1 + (elapsed_s * 4.0) as u32, "{} in {elapsed_s} s", slow_frames.len());
     assert!(fast_frames.is_sorted_by(|a, b| a.number < b.number));
     assert!(fast_frames.iter().all(|frame| frame.images[0].data[0] == frame.number as u8));
     assert!(slow_frames.iter().all(|frame| frame.dropped == 0 && frame.pose_time == pose_time(frame.number)));
-    // Luminance was read back for the frames of the slow stream alone.
+    // Luminance was read back only for the frames of the slow stream.
     let wanted = headset.wanted.lock().unwrap().clone();
     let hdr = wanted.iter().filter(|wanted| wanted.hdr).count();
     println!("{} frames: {hdr} with luminance, fast stream {}", wanted.len(), fast_frames.len());
@@ -425,7 +425,7 @@ async fn streams_mirror_the_eyes_at_their_own_rates_while_another_view_goes_on()
 }
 
 #[tokio::test]
-async fn nothing_is_read_back_while_nobody_looks() {
+async fn nothing_is_read_back_without_readers() {
     let (daemon, headset) = start().await;
     connect(&daemon, &headset).await;
     let mut client = daemon.client().await;
@@ -443,7 +443,7 @@ async fn nothing_is_read_back_while_nobody_looks() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_stream_lives_through_losses_and_waits_for_a_headset_that_is_not_there_yet() {
+async fn a_stream_survives_losses_and_waits_for_the_headset() {
     let (daemon, headset) = start().await;
     let mut client = daemon.client().await;
     let mut stream = client.stream_frames("visor", Encoding::Rgba8, 0.0).await.unwrap();
@@ -458,7 +458,7 @@ async fn a_stream_lives_through_losses_and_waits_for_a_headset_that_is_not_there
         }
         assert!(last.is_none_or(|last| frame.number > last));
         last = Some(frame.number);
-        headset.tell(Order::Lose);
+        headset.send(Order::Lose);
         until_connected(&daemon, false).await;
         let camera = client.set_camera(&at_x(f64::from(round))).await.unwrap();
         while next(&mut flat).await.camera_revision < camera.revision {}
@@ -467,7 +467,7 @@ async fn a_stream_lives_through_losses_and_waits_for_a_headset_that_is_not_there
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn flights_and_poses_of_clients_lose_nothing_of_each_other() {
+async fn flights_and_client_poses_combine_without_loss() {
     const FLIGHTS: u64 = 2000;
     const POSES: u64 = 200;
     let (daemon, headset) = start().await;
@@ -481,7 +481,7 @@ async fn flights_and_poses_of_clients_lose_nothing_of_each_other() {
     let mut client = daemon.client().await;
     let mut last = 0;
     for step in 1..=POSES {
-        // The velocity alone: place and orientation are the flight's.
+        // Only the velocity: position and orientation come from the flight.
         let velocity_c = Some([0.0, step as f64 * 1e-3, 0.0]);
         let camera = client.set_camera(&CameraUpdate { velocity_c, ..CameraUpdate::default() }).await.unwrap();
         assert!(camera.revision > last);
@@ -499,7 +499,7 @@ async fn flights_and_poses_of_clients_lose_nothing_of_each_other() {
 }
 
 #[tokio::test]
-async fn a_flight_turns_about_world_axes_shows_in_streams_and_ends_where_numbers_do() {
+async fn a_flight_turns_about_world_axes_and_ends_at_invalid_numbers() {
     let (daemon, headset) = start().await;
     let mut client = daemon.client().await;
     let quarter = |axis: DVec3| DQuat::from_axis_angle(axis, std::f64::consts::FRAC_PI_2);
@@ -530,7 +530,7 @@ async fn a_flight_turns_about_world_axes_shows_in_streams_and_ends_where_numbers
 }
 
 #[tokio::test]
-async fn the_headset_is_shown_the_scene_as_clients_have_changed_it() {
+async fn the_headset_receives_scene_changes() {
     let (daemon, headset) = start().await;
     let mut client = daemon.client().await;
     let before = headset.host().shown().unwrap();
@@ -543,8 +543,8 @@ async fn the_headset_is_shown_the_scene_as_clients_have_changed_it() {
     assert_eq!((after.snapshot.revision, after.settings.stars.method), (8, StarMethod::Tent));
     assert_eq!((after.snapshot.objects.time_s, after.snapshot.camera), (time_s, camera));
     assert!(Arc::ptr_eq(&before.snapshot.stars, &after.snapshot.stars));
-    // The thread that asks from frame to frame sees it too.
-    until(|| headset.shown().snapshot.revision == 8).await;
+    // The headset's thread sees it too.
+    until(|| headset.last_content().snapshot.revision == 8).await;
     daemon.shutdown().await.unwrap();
 }
 
@@ -569,27 +569,27 @@ async fn a_drain_ends_the_headset_its_streams_and_the_figures() {
 }
 
 #[tokio::test]
-async fn a_headset_that_does_not_end_is_left_behind() {
+async fn a_headset_that_does_not_end_is_abandoned() {
     let (headset, options) = visor("visor");
     let change = |serve: &mut steradian::service::ServeOptions| {
         serve.headset = Some(options);
-        serve.drain = Duration::from_millis(50);
+        serve.limits.drain = Duration::from_millis(50);
     };
     let daemon = Daemon::start_with(small_rig(), change).await;
     until(|| headset.last_shown.lock().unwrap().is_some()).await;
     headset.stubborn.store(true, SeqCst);
-    daemon.shutdown().await.expect("that is no error");
+    daemon.shutdown().await.expect("the daemon ends without an error");
     assert!(!headset.ended.load(SeqCst));
     headset.stubborn.store(false, SeqCst);
     until(|| headset.ended.load(SeqCst)).await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_driver_that_fails_panics_or_ends_leaves_the_daemon_to_its_other_views() {
+async fn a_failed_driver_does_not_affect_other_views() {
     for (order, reason) in [
         (Order::Fail, "no runtime with XR_KHR_vulkan_enable2"),
-        (Order::Panic, "told to panic"),
-        (Order::End, "its session was ended"),
+        (Order::Panic, "requested to panic"),
+        (Order::End, "its session has ended"),
     ] {
         let (daemon, headset) = start().await;
         connect(&daemon, &headset).await;
@@ -598,7 +598,7 @@ async fn a_driver_that_fails_panics_or_ends_leaves_the_daemon_to_its_other_views
         let mut flat = client.stream_frames("flat", Encoding::Png, 0.0).await.unwrap();
         next(&mut stream).await;
         next(&mut flat).await;
-        headset.tell(order);
+        headset.send(order);
         let end = within(async {
             loop {
                 match stream.next().await {
@@ -607,9 +607,11 @@ async fn a_driver_that_fails_panics_or_ends_leaves_the_daemon_to_its_other_views
                 }
             }
         });
-        unavailable(&end.await.expect_err("no clean end: nothing will come any more"), reason);
+        unavailable(&end.await.expect_err("the stream ends with an error"), reason);
         match client.info().await.unwrap().headset {
-            Some(HeadsetStatus::Disconnected { reason: told, retrying: false }) => assert!(told.contains(reason)),
+            Some(HeadsetStatus::Disconnected { reason: reported, retrying: false }) => {
+                assert!(reported.contains(reason))
+            }
             other => panic!("{other:?}"),
         }
         unavailable(&client.render_frame("visor", Encoding::Png).await.unwrap_err(), reason);
@@ -618,15 +620,15 @@ async fn a_driver_that_fails_panics_or_ends_leaves_the_daemon_to_its_other_views
         let camera = client.set_camera(&at_x(1.0)).await.unwrap();
         while next(&mut flat).await.camera_revision < camera.revision {}
         drop((client, flat));
-        daemon.shutdown().await.expect("the headset is not the daemon");
+        daemon.shutdown().await.expect("the daemon ends without an error");
     }
 }
 
 #[tokio::test]
-async fn a_driver_that_gives_up_keeps_its_own_reason() {
+async fn a_driver_that_gives_up_reports_its_reason() {
     let (daemon, headset) = start().await;
-    headset.tell(Order::Lose);
-    headset.tell(Order::End);
+    headset.send(Order::Lose);
+    headset.send(Order::End);
     let mut client = daemon.client().await;
     let given_up = within(async {
         loop {
@@ -641,11 +643,11 @@ async fn a_driver_that_gives_up_keeps_its_own_reason() {
 }
 
 #[tokio::test]
-async fn streams_of_all_views_share_the_cap() {
+async fn streams_of_all_views_share_the_limit() {
     let (headset, options) = visor("visor");
     let change = |serve: &mut steradian::service::ServeOptions| {
         serve.headset = Some(options);
-        serve.subscribers = 2;
+        serve.limits.subscribers = 2;
     };
     let daemon = Daemon::start_with(small_rig(), change).await;
     until(|| headset.last_shown.lock().unwrap().is_some()).await;
@@ -671,8 +673,8 @@ async fn streams_of_all_views_share_the_cap() {
 }
 
 #[tokio::test]
-async fn names_that_are_taken_or_none_are_refused_at_the_start() {
-    for (name, told) in [("eyes", "`eyes` is used twice"), ("a b", "letters, digits")] {
+async fn used_and_invalid_names_are_refused_at_the_start() {
+    for (name, problem) in [("eyes", "`eyes` is used twice"), ("a b", "letters, digits")] {
         let (_, options) = visor(name);
         let engine = Box::new(crate::daemon::TestEngine::new(Arc::default()));
         let scene = steradian::scene::SceneSnapshot {
@@ -686,11 +688,11 @@ async fn names_that_are_taken_or_none_are_refused_at_the_start() {
             steradian::service::ServeOptions::new("127.0.0.1:0", engine, scene, small_rig(), Default::default(), never);
         serve.headset = Some(options);
         let error = within(steradian::service::run(serve)).await.unwrap_err();
-        assert!(matches!(error, ServeError::Headset(_)) && error.to_string().contains(told), "{error}");
+        assert!(matches!(error, ServeError::Headset(_)) && error.to_string().contains(problem), "{error}");
     }
 }
 
-/// Figures that all differ.
+/// Statistics with distinct values.
 fn figures() -> HeadsetStatistics {
     let spread = |from: f64| Distribution { median_ms: from, p95_ms: from + 0.25, max_ms: from + 0.5 };
     HeadsetStatistics {
@@ -710,7 +712,7 @@ fn figures() -> HeadsetStatistics {
 }
 
 #[tokio::test]
-async fn the_figures_are_those_that_the_headset_gave() {
+async fn statistics_are_those_of_the_headset() {
     let (daemon, headset) = start().await;
     let mut client = daemon.client().await;
     let mut stats = client.watch_stats(Some(0.1)).await.unwrap();
@@ -721,36 +723,43 @@ async fn the_figures_are_those_that_the_headset_gave() {
     assert_eq!((none.view.as_str(), none.sessions, none.stages.len()), ("visor", 0, 0));
     assert_eq!((first.frames_rendered, first.streams, first.last_frame), (0, 0, None));
 
-    headset.tell(Order::Connect);
-    headset.tell(Order::Statistics(figures()));
+    headset.send(Order::Connect);
+    headset.send(Order::Statistics(figures()));
     let _stream = client.stream_frames("visor", Encoding::Png, 0.0).await.unwrap();
     client.render_frame("flat", Encoding::Png).await.unwrap();
-    let (given, told) = within(async {
+    let (reported, all_statistics) = within(async {
         loop {
-            let told = stats.next().await.unwrap().expect("figures go on");
-            match told.headset.clone() {
-                Some(given) if given.sessions > 0 && told.frames_rendered > 0 => break (given, told),
+            let all_statistics = stats.next().await.unwrap().expect("figures go on");
+            match all_statistics.headset.clone() {
+                Some(reported) if reported.sessions > 0 && all_statistics.frames_rendered > 0 => {
+                    break (reported, all_statistics);
+                }
                 _ => {}
             }
         }
     })
     .await;
     let expected = figures();
-    let counts = [given.sessions, given.losses, given.frames, given.rendered, given.not_wanted, given.missed];
+    let counts =
+        [reported.sessions, reported.losses, reported.frames, reported.rendered, reported.not_wanted, reported.missed];
     assert_eq!(counts, [2, 1, 500, 450, 40, 10]);
-    assert_eq!((given.left_out, given.recentred, given.period_ms), (9, 3, 11.125));
-    assert_eq!(given.pose_age_at_submission, expected.pose_age_at_submission);
-    assert_eq!(given.pose_age_at_display, expected.pose_age_at_display);
-    let stages: Vec<_> = given.stages.iter().map(|(name, time)| (name.as_str(), *time)).collect();
+    assert_eq!((reported.left_out, reported.recentred, reported.period_ms), (9, 3, 11.125));
+    assert_eq!(reported.pose_age_at_submission, expected.pose_age_at_submission);
+    assert_eq!(reported.pose_age_at_display, expected.pose_age_at_display);
+    let stages: Vec<_> = reported.stages.iter().map(|(name, time)| (name.as_str(), *time)).collect();
     assert_eq!(stages, expected.stages);
-    assert!(matches!(given.status, HeadsetStatus::Connected { .. }));
-    assert_eq!((told.frames_rendered, told.streams), (1, 1), "the headset's frames are not the render thread's");
-    assert!(told.last_frame.is_some() && told.time >= first.time);
+    assert!(matches!(reported.status, HeadsetStatus::Connected { .. }));
+    assert_eq!(
+        (all_statistics.frames_rendered, all_statistics.streams),
+        (1, 1),
+        "the headset's frames are not the render thread's"
+    );
+    assert!(all_statistics.last_frame.is_some() && all_statistics.time >= first.time);
     daemon.shutdown().await.unwrap();
 }
 
 #[tokio::test]
-async fn a_change_of_the_status_is_told_before_the_interval_is_over() {
+async fn a_status_change_is_reported_before_the_interval_ends() {
     let (daemon, headset) = start().await;
     let mut client = daemon.client().await;
     let mut stats = client.watch_stats(Some(60.0)).await.unwrap();
@@ -758,15 +767,15 @@ async fn a_change_of_the_status_is_told_before_the_interval_is_over() {
     for (status, connected) in [(connected("ready"), true), (lost(), false)] {
         headset.host().status(status);
         let begin = Instant::now();
-        let told = within(stats.next()).await.unwrap().unwrap().headset.unwrap();
-        assert_eq!(matches!(told.status, HeadsetStatus::Connected { .. }), connected);
-        assert!(begin.elapsed() < Duration::from_secs(50), "it came with the interval");
+        let reported = within(stats.next()).await.unwrap().unwrap().headset.unwrap();
+        assert_eq!(matches!(reported.status, HeadsetStatus::Connected { .. }), connected);
+        assert!(begin.elapsed() < Duration::from_secs(50), "the report waited for the interval");
     }
     daemon.shutdown().await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn dropped_frames_of_all_streams_are_added_up_and_bad_intervals_refused() {
+async fn dropped_frames_are_summed_and_invalid_intervals_refused() {
     let daemon = Daemon::start(large_rig()).await;
     let mut client = daemon.client().await;
     for interval_s in [0.0, 0.09, 60.1, -1.0, f64::NAN, f64::INFINITY] {
@@ -778,7 +787,7 @@ async fn dropped_frames_of_all_streams_are_added_up_and_bad_intervals_refused() 
     for _ in 0..2 {
         streams.push(client.stream_frames("large", Encoding::Rgba8, 0.0).await.unwrap());
     }
-    // They read nothing, and yet the renderer draws every pose.
+    // The streams are not read, and yet the renderer draws every pose.
     for step in 1..=20_u32 {
         let drawn = daemon.controls.finished.load(SeqCst);
         client.set_camera(&at_x(f64::from(step))).await.unwrap();
@@ -793,7 +802,7 @@ async fn dropped_frames_of_all_streams_are_added_up_and_bad_intervals_refused() 
         dropped += frame.dropped;
     }
     assert!(dropped > 0);
-    let told = within(client.watch_stats(None).await.unwrap().next()).await.unwrap().unwrap();
-    assert_eq!((told.frames_dropped, told.streams), (dropped, 2));
+    let reported = within(client.watch_stats(None).await.unwrap().next()).await.unwrap().unwrap();
+    assert_eq!((reported.frames_dropped, reported.streams), (dropped, 2));
     daemon.shutdown().await.unwrap();
 }

@@ -1,4 +1,4 @@
-//! What takes more than it may.
+//! Limits of hostile or faulty clients.
 
 use std::time::{Duration, Instant};
 
@@ -12,7 +12,7 @@ use tonic::Code;
 
 use crate::daemon::{Daemon, large_rig, small_rig, within};
 
-/// What the daemon answers to bytes, until it closes the connection or rests for a while.
+/// Returns the daemon's answer to bytes, until it closes the connection or pauses.
 async fn answer(daemon: &Daemon, bytes: &[u8]) -> String {
     let mut stream = TcpStream::connect(daemon.address).await.unwrap();
     stream.write_all(bytes).await.unwrap();
@@ -28,8 +28,9 @@ async fn answer(daemon: &Daemon, bytes: &[u8]) -> String {
 }
 
 #[tokio::test]
-async fn calls_under_other_names_and_from_other_pages_are_refused() {
-    let daemon = Daemon::start_with(small_rig(), |options| options.hosts = vec!["desk.example.org".to_owned()]).await;
+async fn calls_with_other_hosts_and_origins_are_refused() {
+    let daemon =
+        Daemon::start_with(small_rig(), |options| options.network.hosts = vec!["desk.example.org".to_owned()]).await;
     let address = daemon.address;
     let call = |host: &str, origin: Option<&str>| {
         let origin = origin.map(|origin| format!("Origin: {origin}\r\n")).unwrap_or_default();
@@ -59,7 +60,7 @@ async fn calls_under_other_names_and_from_other_pages_are_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn connections_that_say_nothing_are_closed_and_those_that_do_stay() {
+async fn silent_connections_are_closed_and_active_ones_stay() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     client.camera().await.unwrap();
@@ -72,7 +73,7 @@ async fn connections_that_say_nothing_are_closed_and_those_that_do_stay() {
     let begun = Instant::now();
     for mut stream in silent {
         let mut rest = Vec::new();
-        // Closed, in order or not.
+        // Closed, with or without an error.
         let _ = within(stream.read_to_end(&mut rest)).await;
     }
     println!("closed after {:.1} s", begun.elapsed().as_secs_f64());
@@ -81,9 +82,9 @@ async fn connections_that_say_nothing_are_closed_and_those_that_do_stay() {
     daemon.shutdown().await.unwrap();
 }
 
-/// Streams of large frames that nobody reads are refused where they would take too much memory, and others go on.
+/// Unread streams of large frames are refused if they would take too much memory, and others continue.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn streams_that_would_take_too_much_memory_are_refused() {
+async fn streams_beyond_the_memory_limit_are_refused() {
     let daemon = Daemon::start(large_rig()).await;
     let mut streams = Vec::new();
     let mut refused = None;
@@ -97,13 +98,13 @@ async fn streams_that_would_take_too_much_memory_are_refused() {
             }
         }
     }
-    let error = refused.expect("not all of them can be held");
+    let error = refused.expect("the memory limit is reached");
     assert!(error.code() == Some(Code::ResourceExhausted) && error.to_string().contains("MiB"), "{error}");
     println!("{} streams", streams.len());
     let mut other = daemon.client().await;
     within(other.render_frame("large", Encoding::Rgba8)).await.unwrap();
     drop(streams);
-    // What they held comes back.
+    // Their memory is released.
     within(async {
         while greedy.clone().stream_frames("large", Encoding::Rgb32f, 0.0).await.is_err() {
             sleep(Duration::from_millis(20)).await;
@@ -115,7 +116,7 @@ async fn streams_that_would_take_too_much_memory_are_refused() {
 }
 
 #[tokio::test]
-async fn masks_with_more_names_than_a_scene_has_are_refused_at_once() {
+async fn oversized_masks_are_refused_at_once() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let names = (0..5000).map(|number| (format!("b{number}"), None)).collect();
@@ -130,7 +131,7 @@ async fn masks_with_more_names_than_a_scene_has_are_refused_at_once() {
 }
 
 #[tokio::test]
-async fn figures_are_there_for_prometheus() {
+async fn metrics_are_served_for_prometheus() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let first = client.next_frame("flat", Encoding::Png, 0, 0).await.unwrap();

@@ -32,7 +32,7 @@ async fn a_drain_ends_streams_cleanly_and_finishes_calls() {
     daemon.begin_shutdown();
     assert_eq!(within(watch.message()).await.unwrap().unwrap().status(), ServingStatus::NotServing);
     assert!(within(watch.message()).await.unwrap().is_none(), "the watch ends");
-    // The frame in the works is still waited for; the stream ends before it.
+    // The frame in flight is still delivered; the stream ends before it.
     while within(stream.next()).await.expect("a clean end").is_some() {}
     assert!(!call.is_finished());
     daemon.controls.open_gate();
@@ -40,16 +40,17 @@ async fn a_drain_ends_streams_cleanly_and_finishes_calls() {
     let address = daemon.address;
     drop((client, health));
     daemon.end().await.unwrap();
-    assert!(tokio::net::TcpStream::connect(address).await.is_err(), "nobody listens any more");
+    assert!(tokio::net::TcpStream::connect(address).await.is_err(), "the port is closed");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_client_that_reads_nothing_is_cut_off_at_the_end_of_the_drain() {
-    let daemon = Daemon::start_with(large_rig(), |options| options.drain = std::time::Duration::from_millis(100)).await;
+async fn a_stalled_client_is_cut_off_after_the_drain() {
+    let daemon =
+        Daemon::start_with(large_rig(), |options| options.limits.drain = std::time::Duration::from_millis(100)).await;
     let mut client = daemon.client().await;
     let stream = client.stream_frames("large", Encoding::Rgba8, 0.0).await.unwrap();
     until(|| daemon.controls.finished.load(SeqCst) > 0).await;
-    daemon.shutdown().await.expect("that is no error of the daemon");
+    daemon.shutdown().await.expect("the daemon ends without an error");
     drop(stream);
 }
 
@@ -74,13 +75,13 @@ async fn a_panicking_renderer_ends_the_daemon_with_an_error() {
     assert_eq!(end.expect_err("no clean end").code(), Some(Code::Unavailable));
     drop(client);
     match daemon.end().await {
-        Err(ServeError::Panicked { message }) => assert!(message.contains("told to panic"), "{message}"),
+        Err(ServeError::Panicked { message }) => assert!(message.contains("requested to panic"), "{message}"),
         other => panic!("{other:?}"),
     }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn streams_and_calls_go_on_when_the_device_is_lost_twenty_times() {
+async fn streams_and_calls_survive_twenty_device_losses() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let mut flat = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
@@ -106,17 +107,17 @@ async fn streams_and_calls_go_on_when_the_device_is_lost_twenty_times() {
     }
     assert_eq!(client.next_frame("flat", Encoding::Rgba8, 0, 0).await.unwrap().camera_revision, 20);
 
-    // What loses every device is told after some attempts, and what comes then is drawn.
+    // A scene that loses every device is refused after some attempts; the next scene is drawn.
     daemon.controls.losses.store(3, SeqCst);
     let error = within(client.render_frame("flat", Encoding::Png)).await.unwrap_err();
-    assert!(error.to_string().contains("lose its device for a while"), "{error}");
+    assert!(error.to_string().contains("lose its device temporarily"), "{error}");
     within(client.render_frame("flat", Encoding::Png)).await.unwrap();
     drop((flat, eyes, client));
     daemon.shutdown().await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_device_that_cannot_be_had_again_ends_the_daemon_with_an_error() {
+async fn a_device_that_cannot_be_reopened_ends_the_daemon() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     within(client.render_frame("flat", Encoding::Png)).await.unwrap();
@@ -156,7 +157,7 @@ async fn bad_and_taken_addresses_are_clear_errors() {
 }
 
 #[tokio::test]
-async fn nobody_at_the_address_is_a_clear_error_of_the_client() {
+async fn a_client_without_a_daemon_reports_a_clear_error() {
     let daemon = Daemon::start(small_rig()).await;
     let uri = daemon.uri();
     daemon.shutdown().await.unwrap();
@@ -165,19 +166,19 @@ async fn nobody_at_the_address_is_a_clear_error_of_the_client() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_renderer_that_is_busy_after_the_drain_is_left_behind() {
+async fn a_renderer_that_is_busy_after_the_drain_is_abandoned() {
     let mut daemon =
-        Daemon::start_with(small_rig(), |options| options.drain = std::time::Duration::from_millis(50)).await;
+        Daemon::start_with(small_rig(), |options| options.limits.drain = std::time::Duration::from_millis(50)).await;
     let mut client = daemon.client().await;
     daemon.controls.close_gate();
     let call = tokio::spawn(async move { client.render_frame("flat", Encoding::Png).await });
     until(|| daemon.controls.started.load(SeqCst) > 0).await;
     daemon.begin_shutdown();
     let controls = std::sync::Arc::clone(&daemon.controls);
-    daemon.end().await.expect("that is no error");
-    assert_eq!(controls.finished.load(SeqCst), 0, "the frame is still in the works");
+    daemon.end().await.expect("the daemon ends without an error");
+    assert_eq!(controls.finished.load(SeqCst), 0, "the frame is still in flight");
     controls.open_gate();
-    // The runtime of this test lives on, and with it the connection: the caller may still get the frame.
+    // The runtime of this test lives on with the connection: the caller may still get the frame.
     if let Err(error) = within(call).await.unwrap() {
         assert!(matches!(error, ClientError::Status { .. }), "{error}");
     }

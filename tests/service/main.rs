@@ -1,6 +1,6 @@
-//! The daemon's service over a real socket, with a small engine in place of the renderer.
+//! The daemon's service over a real socket, with a small engine instead of the renderer.
 
-#![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#![allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
 
 use testkit::exr_file;
 use testkit::spk;

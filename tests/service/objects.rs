@@ -1,4 +1,4 @@
-//! Bodies, asteroid fields, the time and how asteroids are drawn: added, changed, removed, watched.
+//! Bodies, asteroid fields, time and asteroid settings: added, changed, removed, watched.
 
 use std::sync::Arc;
 
@@ -36,17 +36,17 @@ pub fn swarm(name: &str) -> FieldForm {
     }
 }
 
-/// Shapes beyond a limit of memory are refused before they are made, and the scene stays.
+/// Shapes beyond the memory limit are refused before they are baked, and the scene stays unchanged.
 #[tokio::test]
-async fn impostors_that_need_too_much_memory_are_refused() {
-    // Large tiles: 179 MB a shape.
-    let large = |options: &mut ServeOptions| options.settings.asteroids.tile_px = 128;
+async fn impostors_beyond_the_memory_limit_are_refused() {
+    // Large tiles: 179 MB per shape.
+    let large = |options: &mut ServeOptions| options.views.settings.asteroids.tile_px = 128;
     let daemon = Daemon::start_with(small_rig(), large).await;
     let mut client = daemon.client().await;
     let error = client.put_asteroid_field(swarm("swarm"), None).await;
     refused(error, Code::ResourceExhausted, &["MiB", "at most 512 MiB", "asteroids.tile_px"]);
     assert_eq!(client.scene().await.unwrap().asteroid_fields, []);
-    // No impostors, no atlases.
+    // Without impostors there are no atlases.
     let none = SceneUpdate { impostor: Some(ImpostorMethod::None), ..SceneUpdate::default() };
     client.update_scene(&none, None).await.unwrap();
     client.put_asteroid_field(swarm("swarm"), None).await.unwrap();
@@ -56,8 +56,8 @@ async fn impostors_that_need_too_much_memory_are_refused() {
     daemon.shutdown().await.unwrap();
 }
 
-/// What the next frame shows besides stars.
-async fn shown(daemon: &Daemon, client: &mut Client) -> Arc<SceneObjects> {
+/// Returns the objects of the next frame.
+async fn drawn_objects(daemon: &Daemon, client: &mut Client) -> Arc<SceneObjects> {
     client.render_frame("flat", Encoding::Rgba8).await.unwrap();
     daemon.controls.shown.lock().unwrap().clone().expect("a frame").0
 }
@@ -73,28 +73,28 @@ fn refused<T: std::fmt::Debug>(answer: Result<T, ClientError>, code: Code, parts
 }
 
 #[tokio::test]
-async fn a_body_is_added_moved_and_removed_and_every_frame_shows_it() {
+async fn frames_show_bodies_that_are_added_moved_and_removed() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
-    assert!(shown(&daemon, &mut client).await.is_empty());
+    assert!(drawn_objects(&daemon, &mut client).await.is_empty());
     let mars = Body::preset(SolarBody::Mars, "mars", DVec3::X * 2e11);
     let scene = client.put_body(mars.clone(), Some(7)).await.unwrap();
     assert_eq!((scene.revision, scene.bodies.as_slice()), (8, &[BodyForm::from(mars.clone())][..]));
     client.put_body(Body::preset(SolarBody::Sun, "sun", DVec3::ZERO), None).await.unwrap();
-    assert_eq!(*shown(&daemon, &mut client).await.bodies[0], mars);
+    assert_eq!(*drawn_objects(&daemon, &mut client).await.bodies[0], mars);
 
     let mut moved = mars.clone();
     moved.position_m = DVec3::Y * 3e11;
     let scene = client.put_body(moved.clone(), Some(9)).await.unwrap();
     let names: Vec<_> = scene.bodies.iter().map(|form| form.body.name.as_str()).collect();
     assert_eq!((scene.revision, names), (10, vec!["mars", "sun"]));
-    let before = shown(&daemon, &mut client).await;
+    let before = drawn_objects(&daemon, &mut client).await;
     assert_eq!(*before.bodies[0], moved);
 
     let scene = client.remove_body("mars", None).await.unwrap();
     assert_eq!((scene.revision, scene.bodies.len()), (11, 1));
-    let after = shown(&daemon, &mut client).await;
-    assert!(after.bodies.len() == 1 && Arc::ptr_eq(&after.bodies[0], &before.bodies[1]), "the other one stays");
+    let after = drawn_objects(&daemon, &mut client).await;
+    assert!(after.bodies.len() == 1 && Arc::ptr_eq(&after.bodies[0], &before.bodies[1]), "the other body stays");
     assert_eq!(client.scene().await.unwrap(), scene);
 
     let all = SceneUpdate { bodies: Change::All(vec![moved.into(), mars.into()]), ..SceneUpdate::default() };
@@ -105,7 +105,7 @@ async fn a_body_is_added_moved_and_removed_and_every_frame_shows_it() {
 }
 
 #[tokio::test]
-async fn what_is_not_allowed_changes_nothing() {
+async fn invalid_changes_have_no_effect() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let mars = Body::preset(SolarBody::Mars, "mars", DVec3::X * 2e11);
@@ -118,7 +118,11 @@ async fn what_is_not_allowed_changes_nothing() {
     named.name = "a.b".to_owned();
     refused(client.put_body(mars.clone(), Some(7)).await, Code::Aborted, &["revision 8, not 7"]);
     refused(client.remove_body("mars", Some(9)).await, Code::Aborted, &["revision 8, not 9"]);
-    refused(client.remove_body("venus", None).await, Code::InvalidArgument, &["bodies.venus", "there are: mars"]);
+    refused(
+        client.remove_body("venus", None).await,
+        Code::InvalidArgument,
+        &["bodies.venus", "the existing ones are: mars"],
+    );
     refused(client.put_body(flat, None).await, Code::InvalidArgument, &["bodies.mars", "radii_m", "0.001"]);
     refused(client.put_body(painted, None).await, Code::InvalidArgument, &["texture_of", "configuration: none"]);
     refused(client.put_body(named, None).await, Code::InvalidArgument, &["letters"]);
@@ -128,8 +132,8 @@ async fn what_is_not_allowed_changes_nothing() {
     let mut lent = swarm("swarm");
     lent.shapes = ShapesForm::Of("rocks".to_owned());
     refused(client.put_asteroid_field(lent, None).await, Code::InvalidArgument, &["shapes_of", "rocks", "none"]);
-    refused(client.remove_asteroid_field("swarm", None).await, Code::InvalidArgument, &["none to remove"]);
-    // One part that is not allowed, and the rest of the change is not made either.
+    refused(client.remove_asteroid_field("swarm", None).await, Code::InvalidArgument, &["does not exist"]);
+    // If one part is invalid, the rest of the change is not made either.
     let mixed = SceneUpdate {
         magnitude_limit: Some(3.0),
         time_s: Some(5.0),
@@ -150,12 +154,12 @@ async fn what_is_not_allowed_changes_nothing() {
 }
 
 #[tokio::test]
-async fn fields_are_placed_once_and_kept_while_other_things_change() {
+async fn fields_are_placed_once_and_kept_across_other_changes() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let scene = client.put_asteroid_field(swarm("swarm"), Some(7)).await.unwrap();
     assert_eq!((scene.revision, scene.asteroid_fields.as_slice()), (8, &[swarm("swarm")][..]));
-    let first = shown(&daemon, &mut client).await;
+    let first = drawn_objects(&daemon, &mut client).await;
     assert_eq!((first.fields[0].instances.packed.len(), first.fields[0].position_m), (300, DVec3::X * 1e9));
 
     let mut moved = swarm("swarm");
@@ -163,7 +167,7 @@ async fn fields_are_placed_once_and_kept_while_other_things_change() {
     client.put_asteroid_field(moved, None).await.unwrap();
     client.put_body(Body::preset(SolarBody::Sun, "sun", DVec3::ZERO), None).await.unwrap();
     client.put_asteroid_field(swarm("other"), None).await.unwrap();
-    let second = shown(&daemon, &mut client).await;
+    let second = drawn_objects(&daemon, &mut client).await;
     assert_eq!((second.fields.len(), second.fields[0].position_m), (2, DVec3::Y));
     for field in &second.fields {
         assert!(Arc::ptr_eq(&field.instances, &first.fields[0].instances), "{}", field.name);
@@ -171,7 +175,7 @@ async fn fields_are_placed_once_and_kept_while_other_things_change() {
     let mut other = swarm("other");
     other.parameters.seed = 2;
     client.put_asteroid_field(other, None).await.unwrap();
-    let third = shown(&daemon, &mut client).await;
+    let third = drawn_objects(&daemon, &mut client).await;
     assert!(Arc::ptr_eq(&third.fields[0], &second.fields[0]));
     assert_ne!(third.fields[1].instances, second.fields[1].instances);
     let scene = client.remove_asteroid_field("swarm", None).await.unwrap();
@@ -180,7 +184,7 @@ async fn fields_are_placed_once_and_kept_while_other_things_change() {
 }
 
 #[tokio::test]
-async fn the_time_and_how_asteroids_are_drawn_hold_from_the_next_frame_on() {
+async fn time_and_asteroid_settings_apply_from_the_next_frame() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let scene = client.scene().await.unwrap();
@@ -193,17 +197,17 @@ async fn the_time_and_how_asteroids_are_drawn_hold_from_the_next_frame_on() {
     };
     let scene = client.update_scene(&update, Some(7)).await.unwrap();
     assert_eq!((scene.time_s, scene.impostor.as_str(), scene.quality), (820_497_600.5, "euler_atlas", 2.5));
-    assert_eq!(shown(&daemon, &mut client).await.time_s, 820_497_600.5);
+    assert_eq!(drawn_objects(&daemon, &mut client).await.time_s, 820_497_600.5);
     let settings = daemon.controls.shown.lock().unwrap().clone().unwrap().1;
     assert_eq!((settings.impostor, settings.quality, settings.tiles), (ImpostorMethod::EulerAtlas, 2.5, 32));
-    let before = shown(&daemon, &mut client).await;
+    let before = drawn_objects(&daemon, &mut client).await;
     client.update_scene(&SceneUpdate { quality: Some(1.0), ..SceneUpdate::default() }, None).await.unwrap();
-    assert!(Arc::ptr_eq(&before, &shown(&daemon, &mut client).await), "objects that nobody changed are the same");
+    assert!(Arc::ptr_eq(&before, &drawn_objects(&daemon, &mut client).await), "unchanged objects are shared");
     daemon.shutdown().await.unwrap();
 }
 
 #[tokio::test]
-async fn watchers_hear_of_objects() {
+async fn watchers_receive_changes_of_objects() {
     let daemon = Daemon::start(small_rig()).await;
     let (mut client, mut other) = (daemon.client().await, daemon.client().await);
     let mut watch = client.watch_scene().await.unwrap();
@@ -217,7 +221,7 @@ async fn watchers_hear_of_objects() {
 }
 
 #[tokio::test]
-async fn textures_of_the_configuration_can_be_kept_and_lent() {
+async fn textures_of_the_configuration_can_be_kept_and_shared() {
     let mut moon = Body::preset(SolarBody::Moon, "moon", DVec3::X);
     let texture = Arc::new(Texture { size: [2, 1], rgb: vec![[0.5; 3], [1.0; 3]] });
     moon.surface.texture = Some(Arc::clone(&texture));
@@ -233,8 +237,8 @@ async fn textures_of_the_configuration_can_be_kept_and_lent() {
     let fields = make_fields(&[Arc::clone(&spec)], &[]).unwrap().into_iter().map(|made| made.field).collect();
     let objects = SceneObjects { bodies: vec![Arc::new(moon)], fields, time_s: 1.0, ..Default::default() };
     let daemon = Daemon::start_with(small_rig(), |options| {
-        options.scene.objects = Arc::new(objects);
-        options.asteroid_fields = vec![spec];
+        options.scene.snapshot.objects = Arc::new(objects);
+        options.scene.asteroid_fields = vec![spec];
     })
     .await;
     let mut client = daemon.client().await;
@@ -250,14 +254,14 @@ async fn textures_of_the_configuration_can_be_kept_and_lent() {
     copy.body.name = "copy".to_owned();
     client.put_body(form, None).await.unwrap();
     assert_eq!(client.put_body(copy, None).await.unwrap().bodies[1].texture_of.as_deref(), Some("moon"));
-    for body in &shown(&daemon, &mut client).await.bodies {
+    for body in &drawn_objects(&daemon, &mut client).await.bodies {
         assert!(Arc::ptr_eq(body.surface.texture.as_ref().unwrap(), &texture));
     }
     daemon.shutdown().await.unwrap();
 }
 
 #[tokio::test]
-async fn fields_that_nothing_is_told_of_are_refused_at_the_start() {
+async fn fields_without_a_definition_are_refused_at_the_start() {
     let spec = FieldSpec {
         name: "swarm".to_owned(),
         position_m: DVec3::ZERO,

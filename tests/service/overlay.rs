@@ -1,4 +1,4 @@
-//! Overlays: changed as a whole and in parts, shown in the next frame, and refused with what is allowed.
+//! Overlays: changed as a whole and in parts, shown in the next frame; invalid ones are refused.
 
 use glam::DVec3;
 use steradian::{
@@ -35,7 +35,7 @@ async fn change(client: &mut Client, overlay: OverlayChange) -> Result<SceneForm
 }
 
 #[tokio::test]
-async fn an_overlay_is_changed_in_parts_and_every_frame_shows_it() {
+async fn frames_show_an_overlay_that_is_changed_in_parts() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     assert!(client.scene().await.unwrap().overlay.is_empty());
@@ -50,9 +50,9 @@ async fn an_overlay_is_changed_in_parts_and_every_frame_shows_it() {
     client.render_frame("flat", Encoding::Rgba8).await.unwrap();
     let shown = daemon.controls.shown.lock().unwrap().clone().expect("a frame").0;
     assert_eq!(*shown.overlay, expected);
-    assert!(shown.is_empty(), "an overlay is no body");
+    assert!(shown.is_empty(), "an overlay is not an object");
 
-    // One trajectory goes, one label comes, and the rest stays.
+    // Remove one trajectory, add one label, and keep the rest.
     let parts = OverlayChange {
         trajectories: Change::remove("a"),
         labels: Change::put("there", label("there", "x")),
@@ -64,7 +64,7 @@ async fn an_overlay_is_changed_in_parts_and_every_frame_shows_it() {
     let parts = OverlayChange { grids: Some(vec![]), test_patterns: Some(vec![]), ..OverlayChange::default() };
     (expected.grids, expected.test_patterns) = (vec![], vec![]);
     assert_eq!(change(&mut client, parts).await.unwrap().overlay, expected);
-    // Other changes leave it.
+    // Other changes keep the overlay.
     let fainter = SceneUpdate { magnitude_limit: Some(6.0), ..SceneUpdate::default() };
     assert_eq!(client.update_scene(&fainter, None).await.unwrap().overlay, expected);
     let none = OverlayChange::all(Overlay::default());
@@ -73,7 +73,7 @@ async fn an_overlay_is_changed_in_parts_and_every_frame_shows_it() {
 }
 
 #[tokio::test]
-async fn what_is_not_allowed_is_refused_and_leaves_the_overlay() {
+async fn invalid_changes_are_refused_and_keep_the_overlay() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let before =
@@ -98,7 +98,7 @@ async fn what_is_not_allowed_is_refused_and_leaves_the_overlay() {
         (labels(vec![Label { size_px: 1.0, ..label("l", "x") }]), &["overlay.labels.l", "size_px", "between 6 and 200"]),
         (
             OverlayChange { labels: Change::remove("gone"), ..OverlayChange::default() },
-            &["overlay.labels.gone", "there are: here"],
+            &["overlay.labels.gone", "the existing ones are: here"],
         ),
     ] {
         match change(&mut client, update).await {

@@ -1,4 +1,4 @@
-//! The page at `/`, beside the calls.
+//! The page at `/`, on the port of the calls.
 
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
@@ -7,7 +7,7 @@ use tokio::{
 
 use crate::daemon::{Daemon, small_rig, within};
 
-/// A request over HTTP/1.1 with further header lines; gives head and body of the answer.
+/// Sends a request over HTTP/1.1 with further header lines; returns head and body of the answer.
 async fn request(daemon: &Daemon, method: &str, path: &str, more: &str) -> (String, String) {
     let mut socket = TcpStream::connect(daemon.address).await.unwrap();
     let head = format!("{method} {path} HTTP/1.1\r\nhost: {}\r\n{more}connection: close\r\n\r\n", daemon.address);
@@ -19,7 +19,7 @@ async fn request(daemon: &Daemon, method: &str, path: &str, more: &str) -> (Stri
     (head.to_lowercase(), body.to_owned())
 }
 
-/// Value of a header.
+/// Returns the value of a header.
 fn header<'a>(head: &'a str, name: &str) -> &'a str {
     let value = head.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(": "));
     value.unwrap_or_else(|| panic!("no {name} in {head}"))
@@ -43,9 +43,9 @@ async fn the_page_and_its_files_are_served_with_their_types_and_a_policy() {
         let policy = header(&head, "content-security-policy");
         assert!(policy.contains("default-src 'none'") && policy.contains("frame-ancestors 'none'"), "{policy}");
         assert!(!policy.contains("unsafe") && !policy.contains("http"), "{policy}");
-        // Nothing comes from elsewhere, and what is in the bundle needs nothing that the policy forbids.
+        // The bundle loads nothing from other origins, and needs nothing that the policy forbids.
         assert!(!body.contains("src=\"http") && !body.contains("url(http"), "{path}");
-        // Who has it is told so.
+        // A cached copy is confirmed.
         let etag = header(&head, "etag");
         let (head, body) = request(&daemon, "GET", path, &format!("if-none-match: \"other\", W/{etag}\r\n")).await;
         assert!(head.starts_with("http/1.1 304") && body.is_empty(), "{path}: {head}");
@@ -56,14 +56,14 @@ async fn the_page_and_its_files_are_served_with_their_types_and_a_policy() {
 }
 
 #[tokio::test]
-async fn there_is_nothing_else_to_get() {
+async fn other_paths_are_not_found() {
     let daemon = Daemon::start(small_rig()).await;
     for path in ["/index.html", "/favicon.ico", "/../Cargo.toml", "/%2e%2e/", "//", "/page.js/"] {
         let (head, _) = request(&daemon, "GET", path, "").await;
         assert!(head.starts_with("http/1.1 404"), "{path}: {head}");
         assert_eq!(header(&head, "content-type"), "text/plain; charset=utf-8");
     }
-    // A call is no file, and the page takes nothing.
+    // A call is not a file, and the page accepts no data.
     let (head, _) = request(&daemon, "GET", "/steradian.v1.ViewService/ListViews", "").await;
     assert!(head.starts_with("http/1.1 404"), "{head}");
     let (head, _) = request(&daemon, "POST", "/", "content-length: 0\r\n").await;

@@ -1,4 +1,4 @@
-//! What stands around the calls: health, reflection, gRPC-Web.
+//! Services besides the calls: health, reflection, gRPC-Web.
 
 use steradian::service::Client;
 use tokio::{
@@ -31,7 +31,7 @@ async fn health_is_reported_for_the_whole_and_for_each_service() {
     daemon.shutdown().await.unwrap();
 }
 
-/// Lists services and asks for the file that defines a symbol, with one version of the reflection protocol.
+/// Lists services and requests the file that defines a symbol, with one version of the reflection protocol.
 macro_rules! reflect {
     ($version:ident, $daemon:expr) => {{
         use tonic_reflection::pb::$version::{
@@ -65,7 +65,7 @@ async fn reflection_lists_the_services_and_has_their_definitions() {
     daemon.shutdown().await.unwrap();
 }
 
-/// Posts an empty message as gRPC-Web over HTTP/1.1; gives the whole answer as it came.
+/// Posts an empty message as gRPC-Web over HTTP/1.1; returns the raw answer.
 async fn post(daemon: &Daemon, path: &str) -> String {
     let mut socket = TcpStream::connect(daemon.address).await.unwrap();
     let head = format!(
@@ -74,7 +74,7 @@ async fn post(daemon: &Daemon, path: &str) -> String {
         daemon.address
     );
     socket.write_all(head.as_bytes()).await.unwrap();
-    // No compression, a message of no bytes.
+    // No compression, and a message of zero bytes.
     socket.write_all(&[0; 5]).await.unwrap();
     let mut answer = Vec::new();
     within(socket.read_to_end(&mut answer)).await.unwrap();

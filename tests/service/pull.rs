@@ -1,4 +1,4 @@
-//! Frames one by one, frames that are acknowledged, smaller copies, and images that are encoded once.
+//! Frames on request, acknowledged frames, reduced images, and shared encodings.
 
 use std::{collections::BTreeSet, sync::atomic::Ordering::SeqCst, time::Duration};
 
@@ -13,7 +13,7 @@ fn at_x(x: f64) -> CameraUpdate {
 }
 
 #[tokio::test]
-async fn the_next_frame_comes_when_the_picture_has_changed() {
+async fn the_next_frame_arrives_when_the_image_has_changed() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let first = within(client.next_frame("flat", Encoding::Rgba8, 0, 0)).await.unwrap();
@@ -22,14 +22,14 @@ async fn the_next_frame_comes_when_the_picture_has_changed() {
     let waits = tokio::spawn(async move { other.next_frame("flat", Encoding::Rgba8, first.number, 0).await });
     let moved = client.set_camera(&at_x(3.0)).await.unwrap();
     let second = within(waits).await.unwrap().unwrap();
-    // Either the new picture, or the heartbeat of the old one if the pose came late.
+    // Either the new image, or the heartbeat of the old one if the pose arrived late.
     assert!(second.number > first.number);
     let third = within(client.next_frame("flat", Encoding::Rgba8, second.number, 0)).await.unwrap();
     assert_eq!((third.camera.revision, third.camera.position_m.x), (moved.revision, 3.0));
-    // Nothing changes: the same picture again after a while.
+    // Without a change, the same image arrives again after a while.
     let fourth = within(client.next_frame("flat", Encoding::Rgba8, third.number, 0)).await.unwrap();
     assert!(fourth.number > third.number && fourth.camera.revision == third.camera.revision);
-    // A number of another life of the daemon is none.
+    // An unknown number, as from an earlier daemon, counts as none.
     within(client.next_frame("flat", Encoding::Rgba8, 1_000_000, 0)).await.unwrap();
     daemon.shutdown().await.unwrap();
 }
@@ -63,9 +63,9 @@ async fn several_views_come_in_one_answer() {
     daemon.shutdown().await.unwrap();
 }
 
-/// However much the connection could hold, two frames are on their way, and what is read after a pause is new.
+/// Whatever the buffers of the connection, two frames are in transit, and the frames read after a pause are new.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_reader_that_pauses_sees_no_old_picture() {
+async fn a_reader_that_pauses_gets_no_outdated_image() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let mut stream = client.stream_frames("flat", Encoding::Png, 0.0).await.unwrap();
@@ -80,13 +80,13 @@ async fn a_reader_that_pauses_sees_no_old_picture() {
         revisions.push(within(stream.next()).await.unwrap().expect("a frame").camera_revision);
     }
     println!("{revisions:?}");
-    // Two that were on their way, one that waited to be sent, and the newest.
+    // Two frames in transit, one that waited to be sent, and the newest.
     assert!(revisions.len() <= 4, "{revisions:?}");
     daemon.shutdown().await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn one_encoding_serves_all_who_ask_for_the_same() {
+async fn one_encoding_serves_all_equal_requests() {
     let daemon = Daemon::start(large_rig()).await;
     let mut client = daemon.client().await;
     daemon.controls.close_gate();
@@ -102,16 +102,16 @@ async fn one_encoding_serves_all_who_ask_for_the_same() {
         numbers.insert(frame.unwrap().unwrap().number);
     }
     let mut figures = client.watch_stats(None).await.unwrap();
-    let told = within(figures.next()).await.unwrap().expect("figures");
-    println!("{} frames, {} encodings", numbers.len(), told.encoded);
-    // One or two frames served them, depending on when the calls came.
-    assert!(told.encoded <= numbers.len() as u64 && numbers.len() <= 2, "{numbers:?} {}", told.encoded);
-    assert!(told.connections >= 1);
+    let statistics = within(figures.next()).await.unwrap().expect("figures");
+    println!("{} frames, {} encodings", numbers.len(), statistics.encoded);
+    // One or two frames served them, depending on the arrival of the calls.
+    assert!(statistics.encoded <= numbers.len() as u64 && numbers.len() <= 2, "{numbers:?} {}", statistics.encoded);
+    assert!(statistics.connections >= 1);
     daemon.shutdown().await.unwrap();
 }
 
 #[tokio::test]
-async fn smaller_copies_are_for_display_images() {
+async fn only_display_images_can_be_reduced() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let whole = within(client.next_frame("flat", Encoding::Rgba8, 0, 0)).await.unwrap();

@@ -1,4 +1,4 @@
-//! What frames give up to be in time, with times that a test engine tells, and audits of frames.
+//! Quality levels, with frame times that the test engine reports, and audits of frames.
 
 use std::time::Duration;
 
@@ -36,8 +36,8 @@ fn slow_unless_coarse(settings: &RenderSettings) -> f64 {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn frames_that_take_too_long_give_up_quality_say_so_and_get_it_back() {
-    let daemon = Daemon::start_with(small_rig(), |options| options.settings.accuracy.frame_ms = Some(20.0)).await;
+async fn slow_frames_reduce_quality_report_it_and_restore_it() {
+    let daemon = Daemon::start_with(small_rig(), |options| options.views.settings.accuracy.frame_ms = Some(20.0)).await;
     *daemon.controls.took_ms.lock().unwrap() = Some(slow_unless_coarse);
     let mut client = daemon.client().await;
     let mut stream = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
@@ -47,17 +47,17 @@ async fn frames_that_take_too_long_give_up_quality_say_so_and_get_it_back() {
         assert_eq!(frame.given_up.is_empty(), frame.quality_level == 0);
         levels.push(frame.quality_level);
         if frame.quality_level == 2 {
-            assert_eq!(frame.given_up, ["display_codes 2 in place of 0.5"]);
+            assert_eq!(frame.given_up, ["display_codes 2 instead of 0.5"]);
         }
     }
     assert!(levels.is_sorted() && levels[0] == 0 && levels[149] == 2, "{levels:?}");
-    // It was drawn so.
+    // The frame was drawn at this level.
     let drawn = daemon.controls.framed.lock().unwrap().last().map(|(_, settings)| settings.accuracy.display_codes);
     assert_eq!(drawn, Some(2.0));
     let mut figures = client.watch_stats(Some(0.1)).await.unwrap();
     let quality = stats(&mut figures, |stats| stats.quality.is_some()).await.quality.unwrap();
     assert_eq!((quality.frame_ms, quality.level, quality.smoothed_ms), (20.0, 2, Some(15.0)));
-    // HDR images give up nothing, and their times say nothing.
+    // HDR images keep full quality, and their times do not count.
     let exact = client.render_frame("flat", Encoding::Rgb32f).await.unwrap();
     assert_eq!((exact.quality_level, exact.given_up.len()), (0, 0));
     let drawn = daemon.controls.framed.lock().unwrap().last().map(|(_, settings)| settings.accuracy.display_codes);
@@ -70,12 +70,12 @@ async fn frames_that_take_too_long_give_up_quality_say_so_and_get_it_back() {
             break;
         }
     }
-    assert_eq!(last, 0, "there is time again");
+    assert_eq!(last, 0, "full quality is restored");
     daemon.shutdown().await.unwrap();
 }
 
 #[tokio::test]
-async fn without_a_time_nothing_is_given_up() {
+async fn without_a_frame_time_quality_stays() {
     let daemon = Daemon::start(small_rig()).await;
     *daemon.controls.took_ms.lock().unwrap() = Some(|_| 1e4);
     let mut client = daemon.client().await;
@@ -89,13 +89,13 @@ async fn without_a_time_nothing_is_given_up() {
     daemon.shutdown().await.unwrap();
 }
 
-/// The test engine draws pictures that have nothing to do with the scene.
+/// The test engine draws images that do not match the scene.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn wrong_pictures_are_found_by_the_audit_beside_the_frames() {
-    // The pixels of the small rig are too coarse for the twin of glare.
+async fn audits_detect_wrong_images() {
+    // The pixels of the small rig are too coarse for the CPU reference of glare.
     let of_stars = |options: &mut ServeOptions| {
-        options.settings.accuracy.audit = true;
-        options.settings.glare = GlareSettings::none();
+        options.views.settings.accuracy.audit = true;
+        options.views.settings.glare = GlareSettings::none();
     };
     let daemon = Daemon::start_with(small_rig(), of_stars).await;
     let mut client = daemon.client().await;

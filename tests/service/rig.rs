@@ -1,4 +1,4 @@
-//! Views that are made, changed and deleted while the daemon runs.
+//! Views that are created, changed and deleted while the daemon runs.
 
 use std::{sync::atomic::Ordering::SeqCst, time::Duration};
 
@@ -15,7 +15,7 @@ fn table(text: &str) -> Table {
     text.parse().unwrap()
 }
 
-/// A round view of that many pixels across.
+/// Returns a round view of this many pixels across.
 pub fn round(name: &str, size: u32) -> Table {
     table(&format!("name = '{name}'\ntype = 'fisheye'\nsize = [{size}, {size}]\nfov_deg = 180.0"))
 }
@@ -33,7 +33,7 @@ async fn next(stream: &mut FrameReceiver) -> ReceivedFrame {
     within(stream.next()).await.unwrap().expect("a frame")
 }
 
-/// The first frame of a stream that shows a revision of the scene.
+/// Returns the first frame of a stream that shows a revision of the scene.
 async fn showing(stream: &mut FrameReceiver, revision: u64) -> ReceivedFrame {
     loop {
         let frame = next(stream).await;
@@ -53,7 +53,7 @@ fn assert_refused<T>(answer: Result<T, ClientError>, code: Code, part: &str) {
 }
 
 #[tokio::test]
-async fn a_view_is_made_streamed_changed_and_deleted_and_others_go_on() {
+async fn a_view_is_created_streamed_changed_and_deleted_while_others_continue() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let mut others = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
@@ -79,15 +79,15 @@ async fn a_view_is_made_streamed_changed_and_deleted_and_others_go_on() {
     let frame = next(&mut stream).await;
     assert_eq!((frame.view.as_str(), frame.exposure_ev100, frame.scene_revision), ("scope", frame.exposure_ev100, 8));
     assert_eq!(frame.images[0].data.len(), 8 * 5 * 4);
-    // A frame of its own, since it has settings of its own.
+    // A separate frame, because its settings differ.
     assert!(daemon.controls.framed.lock().unwrap().iter().any(|(names, _)| names == &["scope"]));
 
-    // Another size: the stream goes on with it.
+    // The stream continues with the new size.
     let changed = client.update_view("scope", &keys("size = [12, 6]\nfov_y_deg = 10.0"), Some(8)).await.unwrap();
     assert_eq!((changed.revision, changed.images[0].width, &changed.own_keys), (9, 12, &made.own_keys));
     let frame = showing(&mut stream, 9).await;
     assert_eq!((frame.images[0].width, frame.images[0].height, frame.images[0].data.len()), (12, 6, 12 * 6 * 4));
-    // Another type, of which the definition says all.
+    // The definition replaces the type and all keys.
     let whole = ViewUpdate {
         definition: TableChange::All(table("type = 'cubemap'\nface_size = 4\nfaces = ['front', 'up']")),
         ..ViewUpdate::default()
@@ -96,14 +96,14 @@ async fn a_view_is_made_streamed_changed_and_deleted_and_others_go_on() {
     assert_eq!((cube.kind.as_str(), cube.own_keys.len(), cube.exposure_group.as_str()), ("cubemap", 0, ""));
     assert!(client.scene().await.unwrap().overlay.test_patterns.is_empty());
     assert_eq!(showing(&mut stream, 10).await.images.len(), 2);
-    // What was read may be sent back, and changes nothing.
+    // Sending back the unchanged definition has no effect.
     let mut definition = cube.definition.clone().unwrap();
     definition.remove("name");
     let same = ViewUpdate { definition: TableChange::All(definition), ..ViewUpdate::default() };
     let same = client.update_view("scope", &same, None).await.unwrap();
     assert_eq!((same.definition, same.images, same.revision), (cube.definition, cube.images, 11));
 
-    // Views before it are deleted: it is the same one still, and so is its stream.
+    // When earlier views are deleted, the view and its stream stay the same.
     assert_eq!(client.delete_view("eyes", Some(11)).await.unwrap(), 12);
     assert_eq!(showing(&mut stream, 12).await.images.len(), 2);
     assert_eq!(client.delete_view("scope", None).await.unwrap(), 13);
@@ -125,7 +125,7 @@ async fn a_view_is_made_streamed_changed_and_deleted_and_others_go_on() {
             break;
         }
     }
-    // The last one too.
+    // The last view can be deleted too.
     client.delete_view("flat", None).await.unwrap();
     assert!(client.views().await.unwrap().is_empty());
     assert_refused(client.render_frame("flat", Encoding::Png).await, Code::NotFound, "the views are: none");
@@ -135,11 +135,11 @@ async fn a_view_is_made_streamed_changed_and_deleted_and_others_go_on() {
 }
 
 #[tokio::test]
-async fn calls_that_wait_for_a_view_that_is_deleted_are_told() {
+async fn deleting_a_view_ends_waiting_calls() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let seen = client.next_frame("eyes", Encoding::Rgba8, 0, 0).await.unwrap().number;
-    // One frame that is not drawn, so that nothing else is begun.
+    // One frame that is not drawn, so that no other begins.
     daemon.controls.close_gate();
     let begun = daemon.controls.started.load(SeqCst);
     let mut first = daemon.client().await;
@@ -160,7 +160,7 @@ async fn calls_that_wait_for_a_view_that_is_deleted_are_told() {
     for end in [within(pulls).await.unwrap().map(drop), within(both).await.unwrap().map(drop)] {
         assert_refused(end, Code::NotFound, "view `eyes` was deleted");
     }
-    // It waits for a frame of its own, unless that was begun before, which then comes.
+    // The call waits for a separate frame, unless that had begun and is delivered.
     daemon.controls.open_gate();
     let end = within(renders).await.unwrap();
     if end.is_err() {
@@ -172,7 +172,7 @@ async fn calls_that_wait_for_a_view_that_is_deleted_are_told() {
 }
 
 #[tokio::test]
-async fn what_is_refused_leaves_the_views_as_they_are() {
+async fn refused_changes_keep_the_views() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     client.create_view(&round("dome", 8), Some(7)).await.unwrap();
@@ -184,13 +184,13 @@ async fn what_is_refused_leaves_the_views_as_they_are() {
     };
     let nameless: Table = round("new", 8).into_iter().filter(|(key, _)| key != "name").collect();
     let long = "x".repeat(65);
-    for (definition, expected, code, told) in [
-        (round("dome", 8), None, Code::AlreadyExists, "view `dome` is there already; the views are: flat, eyes, dome"),
+    for (definition, expected, code, reason) in [
+        (round("dome", 8), None, Code::AlreadyExists, "view `dome` exists already; the views are: flat, eyes, dome"),
         (round("flat", 8), None, Code::AlreadyExists, "view `flat`"),
         (round("new", 8), Some(7), Code::Aborted, "revision 8, not 7"),
         (nameless, None, Code::InvalidArgument, "definition.name: missing key"),
         (round("a b", 8), None, Code::InvalidArgument, "definition.name: view name `a b`: must be one or more letters"),
-        (round(&long, 8), None, Code::InvalidArgument, "definition.name: 65 letters: allowed are at most 64"),
+        (round(&long, 8), None, Code::InvalidArgument, "definition.name: 65 characters: must have at most 64"),
         (with("type = 'dome'"), None, Code::InvalidArgument, "definition.type: unknown type `dome`"),
         (with("fov_y_deg = 60.0"), None, Code::InvalidArgument, "definition.fov_y_deg: unknown key"),
         (with("fov_deg = 400.0"), None, Code::InvalidArgument, "definition.fov_deg: 400"),
@@ -205,31 +205,35 @@ async fn what_is_refused_leaves_the_views_as_they_are() {
         (with("exposure_group = 'a b'"), None, Code::InvalidArgument, "definition.exposure_group"),
         (with("size = [9000, 9000]"), None, Code::ResourceExhausted, "at most 67108864 are allowed"),
     ] {
-        assert_refused(client.create_view(&definition, expected).await, code, told);
+        assert_refused(client.create_view(&definition, expected).await, code, reason);
         assert_eq!(client.views().await.unwrap(), good);
     }
-    for (view, update, expected, code, told) in [
+    for (view, update, expected, code, reason) in [
         ("dome", keys("fov_deg = 400.0"), None, Code::InvalidArgument, "definition.fov_deg: 400"),
         ("dome", keys("size = [20000, 8]"), None, Code::InvalidArgument, "16384"),
         ("dome", keys("size = [9000, 9000]"), None, Code::ResourceExhausted, "at most 67108864"),
         ("dome", keys("fov_deg = 90.0"), Some(7), Code::Aborted, "revision 8, not 7"),
         ("roof", keys("fov_deg = 90.0"), None, Code::NotFound, "the views are: flat, eyes, dome"),
-        ("flat", keys("fov_y_deg = 90.0"), None, Code::InvalidArgument, "`flat` is none of a configuration"),
+        ("flat", keys("fov_y_deg = 90.0"), None, Code::InvalidArgument, "`flat` does not come from a configuration"),
     ] {
-        assert_refused(client.update_view(view, &update, expected).await, code, told);
+        assert_refused(client.update_view(view, &update, expected).await, code, reason);
     }
     assert_refused(client.delete_view("roof", None).await, Code::NotFound, "the views are: flat, eyes, dome");
     assert_refused(client.delete_view("dome", Some(7)).await, Code::Aborted, "revision 8, not 7");
     assert_eq!(client.views().await.unwrap(), good);
 
-    // As many as there may be, and no more.
+    // The maximum number of views is accepted, and one more is refused.
     for number in 3..32 {
         client.create_view(&round(&format!("v{number}"), 4), None).await.unwrap();
     }
-    assert_refused(client.create_view(&round("new", 4), None).await, Code::ResourceExhausted, "at most 32 are allowed");
+    assert_refused(
+        client.create_view(&round("new", 4), None).await,
+        Code::ResourceExhausted,
+        "there must be at most 32",
+    );
     client.delete_view("v3", None).await.unwrap();
     client.create_view(&round("new", 4), None).await.unwrap();
-    // A test pattern of a view that is none is refused.
+    // A test pattern of an unknown view is refused.
     let pattern = steradian::service::OverlayChange {
         test_patterns: Some(vec!["v3".to_owned()]),
         ..steradian::service::OverlayChange::default()
@@ -240,7 +244,7 @@ async fn what_is_refused_leaves_the_views_as_they_are() {
 }
 
 #[tokio::test]
-async fn streams_of_a_view_that_becomes_too_large_for_a_client_end_and_others_do_not() {
+async fn a_stream_ends_if_its_view_outgrows_the_clients_limit() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     client.create_view(&round("dome", 8), None).await.unwrap();
@@ -251,7 +255,7 @@ async fn streams_of_a_view_that_becomes_too_large_for_a_client_end_and_others_do
     next(&mut large).await;
     let grown = client.update_view("dome", &keys(&format!("size = [{LARGE}, {LARGE}]")), None).await.unwrap();
     assert_eq!(showing(&mut first, grown.revision).await.images[0].width, LARGE);
-    // 12 bytes a pixel, twice: more than 512 MiB beside the other stream.
+    // 12 bytes per pixel, twice: more than 512 MiB with the other stream.
     let grown = client.update_view("wide", &keys("size = [4800, 4800]"), None).await.unwrap();
     let end = loop {
         match within(large.next()).await {
@@ -272,7 +276,7 @@ async fn streams(client: &mut Client) -> u32 {
 }
 
 #[tokio::test]
-async fn two_hundred_views_come_and_go_while_others_are_streamed() {
+async fn two_hundred_views_are_created_and_deleted_during_streams() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let mut others = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();

@@ -21,9 +21,9 @@ fn with_method(method: StarMethod) -> SceneUpdate {
 }
 
 #[tokio::test]
-async fn a_change_shows_in_the_next_frame_of_every_view_and_makes_a_revision() {
+async fn a_change_makes_a_revision_and_affects_the_next_frame_of_every_view() {
     let catalogue = SceneCatalogue { name: "builtin:bright".to_owned(), stars: 286 };
-    let daemon = Daemon::start_with(small_rig(), |options| options.catalogues = vec![catalogue.clone()]).await;
+    let daemon = Daemon::start_with(small_rig(), |options| options.scene.catalogues = vec![catalogue.clone()]).await;
     let mut client = daemon.client().await;
     let scene = client.scene().await.unwrap();
     assert_eq!((scene.revision, scene.star_method.as_str(), scene.magnitude_limit), (7, "auto", 99.0));
@@ -46,7 +46,7 @@ async fn a_change_shows_in_the_next_frame_of_every_view_and_makes_a_revision() {
 }
 
 #[tokio::test]
-async fn a_change_for_another_revision_and_one_of_nothing_are_refused() {
+async fn changes_for_another_revision_and_empty_ones_are_refused() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let before = client.scene().await.unwrap();
@@ -57,7 +57,7 @@ async fn a_change_for_another_revision_and_one_of_nothing_are_refused() {
             SceneUpdate { magnitude_limit: Some(f64::INFINITY), ..with_method(StarMethod::Tent) },
             None,
             Code::InvalidArgument,
-            "magnitudes from -100 to 100",
+            "between -100 and 100",
         ),
     ] {
         match client.update_scene(&update, expected).await {
@@ -72,12 +72,12 @@ async fn a_change_for_another_revision_and_one_of_nothing_are_refused() {
 }
 
 #[tokio::test]
-async fn watchers_hear_of_every_change_they_wait_for_and_of_the_end() {
+async fn watchers_receive_every_change_and_the_end() {
     let daemon = Daemon::start(small_rig()).await;
     let (mut client, mut other) = (daemon.client().await, daemon.client().await);
     let mut watch = client.watch_scene().await.unwrap();
     assert_eq!(within(watch.next()).await.unwrap().expect("the scene as it is").revision, 7);
-    // A picture that nobody moves is drawn anew when the scene changes.
+    // A static image is drawn again when the scene changes.
     let mut frames = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
     assert_eq!(within(frames.next()).await.unwrap().expect("a frame").scene_revision, 7);
     for (revision, method) in [(8, StarMethod::BSpline), (9, StarMethod::Tent), (10, StarMethod::Auto)] {
@@ -91,8 +91,8 @@ async fn watchers_hear_of_every_change_they_wait_for_and_of_the_end() {
 }
 
 #[tokio::test]
-async fn streams_of_the_scene_have_a_cap() {
-    let daemon = Daemon::start_with(small_rig(), |options| options.subscribers = 1).await;
+async fn the_number_of_scene_streams_is_limited() {
+    let daemon = Daemon::start_with(small_rig(), |options| options.limits.subscribers = 1).await;
     let mut client = daemon.client().await;
     let first = client.watch_scene().await.unwrap();
     assert_eq!(client.watch_scene().await.unwrap_err().code(), Some(Code::ResourceExhausted));
@@ -103,9 +103,9 @@ async fn streams_of_the_scene_have_a_cap() {
 }
 
 #[tokio::test]
-async fn what_stands_in_a_direction_has_its_name() {
+async fn objects_in_a_direction_are_identified() {
     let daemon = Daemon::start_with(small_rig(), |options| {
-        options.scene.stars = Arc::new(StarSet::from_records(bright_stars(0.0)));
+        options.scene.snapshot.stars = Arc::new(StarSet::from_records(bright_stars(0.0)));
     })
     .await;
     let mut client = daemon.client().await;
@@ -119,11 +119,11 @@ async fn what_stands_in_a_direction_has_its_name() {
     assert!((first.v_mag.unwrap() - sirius.star.apparent_magnitude()).abs() < 1e-3);
     let distance_m = sirius.star.position.length() * steradian::units::PARSEC_M;
     assert!((first.distance_m.unwrap() / distance_m - 1.0).abs() < 1e-4);
-    // Fainter stars than the scene has are not there.
+    // Stars fainter than the scene's limit are not found.
     let none = SceneUpdate { magnitude_limit: Some(-2.0), ..SceneUpdate::default() };
     client.update_scene(&none, None).await.unwrap();
     assert_eq!(client.identify(near, 0.0, 0).await.unwrap(), []);
-    // A body before it.
+    // A body in front of it.
     client.put_body(Body::preset(SolarBody::Mars, "mars", direction * 1e9), None).await.unwrap();
     let found = client.identify(near, 0.0, 0).await.unwrap();
     assert!(found.len() == 1 && found[0].name == "mars" && found[0].kind == SeenKind::Body, "{found:?}");

@@ -1,4 +1,5 @@
-//! An observer's scene in a running daemon: its time runs, the camera hangs on the horizon, and bodies are found by name.
+//! A scene with an observer in a running daemon: its time runs, the camera is in the horizon frame, and bodies are
+//! found by name.
 
 use std::{path::Path, sync::Arc, time::Duration};
 
@@ -28,24 +29,24 @@ fn observed() -> (Config, Camera, Arc<SceneObjects>) {
 
 fn with_sky(options: &mut ServeOptions) {
     let (config, camera, objects) = observed();
-    options.clock = Some(config.clock());
-    options.scene.camera = camera;
-    options.scene.objects = objects;
-    options.observer = config.scene.observer;
+    options.scene.clock = Some(config.clock());
+    options.scene.snapshot.camera = camera;
+    options.scene.snapshot.objects = objects;
+    options.scene.observer = config.scene.observer;
 }
 
 fn time(time_s: Option<f64>, time_rate: Option<f64>) -> SceneUpdate {
     SceneUpdate { time_s, time_rate, ..SceneUpdate::default() }
 }
 
-/// Where a body is told to be.
+/// Returns the reported place of a body.
 async fn place_m(client: &mut Client, name: &str) -> DVec3 {
     let scene = client.scene().await.unwrap();
     scene.bodies.iter().find(|form| form.body.name == name).unwrap().body.position_m
 }
 
 #[tokio::test]
-async fn time_is_set_runs_either_way_and_stops_and_bodies_and_the_camera_follow() {
+async fn bodies_and_camera_follow_the_clock() {
     let daemon = Daemon::start_with(small_rig(), with_sky).await;
     let mut client = daemon.client().await;
     let (config, camera, objects) = observed();
@@ -53,7 +54,7 @@ async fn time_is_set_runs_either_way_and_stops_and_bodies_and_the_camera_follow(
     assert_eq!((client.scene().await.unwrap().time_s, client.scene().await.unwrap().time_rate), (begin_s, 0.0));
     let before = client.camera().await.unwrap();
     assert_eq!((before.frame, before.revision), (Frame::Horizon, 0));
-    // Set: an hour later.
+    // Set an hour later.
     client.update_scene(&time(Some(begin_s + 3600.0), None), None).await.unwrap();
     let later = objects.at(begin_s + 3600.0);
     let expected_m = later.bodies.iter().find(|body| body.name == "moon").unwrap().position_m;
@@ -61,8 +62,8 @@ async fn time_is_set_runs_either_way_and_stops_and_bodies_and_the_camera_follow(
     let turned = client.camera().await.unwrap();
     let expected = config.camera_at(begin_s + 3600.0).unwrap();
     assert!(turned.world_from_camera.angle_between(expected.world_from_camera) < 1e-7);
-    assert_eq!((turned.revision, turned.position_m), (0, camera.position_m), "nobody has moved it");
-    // Runs, forwards and backwards, an hour for each second, and frames come as it goes.
+    assert_eq!((turned.revision, turned.position_m), (0, camera.position_m), "the camera was not moved");
+    // The clock runs forwards and backwards, an hour per second, and frames follow.
     for rate in [3600.0, -3600.0] {
         let scene = client.update_scene(&time(None, Some(rate)), None).await.unwrap();
         let mut frames = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
@@ -76,7 +77,7 @@ async fn time_is_set_runs_either_way_and_stops_and_bodies_and_the_camera_follow(
         let now = client.scene().await.unwrap();
         assert!((now.time_s - scene.time_s) * rate > 0.0 && now.revision == scene.revision);
     }
-    // Stops.
+    // Stop the clock.
     let stopped = client.update_scene(&time(None, Some(0.0)), None).await.unwrap();
     sleep(Duration::from_millis(50)).await;
     assert_eq!(client.scene().await.unwrap().time_s, stopped.time_s);
@@ -94,12 +95,12 @@ async fn names_are_found_and_the_camera_is_pointed_at_them() {
     let camera = client.look_at("saturn", Some(Frame::Horizon)).await.unwrap();
     assert!((camera.world_from_camera * DVec3::NEG_Z).angle_between(saturn.direction) < 1e-7);
     assert_eq!((camera.frame, camera.revision), (Frame::Horizon, 1));
-    // A planet is smaller than a pixel: who points beside it means it.
+    // A planet is smaller than a pixel, so a direction close to it finds it.
     let beside = (saturn.direction + saturn.direction.any_orthonormal_vector() * 2e-3).normalize();
     let identified = client.identify(beside, 0.0, 0).await.unwrap();
     assert_eq!(identified[0].name, "saturn", "{identified:?}");
     assert!((identified[0].separation_deg - 2e-3_f64.to_degrees()).abs() < 1e-4);
-    // Mars has not risen yet: the ground stands before it.
+    // Mars has not risen yet: the ground hides it.
     let mars = client.find("Mars").await.unwrap();
     assert_eq!(client.identify(mars.direction, 0.0, 0).await.unwrap(), []);
     let star = client.find("alf cma").await.unwrap();
@@ -111,7 +112,7 @@ async fn names_are_found_and_the_camera_is_pointed_at_them() {
     assert_eq!(client.constellation(orion.direction).await.unwrap(), "Orion");
     let error = client.find("Pluto").await.unwrap_err();
     assert!(error.code() == Some(Code::NotFound) && error.to_string().contains("Pluto"), "{error}");
-    // On other axes it stays where it looks while time goes on.
+    // In another frame, it keeps its direction while time runs.
     let fixed = client.set_camera(&CameraUpdate { frame: Some(Frame::Icrs), ..CameraUpdate::default() }).await.unwrap();
     let now_s = client.scene().await.unwrap().time_s;
     client.update_scene(&time(Some(now_s + 7200.0), None), None).await.unwrap();
@@ -125,7 +126,7 @@ async fn names_are_found_and_the_camera_is_pointed_at_them() {
 }
 
 #[tokio::test]
-async fn a_clock_that_runs_goes_on_after_a_restart_and_a_snapshot_has_its_moment() {
+async fn a_running_clock_continues_after_a_restart_and_snapshots_keep_their_time() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("state.redb");
     let start = || {
@@ -154,7 +155,7 @@ async fn a_clock_that_runs_goes_on_after_a_restart_and_a_snapshot_has_its_moment
     daemon.shutdown().await.unwrap();
 }
 
-/// Where a body stands over the horizon, degrees: azimuth and altitude.
+/// Returns azimuth and altitude of a body, degrees.
 async fn stands_deg(client: &mut Client, name: &str) -> [f64; 2] {
     let direction = client.find(name).await.unwrap().direction;
     let camera = client.look_at(name, Some(Frame::Horizon)).await.unwrap();
@@ -170,7 +171,7 @@ async fn stands_deg(client: &mut Client, name: &str) -> [f64; 2] {
 }
 
 #[tokio::test]
-async fn an_observer_moves_to_another_place_with_air_and_ground_and_the_camera_keeps_its_azimuth() {
+async fn moving_the_observer_keeps_the_cameras_azimuth() {
     let folder = tempfile::tempdir().unwrap();
     let state = folder.path().join("state.redb");
     let started = |options: &mut ServeOptions| {
@@ -182,7 +183,7 @@ async fn an_observer_moves_to_another_place_with_air_and_ground_and_the_camera_k
     let (_, camera, objects) = observed();
     let at_home = stands_deg(&mut client, "sun").await;
     assert!(at_home[1] < -40.0, "night over Munich: {at_home:?}");
-    // Back to where it looked at first: south, along the horizon.
+    // Back to the initial direction: south, along the horizon.
     let south = CameraUpdate {
         orientation: Some(camera.world_from_camera.to_array()),
         frame: Some(Frame::Horizon),
@@ -194,7 +195,7 @@ async fn an_observer_moves_to_another_place_with_air_and_ground_and_the_camera_k
     let to = |observer: ObserverChange| SceneUpdate { observer, ..SceneUpdate::default() };
     let scene = client.update_scene(&to(there), None).await.unwrap();
     assert_eq!((scene.observer.latitude_deg, scene.observer.height_m), (Some(-33.87), Some(0.0)));
-    // What a configuration of that place has.
+    // The same as a configuration of that place.
     let text = CONFIG.replace("= 48", "= -33.87").replace("= 11", "= 151.21");
     let config = Config::from_text(&text, "sydney.toml", Path::new("."), &[]).unwrap();
     let (expected, of_place) = (config.camera().unwrap(), config.objects().unwrap());
@@ -206,18 +207,18 @@ async fn an_observer_moves_to_another_place_with_air_and_ground_and_the_camera_k
         let found = place_m(&mut client, name).await - camera.position_m;
         assert!(found.angle_between(expected) < 1e-8 && (found - expected).length() < 1.0, "{name}");
     }
-    // The Moon has moved against the stars: its parallax.
+    // The Moon has moved against the stars by its parallax.
     let parallax_deg = client.find("moon").await.unwrap().direction.angle_between(moon_before).to_degrees();
     assert!((0.3..2.0).contains(&parallax_deg), "{parallax_deg}");
     assert!(stands_deg(&mut client, "sun").await[1] > 0.0, "morning over Sydney");
-    // Air and ground.
+    // Atmosphere and ground.
     let ground =
         GroundForm { enabled: true, albedo: 0.5, horizon_deg: vec![[0.0, 30.0], [180.0, 30.0]], landscape: false };
     let air = AirConfig { night_sky_mag: 18.0, ..AirConfig::default() };
     let around = ObserverChange { air: Some(air.clone()), ground: Some(ground.clone()), ..ObserverChange::default() };
     let scene = client.update_scene(&to(around), None).await.unwrap();
     assert_eq!((scene.observer.air, scene.observer.ground), (Some(air), Some(ground)));
-    // Mistakes change nothing.
+    // Invalid changes have no effect.
     for (change, part) in [
         (ObserverChange { latitude_deg: Some(100.0), ..ObserverChange::default() }, "observer.latitude_deg"),
         (ObserverChange { height_m: Some(f64::NAN), ..ObserverChange::default() }, "observer.height_m"),
@@ -236,7 +237,7 @@ async fn an_observer_moves_to_another_place_with_air_and_ground_and_the_camera_k
     let camera = client.camera().await.unwrap();
     drop(client);
     daemon.shutdown().await.unwrap();
-    // It is there again after a restart, and the camera on its horizon.
+    // The place survives a restart, and the camera is in its horizon frame.
     let daemon = Daemon::start_with(small_rig(), started).await;
     let mut client = daemon.client().await;
     let again = client.scene().await.unwrap();
@@ -249,7 +250,7 @@ async fn an_observer_moves_to_another_place_with_air_and_ground_and_the_camera_k
 }
 
 #[tokio::test]
-async fn a_scene_without_an_observer_is_given_none_by_clients() {
+async fn clients_cannot_add_an_observer() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let observer = ObserverChange { latitude_deg: Some(1.0), ..ObserverChange::default() };
@@ -260,7 +261,7 @@ async fn a_scene_without_an_observer_is_given_none_by_clients() {
 }
 
 #[tokio::test]
-async fn times_that_kernels_do_not_cover_are_refused_and_one_that_was_run_into_outlives_the_daemon() {
+async fn times_outside_the_kernels_are_refused_but_a_running_clock_may_leave_them() {
     const HALF_S: f64 = 3600.0;
     let folder = tempfile::tempdir().unwrap();
     let text = "[scene]\ntime = 2026-11-24T00:00:00Z\nkernels = ['a.bsp']\n[[bodies]]\nname = 'probe'\n\
@@ -274,8 +275,8 @@ async fn times_that_kernels_do_not_cover_are_refused_and_one_that_was_run_into_o
     let objects = Arc::new(config.objects().unwrap());
     let begin_s = objects.time_s;
     let started = |options: &mut ServeOptions| {
-        options.clock = Some(config.clock());
-        options.scene.objects = Arc::clone(&objects);
+        options.scene.clock = Some(config.clock());
+        options.scene.snapshot.objects = Arc::clone(&objects);
         options.state = Some(folder.path().join("state.redb"));
     };
     let daemon = Daemon::start_with(small_rig(), started).await;
@@ -287,7 +288,7 @@ async fn times_that_kernels_do_not_cover_are_refused_and_one_that_was_run_into_o
         assert!(error.code() == Some(Code::InvalidArgument) && message.contains("bodies.probe"), "{message}");
         assert!(message.contains("2026-11-23T23:01:09.184Z to 2026-11-24T01:01:09.184Z"), "{message}");
     }
-    // It runs out of the kernel by itself: an hour for each millisecond.
+    // The clock leaves the kernel's range: an hour per millisecond.
     client.update_scene(&time(None, Some(3.6e6)), None).await.unwrap();
     sleep(Duration::from_millis(50)).await;
     let stopped = client.update_scene(&time(None, Some(0.0)), None).await.unwrap();

@@ -1,4 +1,4 @@
-//! What was acknowledged is there again.
+//! Acknowledged changes survive a restart.
 
 use std::{path::Path, sync::Arc};
 
@@ -23,7 +23,7 @@ async fn start(path: &Path) -> Daemon {
     Daemon::start_with(small_rig(), |options| options.state = Some(path.to_owned())).await
 }
 
-/// Changes something of everything that clients can change.
+/// Changes a value of everything that clients can change.
 async fn change_all(client: &mut Client) {
     let mars = BodyForm::from(Body::preset(SolarBody::Mars, "mars", DVec3::X * 2e11));
     let update = SceneUpdate {
@@ -57,19 +57,19 @@ async fn change_all(client: &mut Client) {
     client.set_camera(&pose).await.unwrap();
 }
 
-async fn seen(client: &mut Client) -> (SceneForm, Vec<ViewForm>) {
+async fn scene_and_views(client: &mut Client) -> (SceneForm, Vec<ViewForm>) {
     (client.scene().await.unwrap(), client.views().await.unwrap())
 }
 
 #[tokio::test]
-async fn a_daemon_goes_on_with_what_was_acknowledged() {
+async fn acknowledged_changes_survive_a_restart() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("state.redb");
     let daemon = start(&path).await;
     let mut client = daemon.client().await;
-    let begun = seen(&mut client).await;
+    let begun = scene_and_views(&mut client).await;
     change_all(&mut client).await;
-    let (scene, views) = seen(&mut client).await;
+    let (scene, views) = scene_and_views(&mut client).await;
     assert!(scene.revision > begun.0.revision && views != begun.1);
     let camera = client.camera().await.unwrap();
     drop(client);
@@ -78,12 +78,12 @@ async fn a_daemon_goes_on_with_what_was_acknowledged() {
     for _ in 0..2 {
         let daemon = start(&path).await;
         let mut client = daemon.client().await;
-        assert_eq!(seen(&mut client).await, (scene.clone(), views.clone()));
+        assert_eq!(scene_and_views(&mut client).await, (scene.clone(), views.clone()));
         assert_eq!(client.camera().await.unwrap(), camera);
         drop(client);
         daemon.shutdown().await.unwrap();
     }
-    // What is changed then goes on from there.
+    // Later changes continue from there.
     let daemon = start(&path).await;
     let mut client = daemon.client().await;
     let after = client.remove_body("mars", Some(scene.revision)).await.unwrap();
@@ -93,15 +93,15 @@ async fn a_daemon_goes_on_with_what_was_acknowledged() {
 }
 
 #[tokio::test]
-async fn snapshots_bring_everything_back() {
+async fn snapshots_restore_everything() {
     let folder = tempfile::tempdir().unwrap();
     let daemon = start(&folder.path().join("state.redb")).await;
     let mut client = daemon.client().await;
     client.save_snapshot("before").await.unwrap();
-    let (before, views_before) = seen(&mut client).await;
+    let (before, views_before) = scene_and_views(&mut client).await;
     change_all(&mut client).await;
     client.save_snapshot("after").await.unwrap();
-    let (after, views_after) = seen(&mut client).await;
+    let (after, views_after) = scene_and_views(&mut client).await;
     assert_eq!(client.snapshots().await.unwrap(), ["after", "before"]);
 
     let loaded = client.load_snapshot("before", Some(after.revision)).await.unwrap();
@@ -109,11 +109,11 @@ async fn snapshots_bring_everything_back() {
     let same = |views: Vec<ViewForm>, revision: u64| -> Vec<ViewForm> {
         views.into_iter().map(|view| ViewForm { revision, ..view }).collect()
     };
-    assert_eq!(same(seen(&mut client).await.1, 0), same(views_before, 0));
+    assert_eq!(same(scene_and_views(&mut client).await.1, 0), same(views_before, 0));
     assert_eq!(client.camera().await.unwrap().position_m, DVec3::ZERO);
     let loaded = client.load_snapshot("after", None).await.unwrap();
     assert_eq!(SceneForm { revision: after.revision, ..loaded }, after);
-    assert_eq!(same(seen(&mut client).await.1, 0), same(views_after, 0));
+    assert_eq!(same(scene_and_views(&mut client).await.1, 0), same(views_after, 0));
     assert_eq!(client.camera().await.unwrap().position_m.z, 3.5);
 
     for (answer, code, part) in [
@@ -126,7 +126,7 @@ async fn snapshots_bring_everything_back() {
         assert!(error.code() == Some(code) && error.to_string().contains(part), "{error}");
     }
 
-    // While somebody else steers, a snapshot that has a camera changes nothing.
+    // While another client holds the lease, a snapshot with a camera changes nothing.
     let mut other = daemon.client().await;
     let mut steering = other.steer(Lease::Take, "desk").await.unwrap();
     assert!(steering.send(&CameraUpdate { position_m: Some([5.0; 3]), ..CameraUpdate::default() }).await);
@@ -142,7 +142,7 @@ async fn snapshots_bring_everything_back() {
 }
 
 #[tokio::test]
-async fn a_daemon_without_a_file_says_so_and_one_with_another_s_file_does_not_start() {
+async fn a_missing_or_locked_state_file_is_an_error() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let error = client.save_snapshot("a").await.unwrap_err();
@@ -152,7 +152,7 @@ async fn a_daemon_without_a_file_says_so_and_one_with_another_s_file_does_not_st
 }
 
 #[tokio::test]
-async fn views_that_clients_made_and_the_configuration_s_go_together_after_it_has_changed() {
+async fn views_of_clients_and_of_a_changed_configuration_are_merged() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("state.redb");
     let names = |views: Vec<ViewForm>| views.into_iter().map(|view| view.name).collect::<Vec<_>>();
@@ -167,7 +167,7 @@ async fn views_that_clients_made_and_the_configuration_s_go_together_after_it_ha
     client.create_view(&round("dome", 16), None).await.unwrap();
     drop(client);
     daemon.shutdown().await.unwrap();
-    // A view that is new in the configuration is there, before those of clients.
+    // A new view of the configuration comes before those of clients.
     let daemon = with_eyes(true).await;
     let mut client = daemon.client().await;
     assert_eq!(names(client.views().await.unwrap()), ["flat", "eyes", "dome"]);
@@ -176,14 +176,14 @@ async fn views_that_clients_made_and_the_configuration_s_go_together_after_it_ha
     client.delete_view("eyes", None).await.unwrap();
     drop(client);
     daemon.shutdown().await.unwrap();
-    // What clients have made wins over the configuration, and what they have deleted stays away.
+    // Changes by clients take precedence over the configuration, and deleted views stay deleted.
     let daemon = with_eyes(true).await;
     let mut client = daemon.client().await;
     assert_eq!(names(client.views().await.unwrap()), ["flat", "dome"]);
     assert_eq!(client.view("flat").await.unwrap().images[0].width, 4);
     drop(client);
     daemon.shutdown().await.unwrap();
-    // The name of a headset is not to be had.
+    // A view cannot have the name of the headset.
     let engine = Box::new(TestEngine::new(Arc::default()));
     let scene =
         SceneSnapshot { revision: 7, stars: Arc::default(), objects: Arc::default(), camera: Camera::default() };

@@ -16,7 +16,7 @@ async fn next(stream: &mut FrameReceiver) -> ReceivedFrame {
     within(stream.next()).await.unwrap().expect("the stream goes on")
 }
 
-/// Reads until a frame shows the camera's revision; gives all frames read.
+/// Reads until a frame shows the camera's revision; returns all frames read.
 async fn read_to(stream: &mut FrameReceiver, camera_revision: u64) -> Vec<ReceivedFrame> {
     let mut frames = vec![next(stream).await];
     while frames.last().unwrap().camera_revision < camera_revision {
@@ -30,7 +30,7 @@ fn at_x(x: f64) -> CameraUpdate {
 }
 
 #[tokio::test]
-async fn every_pose_that_is_waited_for_reaches_the_subscriber() {
+async fn the_subscriber_receives_every_pose_it_waits_for() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let mut stream = client.stream_frames("eyes", Encoding::Rgba8, 0.0).await.unwrap();
@@ -48,11 +48,11 @@ async fn every_pose_that_is_waited_for_reaches_the_subscriber() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_slow_reader_gets_the_newest_frame_and_the_count_of_those_it_missed() {
+async fn a_slow_reader_gets_the_newest_frame_and_the_number_of_missed_ones() {
     let daemon = Daemon::start(large_rig()).await;
     let mut client = daemon.client().await;
     let mut stream = client.stream_frames("large", Encoding::Rgba8, 0.0).await.unwrap();
-    // It reads nothing, and yet the renderer draws every pose.
+    // The stream is not read, and yet the renderer draws every pose.
     for step in 1..=20_u32 {
         let drawn = daemon.controls.finished.load(SeqCst);
         client.set_camera(&at_x(f64::from(step))).await.unwrap();
@@ -64,13 +64,13 @@ async fn a_slow_reader_gets_the_newest_frame_and_the_count_of_those_it_missed() 
     assert_eq!(last.camera_revision, 20);
     assert!(last.dropped > 0);
     assert!(frames.is_sorted_by(|a, b| a.number < b.number && a.dropped <= b.dropped));
-    // Every frame up to the last one was either read or counted.
+    // Every frame up to the last was either read or counted.
     assert_eq!(frames.len() as u64 + last.dropped, last.number + 1);
     daemon.shutdown().await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_slow_subscriber_does_not_slow_a_fast_one_and_keeps_to_its_rate() {
+async fn a_slow_subscriber_keeps_its_rate_and_does_not_slow_a_fast_one() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let begin = Instant::now();
@@ -93,9 +93,9 @@ async fn a_slow_subscriber_does_not_slow_a_fast_one_and_keeps_to_its_rate() {
         assert_eq!(read_to(&mut fast, camera.revision).await.pop().unwrap().camera_revision, camera.revision);
     }
     let (frames, dropped) = within(slow).await.unwrap();
-    // The clock starts before the first frame, so two frames a second bound the count however slow the machine is.
+    // The clock starts before the first frame, so two frames per second limit the count on any machine.
     assert!(frames <= 1 + (begin.elapsed().as_secs_f64() * 2.0) as u32, "{frames} frames");
-    assert_eq!(dropped, 0, "frames that its rate leaves out are not made for it");
+    assert_eq!(dropped, 0, "frames beyond its rate do not count as dropped");
     daemon.shutdown().await.unwrap();
 }
 
@@ -107,13 +107,13 @@ async fn a_quiet_scene_has_a_heartbeat() {
     let first = next(&mut stream).await;
     let second = next(&mut stream).await;
     assert_eq!((first.camera_revision, second.camera_revision), (0, 0));
-    assert_eq!(daemon.controls.started.load(SeqCst), 2, "and nothing in between");
+    assert_eq!(daemon.controls.started.load(SeqCst), 2, "no frame in between");
     daemon.shutdown().await.unwrap();
 }
 
 #[tokio::test]
-async fn frames_go_on_until_the_exposure_has_adapted() {
-    let daemon = Daemon::start_with(small_rig(), |options| options.settings.exposure.adaptation_s = 0.05).await;
+async fn frames_continue_until_the_exposure_has_adapted() {
+    let daemon = Daemon::start_with(small_rig(), |options| options.views.settings.exposure.adaptation_s = 0.05).await;
     let mut client = daemon.client().await;
     let mut stream = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
     assert_eq!(next(&mut stream).await.exposure_ev100, 0.0, "the first frame is fully adapted");
@@ -131,13 +131,13 @@ async fn frames_go_on_until_the_exposure_has_adapted() {
 }
 
 #[tokio::test]
-async fn a_dropped_stream_stops_its_rendering() {
+async fn dropping_a_stream_stops_its_rendering() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let mut stream = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
     next(&mut stream).await;
     drop(stream);
-    // The daemon learns of it when the reset arrives: from some pose on nothing is drawn any more.
+    // The daemon learns of it when the reset arrives: from then on, nothing is drawn.
     within(async {
         loop {
             let drawn = daemon.controls.started.load(SeqCst);
@@ -153,8 +153,8 @@ async fn a_dropped_stream_stops_its_rendering() {
 }
 
 #[tokio::test]
-async fn streams_beyond_the_cap_are_refused_until_one_ends() {
-    let daemon = Daemon::start_with(small_rig(), |options| options.subscribers = 2).await;
+async fn streams_beyond_the_limit_are_refused_until_one_ends() {
+    let daemon = Daemon::start_with(small_rig(), |options| options.limits.subscribers = 2).await;
     let mut client = daemon.client().await;
     let mut first = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
     let second = client.stream_frames("eyes", Encoding::Rgba8, 0.0).await.unwrap();

@@ -1,4 +1,4 @@
-//! Failure tests over the wire.
+//! Failure tests through the daemon.
 
 use std::sync::atomic::Ordering::SeqCst;
 
@@ -13,7 +13,7 @@ use tonic::Code;
 use crate::daemon::{Daemon, small_rig, until, within};
 
 #[tokio::test]
-async fn every_result_comes_with_its_figures() {
+async fn results_include_their_values() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let mut results = client.verify("", "").await.unwrap();
@@ -43,13 +43,13 @@ async fn every_result_comes_with_its_figures() {
 }
 
 #[tokio::test]
-async fn the_method_is_the_one_named_or_the_one_in_use() {
+async fn the_named_or_current_method_is_tested() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let tent = SceneUpdate { star_method: Some(StarMethod::Tent), ..SceneUpdate::default() };
     client.update_scene(&tent, None).await.unwrap();
     for (method, expected) in [("", StarMethod::Tent), ("packed_cas", StarMethod::PackedCas)] {
-        // The call before gives its place free a little later.
+        // The previous call releases its place a little later.
         let mut results = within(async {
             loop {
                 match client.verify("slow-pan", method).await {
@@ -73,7 +73,7 @@ async fn the_method_is_the_one_named_or_the_one_in_use() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn frames_go_on_beside_a_check_and_one_run_goes_at_a_time() {
+async fn frames_continue_during_a_check_and_runs_are_exclusive() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     daemon.controls.close_checks();
@@ -81,7 +81,7 @@ async fn frames_go_on_beside_a_check_and_one_run_goes_at_a_time() {
     until(|| daemon.controls.checks_started.load(SeqCst) == 1).await;
     let second = client.verify("", "").await.unwrap_err();
     assert_eq!(second.code(), Some(Code::ResourceExhausted), "{second}");
-    // The first check still runs.
+    // The first check is still running.
     let mut other = daemon.client().await;
     within(other.render_frame("flat", Encoding::Rgba8)).await.unwrap();
     assert!(daemon.controls.checked.lock().unwrap().is_empty());
@@ -95,7 +95,7 @@ async fn frames_go_on_beside_a_check_and_one_run_goes_at_a_time() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_caller_that_goes_away_ends_the_run_and_so_does_the_daemon_s_end() {
+async fn the_end_of_the_caller_or_the_daemon_ends_the_run() {
     let mut daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     daemon.controls.close_checks();
@@ -128,7 +128,7 @@ async fn a_caller_that_goes_away_ends_the_run_and_so_does_the_daemon_s_end() {
         }
     })
     .await;
-    // All results may have been on their way already.
+    // All results may have been in transit already.
     if let Err(error) = end {
         assert_eq!(error.code(), Some(Code::Unavailable), "{error}");
     }

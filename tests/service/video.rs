@@ -1,4 +1,4 @@
-//! Frames as H.264: every reader can decode what it gets, whenever it begins and however slow it is.
+//! H.264 frames: every reader can decode its frames, whenever it starts and however slow it is.
 
 use std::{sync::atomic::Ordering::SeqCst, time::Duration};
 
@@ -15,7 +15,7 @@ fn at_x(x: f64) -> CameraUpdate {
     CameraUpdate { position_m: Some([x, 0.0, 0.0]), ..CameraUpdate::default() }
 }
 
-/// Decodes the pictures of one view as they come, and checks that they are those of the frames.
+/// Decodes the pictures of one view, and checks that they match their frames.
 #[derive(Default)]
 struct Viewer {
     decoders: Vec<Decoder>,
@@ -32,12 +32,12 @@ impl Viewer {
             assert_eq!(image.encoding, Encoding::H264);
             assert!(
                 image.key_frame || frame.video == self.video,
-                "a picture of another sequence that is no key picture"
+                "the first picture of a sequence must be a key picture"
             );
             let picture = decoder.decode(&image.data).unwrap().expect("a picture for each access unit");
             let size = [image.width, image.height].map(|side| side.next_multiple_of(2) as usize);
             assert_eq!([picture.width, picture.height], size);
-            // The test engine's red is the camera's revision.
+            // The test engine's red value is the revision of the camera.
             let mean = |plane: &[u8]| plane.iter().map(|code| f64::from(*code)).sum::<f64>() / plane.len() as f64;
             let red = mean(&picture.y) + 1.5748 * (mean(&picture.v) - 128.0);
             let expected = f64::from(frame.camera_revision as u8);
@@ -49,18 +49,18 @@ impl Viewer {
     }
 }
 
-/// Poses of the camera: the last one has this revision.
+/// Number of camera poses, and the revision of the last.
 const MOVES: u64 = 200;
 
 #[tokio::test]
-async fn streams_can_be_decoded_from_their_first_frame_on_by_quick_slow_and_late_readers() {
+async fn quick_slow_and_late_readers_can_decode_streams_from_their_first_frame() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let mut readers = JoinSet::new();
     for (reader, wait_ms) in [0, 0, 0, 40, 90].into_iter().enumerate() {
         let mut client = daemon.client().await;
         readers.spawn(async move {
-            // Half of them begin while frames come.
+            // Half of them start later.
             sleep(Duration::from_millis(60 * (reader as u64 % 2))).await;
             let mut frames = client.stream_frames("eyes", Encoding::H264, 0.0).await.unwrap();
             let mut viewer = Viewer::default();
@@ -89,7 +89,7 @@ async fn streams_can_be_decoded_from_their_first_frame_on_by_quick_slow_and_late
 }
 
 #[tokio::test]
-async fn who_pulls_frames_gets_the_picture_after_the_one_it_names_else_a_key_picture() {
+async fn requested_frames_continue_the_named_picture_or_are_key_pictures() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let mut viewer = Viewer::default();
@@ -105,7 +105,7 @@ async fn who_pulls_frames_gets_the_picture_after_the_one_it_names_else_a_key_pic
         viewer.show(&last);
     }
     assert_eq!((viewer.pictures, viewer.keys), (41, 1));
-    // By its number alone the sequence is not known, and a second reader is not in the way of the first one.
+    // A frame number alone does not identify the sequence, and a second reader does not disturb the first.
     let mut other = daemon.client().await;
     let alone = within(other.next_frame("flat", Encoding::H264, last.number, 0)).await.unwrap();
     assert!(alone.images[0].key_frame);
@@ -113,7 +113,7 @@ async fn who_pulls_frames_gets_the_picture_after_the_one_it_names_else_a_key_pic
     client.set_camera(&at_x(1.0)).await.unwrap();
     viewer.show(&within(client.next_frame("flat", Encoding::H264, &last, 0)).await.unwrap());
     assert_eq!(viewer.keys, 1);
-    // One frame by itself is always one.
+    // A single frame is always a key picture.
     for _ in 0..2 {
         let frame = client.render_frame("flat", Encoding::H264).await.unwrap();
         assert!(frame.images[0].key_frame && frame.video == 0);
@@ -123,7 +123,7 @@ async fn who_pulls_frames_gets_the_picture_after_the_one_it_names_else_a_key_pic
 }
 
 #[tokio::test]
-async fn a_picture_is_coded_once_for_all_who_stream_it() {
+async fn a_picture_is_encoded_once_for_all_streams() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let mut streams = Vec::new();
@@ -144,19 +144,19 @@ async fn a_picture_is_coded_once_for_all_who_stream_it() {
     };
     next(None).await;
     let mut figures = client.clone();
-    let mut told = async || {
+    let mut encoded_count = async || {
         let mut stream = figures.watch_stats(None).await.unwrap();
         within(stream.next()).await.unwrap().expect("figures").encoded
     };
-    let before = (told().await, daemon.controls.started.load(SeqCst));
+    let before = (encoded_count().await, daemon.controls.started.load(SeqCst));
     for step in 0..30 {
         let camera = client.set_camera(&at_x(f64::from(step))).await.unwrap();
         next(Some(camera.revision)).await;
     }
-    let after = (told().await, daemon.controls.started.load(SeqCst));
+    let after = (encoded_count().await, daemon.controls.started.load(SeqCst));
     let (encodings, frames) = (after.0 - before.0, after.1 - before.1);
     println!("{encodings} encodings for {frames} frames and 6 readers");
-    // Those who began apart come together by a few key pictures.
+    // Readers that started separately join through a few key pictures.
     assert!(encodings >= 30 && encodings < 2 * frames, "{encodings} {frames}");
     daemon.shutdown().await.unwrap();
 }

@@ -1,4 +1,4 @@
-//! Views with exposure, glare and tone mapping of their own: told, changed, refused.
+//! The views' own exposure, glare and tone mapping: read, changed, refused.
 
 use steradian::{
     config::ViewTables,
@@ -23,13 +23,13 @@ fn exposed(text: &str) -> ViewUpdate {
 }
 
 #[tokio::test]
-async fn a_change_shows_in_the_next_frame_of_its_view_alone() {
+async fn a_change_affects_only_the_next_frame_of_its_view() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let before = client.view("flat").await.unwrap();
     assert_eq!((before.revision, before.exposure_group.as_str(), before.own_keys.len()), (7, "", 0));
     assert_eq!(before.exposure["limiting_magnitude"].as_float(), Some(6.5));
-    assert!(!before.exposure.contains_key("ev100"), "it has no effect: {:?}", before.exposure);
+    assert!(!before.exposure.contains_key("ev100"), "ev100 has no effect: {:?}", before.exposure);
     for view in ["flat", "eyes"] {
         client.render_frame(view, Encoding::Rgba8).await.unwrap();
     }
@@ -56,7 +56,7 @@ async fn a_change_shows_in_the_next_frame_of_its_view_alone() {
     let expected = [("flat".to_owned(), ExposureMode::Auto, 0.1), ("eyes".to_owned(), ExposureMode::Manual, 0.25)];
     assert_eq!(drawn, expected);
 
-    // Everything as it was: all views are one frame again.
+    // Restored: all views share one frame again.
     let reset = ViewUpdate {
         exposure: TableChange::All(toml::Table::new()),
         glare: TableChange::All(toml::Table::new()),
@@ -69,7 +69,7 @@ async fn a_change_shows_in_the_next_frame_of_its_view_alone() {
 }
 
 #[tokio::test]
-async fn what_is_refused_leaves_the_last_good_state() {
+async fn refused_changes_keep_the_last_valid_state() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     let cell_sky = SceneUpdate { star_method: Some(StarMethod::CellSky), ..SceneUpdate::default() };
@@ -78,7 +78,7 @@ async fn what_is_refused_leaves_the_last_good_state() {
     assert_eq!(good.revision, 9);
     let toned = |text: &str| ViewUpdate { tone_map: keys(text), ..ViewUpdate::default() };
     let glaring = |text: &str| ViewUpdate { glare: keys(text), ..ViewUpdate::default() };
-    for (view, update, expected, code, told) in [
+    for (view, update, expected, code, reason) in [
         ("flat", exposed("limiting_magnitude = 5.0"), Some(8), Code::Aborted, "revision 9, not 8"),
         ("roof", exposed("limiting_magnitude = 5.0"), None, Code::NotFound, "the views are: flat, eyes"),
         ("flat", ViewUpdate::default(), None, Code::InvalidArgument, "names no field"),
@@ -89,13 +89,13 @@ async fn what_is_refused_leaves_the_last_good_state() {
         ("flat", toned("operator = 'hable'"), None, Code::InvalidArgument, "tone_map.operator"),
         ("flat", toned("black_cd_m2 = 60.0"), None, Code::InvalidArgument, "half of peak_cd_m2"),
         ("flat", glaring("kernel = 'psf'"), None, Code::InvalidArgument, "psf_file"),
-        ("flat", glaring("psf_file = '/etc/passwd'"), None, Code::InvalidArgument, "files are those"),
-        // The plan of a frame finds what no key says: of this sky no star is drawn that could glare.
+        ("flat", glaring("psf_file = '/etc/passwd'"), None, Code::InvalidArgument, "files come only"),
+        // The plan of a frame finds an error that no key reveals: no drawn star of this sky can glare.
         ("flat", glaring("method = 'sky_cube'"), None, Code::InvalidArgument, "cell_sky"),
     ] {
         match client.update_view(view, &update, expected).await {
             Err(ClientError::Status { code: found, message }) => {
-                assert!(found == code && message.contains(told), "{update:?}: {found:?} {message}");
+                assert!(found == code && message.contains(reason), "{update:?}: {found:?} {message}");
             }
             other => panic!("{update:?} gave {other:?}"),
         }
@@ -109,13 +109,13 @@ async fn what_is_refused_leaves_the_last_good_state() {
 }
 
 #[tokio::test]
-async fn streams_get_a_change_and_groups_adapt_by_themselves() {
-    let daemon = Daemon::start_with(small_rig(), |options| options.settings.exposure.adaptation_s = 3600.0).await;
+async fn streams_receive_changes_and_groups_adapt_separately() {
+    let daemon = Daemon::start_with(small_rig(), |options| options.views.settings.exposure.adaptation_s = 3600.0).await;
     let mut client = daemon.client().await;
     let mut frames = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
     assert_eq!(within(frames.next()).await.unwrap().expect("a frame").scene_revision, 7);
     *daemon.controls.metered_ev100.lock().unwrap() = 5.0;
-    // With an exposure of its own the view adapts anew: at once. The other one goes on from where it was.
+    // With its own exposure, the view adapts from the start, at once. The other view continues.
     client.update_view("flat", &exposed("compensation_ev = 1.0"), None).await.unwrap();
     let changed = loop {
         let frame = within(frames.next()).await.unwrap().expect("a frame");
@@ -126,7 +126,7 @@ async fn streams_get_a_change_and_groups_adapt_by_themselves() {
     assert_eq!(changed.exposure_ev100, 5.0);
     let other = client.render_frame("eyes", Encoding::Rgba8).await.unwrap().exposure_ev100;
     assert!(other < 1.0, "{other}");
-    // Together in a group they have one exposure.
+    // Views of a group share one exposure.
     let join = ViewUpdate { exposure_group: Some("both".to_owned()), ..ViewUpdate::default() };
     for view in ["flat", "eyes"] {
         client.update_view(view, &join, None).await.unwrap();
@@ -139,14 +139,14 @@ async fn streams_get_a_change_and_groups_adapt_by_themselves() {
 }
 
 #[tokio::test]
-async fn a_daemon_starts_with_what_its_views_have_of_their_own() {
+async fn a_daemon_starts_with_the_views_own_settings() {
     let own = ViewTables {
         exposure_group: Some("calibrated".to_owned()),
         tone_map: Some(table("operator = 'calibrated'\npeak_cd_m2 = 400.0")),
         ..ViewTables::default()
     };
     let daemon =
-        Daemon::start_with(small_rig(), |options| options.view_tables = vec![ViewTables::default(), own]).await;
+        Daemon::start_with(small_rig(), |options| options.views.tables = vec![ViewTables::default(), own]).await;
     let mut client = daemon.client().await;
     let view = client.view("eyes").await.unwrap();
     assert_eq!(view.exposure_group, "calibrated");

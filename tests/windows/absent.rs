@@ -53,7 +53,7 @@ fn serve_without() -> Result<(), String> {
     let scene = Scene::new(&format!("{SCENE}[[windows]]\nview = 'ahead'\n"));
     let mut serve = scene.serve(None);
     let address = format!("http://{}", serve.address());
-    serve.wait_for_log("no windows are opened: neither WAYLAND_DISPLAY nor DISPLAY is set");
+    serve.wait_for_log("cannot open windows: neither WAYLAND_DISPLAY nor DISPLAY is set");
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     runtime.block_on(async {
         let mut client = Client::connect(&address).await.unwrap();

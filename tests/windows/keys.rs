@@ -104,7 +104,7 @@ fn of_serve() -> Result<(), String> {
     desktop.until_seen([0, 0], &picture, "after test pattern");
     desktop.press('q');
     desktop.press_escape();
-    serve.wait_for_log("does not end the daemon");
+    serve.wait_for_log("do not end the daemon");
     assert!(serve.is_running());
     assert!(frame() == before);
     assert!(serve.terminate().success(), "{}", serve.log());

@@ -1,10 +1,10 @@
-// How old pictures are when they are seen. Two figures: from the end of rendering to the screen, and from the arrival of a pose at the daemon to the
-// screen, which is known for the first picture of each pose.
+// The age of displayed pictures. Two values: from the end of rendering to the screen, and from the arrival of a pose at
+// the daemon to the screen, which is known for the first picture of each pose.
 
 import type { Frame } from "../gen/steradian/v1/view_pb.ts";
 import { type Clock, milliseconds, now } from "./clock.ts";
 
-/** Poses that median and 99th percentile are of. */
+/** Number of poses that median and 99th percentile are computed from. */
 const MOST = 200;
 
 export interface Quantiles {
@@ -12,7 +12,7 @@ export interface Quantiles {
   p99: number;
 }
 
-/** The way of a pose to the screen, ms: to the end of rendering, to the browser (coding, connection), through the decoder onto the screen; all of it. */
+/** Latency of a pose, ms: to the end of rendering, to the browser (encoding, connection), to the screen (decoding); and the sum. */
 interface Way {
   rendered: number;
   sent: number;
@@ -41,20 +41,20 @@ export class Ages {
     this.last = undefined;
   }
 
-  /** Views that are not shown any more have no age. */
+  /** Hidden views have no age. */
   forget(view: string): void {
     this.#rendered.delete(view);
     this.#revision.delete(view);
   }
 
-  /** A frame has arrived. */
+  /** Records the arrival of a frame. */
   arrived(frame: Frame, at: number): void {
     this.#arrived.set(frame, at);
     if (frame.renderTime) this.#clock.arrived(milliseconds(frame.renderTime), at);
     if (frame.poseTime) this.#clock.poseShown(frame.cameraRevision, milliseconds(frame.poseTime));
   }
 
-  /** It has been drawn. */
+  /** Records that it was drawn. */
   shown(frame: Frame): void {
     const offset = this.#clock.offset()?.offset;
     const at = now();
@@ -73,19 +73,19 @@ export class Ages {
     if (this.#ways.length > MOST) this.#ways.shift();
   }
 
-  /** Age of the oldest picture on the screen, ms; undefined while there is none or the clocks are not known. */
+  /** Age of the oldest picture on the screen, ms; undefined without a picture or while the clock offset is unknown. */
   picture(): number | undefined {
     const offset = this.#clock.offset()?.offset;
     if (offset === undefined || this.#rendered.size === 0) return undefined;
     return now() + offset - Math.min(...this.#rendered.values());
   }
 
-  /** From the last pose to the screen, ms. */
+  /** Latency of the last pose, ms. */
   pose(): number | undefined {
     return this.#ways.at(-1)?.whole;
   }
 
-  /** The same of the last poses. */
+  /** Latencies of the last poses. */
   ways(): Ways | undefined {
     const count = this.#ways.length;
     if (count === 0) return undefined;
@@ -97,7 +97,7 @@ export class Ages {
     return { rendered: of("rendered"), sent: of("sent"), drawn: of("drawn"), whole: of("whole"), count };
   }
 
-  /** Poses of another encoding are not to be compared. */
+  /** Forgets the poses, because those of another encoding are not comparable. */
   forgetWays(): void {
     this.#ways = [];
   }

@@ -1,11 +1,12 @@
-// The daemon's clock by that of the browser. Nobody tells the offset between the two, but messages bound it: what the daemon stamps after the browser
-// has sent something and before the answer is there lies between these two moments. The offset is the middle of the narrowest bounds.
+// Estimates the offset between the clocks of daemon and browser. Messages bound it: a time that the daemon stamps
+// between a request and its answer lies between the browser's times of these two events. The estimate is the middle of
+// the narrowest bounds.
 
 import type { Timestamp } from "@bufbuild/protobuf/wkt";
 
-/** Clocks drift: bounds that are older than this are forgotten once there are others. */
+/** Clocks drift: bounds older than this are dropped when new ones exist. */
 const MEMORY_MS = 600_000;
-/** Poses whose way to the pictures is followed at once. */
+/** Maximum number of poses that are tracked at a time. */
 const MOST_POSES = 64;
 
 /** Milliseconds since 1970 by the clock of the browser. */
@@ -24,48 +25,48 @@ export class Clock {
   #upper: Bound = { value: Infinity, at: -Infinity };
   #sent = new Map<bigint, number>();
 
-  /** Forgets everything: another daemon may have another clock. */
+  /** Drops all bounds: a new daemon may have another clock. */
   reset(): void {
     this.#lower = { value: -Infinity, at: -Infinity };
     this.#upper = { value: Infinity, at: -Infinity };
     this.#sent.clear();
   }
 
-  /** Something stamped by the daemon has just arrived. */
+  /** Records a stamp of the daemon that has just arrived. */
   arrived(stamp: number, at = now()): void {
     const value = stamp - at;
     if (value > this.#lower.value || at - this.#lower.at > MEMORY_MS) this.#lower = { value, at };
     this.#agree();
   }
 
-  /** Something was stamped after the browser had asked for it. */
+  /** Records a stamp that the daemon made after a request of the browser. */
   stampedAfter(stamp: number, asked: number): void {
     const value = stamp - asked;
     if (value < this.#upper.value || asked - this.#upper.at > MEMORY_MS) this.#upper = { value, at: asked };
     this.#agree();
   }
 
-  /** A pose was sent at a time; the answer tells its revision. */
+  /** Records that a pose was sent; the answer contains its revision. */
   poseSent(revision: bigint, at: number): void {
     this.#sent.set(revision, at);
     const oldest = this.#sent.keys().next();
     if (this.#sent.size > MOST_POSES && !oldest.done) this.#sent.delete(oldest.value);
   }
 
-  /** A frame shows a pose that the daemon has received at a time: if it was ours, that was after it was sent. */
+  /** Records a frame with the arrival time of its pose: a pose of this page arrived after it was sent. */
   poseShown(revision: bigint, poseTime: number): void {
     const sent = this.#sent.get(revision);
     if (sent !== undefined) this.stampedAfter(poseTime, sent);
   }
 
-  // A clock that was set makes old bounds wrong, and they then exclude new ones: the newer one counts.
+  // After a clock was set, old bounds exclude new ones: the newer ones count.
   #agree(): void {
     if (this.#lower.value <= this.#upper.value) return;
     if (this.#lower.at > this.#upper.at) this.#upper = { value: this.#lower.value, at: this.#lower.at };
     else this.#lower = { value: this.#upper.value, at: this.#upper.at };
   }
 
-  /** Time of the daemon minus time of the browser, and how far it may be off, both ms; undefined while too little is known. */
+  /** Time of the daemon minus time of the browser, and its maximum error, both ms; undefined while unknown. */
   offset(): { offset: number; error: number } | undefined {
     const [lower, upper] = [this.#lower.value, this.#upper.value];
     if (!Number.isFinite(lower) || !Number.isFinite(upper)) return undefined;

@@ -1,11 +1,11 @@
-// Elements made from code: the page's policy forbids markup in strings.
+// Creates elements from code, because the page's policy forbids markup in strings.
 
 type Child = Node | string;
 
 interface Properties {
   class?: string;
   text?: string;
-  // Attributes; a value of false leaves the attribute out.
+  // Attributes; a value of false omits the attribute.
   [name: string]: string | number | boolean | ((event: Event) => void) | undefined;
 }
 
@@ -26,21 +26,21 @@ export function make<K extends keyof HTMLElementTagNameMap>(
   return element;
 }
 
-/** The element of the page with this id: index.html has it, or the page is broken. */
+/** Returns the element with this id, which index.html must contain. */
 export function byId(id: string): HTMLElement {
   const element = document.getElementById(id);
   if (!element) throw new Error(`index.html has no element #${id}`);
   return element;
 }
 
-/** Milliseconds as people read them. */
+/** Formats milliseconds. */
 export function duration(ms: number): string {
   if (ms < 10) return `${ms.toFixed(1)} ms`;
   if (ms < 1000) return `${ms.toFixed(0)} ms`;
   return `${(ms / 1000).toFixed(ms < 10_000 ? 2 : 1)} s`;
 }
 
-/** A number with as many digits as an input needs to give it back. */
+/** Formats a number with enough digits to read it back. */
 export function plain(value: number): string {
   return String(Number(value.toPrecision(9)));
 }
@@ -55,7 +55,7 @@ export function field(label: string, control: HTMLInputElement | HTMLSelectEleme
   return make("div", { class: "field" }, caption, control);
 }
 
-/** An input of a number; any step is allowed, since the daemon judges values. */
+/** A number input with any step, because the daemon validates values. */
 export function numberInput(name: string, value?: number): HTMLInputElement {
   const input = make("input", { type: "number", step: "any", name, inputmode: "decimal" });
   if (value !== undefined) input.value = plain(value);
@@ -68,11 +68,11 @@ export function select(name: string, values: readonly (readonly [value: string, 
   return make("select", { name }, ...options);
 }
 
-/** The number in an input, or undefined where it is empty. What is no number is an error that names the field. */
+/** Returns the number in an input, or undefined if it is empty. The error for other values names the field. */
 export function numberOf(input: HTMLInputElement): number | undefined {
-  if (input.validity.badInput) throw new Error(`${input.name}: a number is needed`);
+  if (input.validity.badInput) throw new Error(`${input.name}: must be a number`);
   if (input.value.trim() === "") return undefined;
   const value = Number(input.value);
-  if (!Number.isFinite(value)) throw new Error(`${input.name}: a number is needed`);
+  if (!Number.isFinite(value)) throw new Error(`${input.name}: must be a number`);
   return value;
 }

@@ -1,4 +1,4 @@
-// The token by which a daemon that asks for one knows the page. It is kept as long as the tab is.
+// The token for a daemon with access control. It is kept while the tab exists.
 
 import type { Interceptor } from "@connectrpc/connect";
 
@@ -6,7 +6,7 @@ import { byId } from "./dom.ts";
 
 const KEY = "steradian.token";
 
-/** Puts the token into every call. */
+/** Adds the token to every call. */
 export const authorise: Interceptor = (next) => (request) => {
   const token = sessionStorage.getItem(KEY);
   if (token !== null) request.header.set("authorization", `Bearer ${token}`);
@@ -28,7 +28,7 @@ logout.addEventListener("click", () => {
   location.reload();
 });
 
-/** Asks for a token, and says why; waits until there is one. */
+/** Asks the user for a token, with the reason; waits for it. */
 export function askForToken(why: string): Promise<void> {
   byId("login-why").textContent = why;
   show(true);

@@ -1,7 +1,7 @@
-// Looking around and flying, by mouse, finger and keys.
+// Turning and flying the camera by mouse, finger and keys.
 //
-// A drag keeps the direction that it began at under the pointer: the camera is turned by the smallest rotation that does so, from where it stood when the
-// drag began, so that the way back leads to the same picture.
+// A drag keeps its initial direction under the pointer: the camera is turned by the smallest rotation from its
+// orientation at the start of the drag, so that moving back restores the picture.
 
 import type { ViewImage } from "../gen/steradian/v1/view_pb.ts";
 import { type Quat, type Vec3, add, around, between, multiply, rotate, scale } from "./maths.ts";
@@ -11,7 +11,7 @@ import type { Steering } from "./steering.ts";
 /** Turning by keys, rad/s; a tenth of it with Shift. */
 const TURN_RAD_S = 0.5;
 
-/** What a key does while it is held: turns about camera axes, moves along them. */
+/** Effect of a key while it is held: rotation about camera axes, motion along them. */
 export type Motion = { turn: Vec3 } | { move: Vec3 };
 
 const KEYS: Record<string, Motion> = {
@@ -29,9 +29,9 @@ const KEYS: Record<string, Motion> = {
   KeyE: { move: [0, 1, 0] },
 };
 
-/** Motions that go on while keys or buttons are held. */
+/** Motions while keys or buttons are held. */
 export class Flight {
-  /** Metres a second. */
+  /** Metres per second. */
   speed = 1000;
   #steering: Steering;
   #held = new Map<string, Motion>();
@@ -41,7 +41,7 @@ export class Flight {
 
   constructor(steering: Steering) {
     this.#steering = steering;
-    // Keys that are let go elsewhere tell nobody.
+    // The release of a key in another window is not reported.
     addEventListener("blur", () => this.#held.clear());
     document.addEventListener("visibilitychange", () => this.#held.clear());
   }
@@ -63,7 +63,7 @@ export class Flight {
     this.#held.clear();
   }
 
-  /** What a key does; undefined of those that do nothing. */
+  /** Returns the effect of a key, if it has one. */
   motion(code: string): Motion | undefined {
     return KEYS[code];
   }
@@ -77,7 +77,7 @@ export class Flight {
       this.#running = false;
       return;
     }
-    // A page that stood still for long does not jump.
+    // Limit the step after a long pause of the page.
     const seconds = Math.min(Math.max(time - this.#last, 0), 100) / 1000;
     this.#last = time;
     let turn: Vec3 = [0, 0, 0];
@@ -101,23 +101,23 @@ export class Flight {
   }
 }
 
-/** A pointer that is down. */
+/** A pressed pointer. */
 interface Drag {
   pointer: number;
-  /** The direction that was under it, ICRS axes, and the camera's orientation then. */
+  /** Its initial direction, ICRS axes, and the camera's orientation at that time. */
   from: Vec3;
   orientation: Quat;
-  /** Where it is in the picture, 0 to 1. */
+  /** Position in the picture, 0 to 1. */
   at: readonly [number, number];
-  /** Where it went down, CSS pixels. */
+  /** Initial position, CSS pixels. */
   pressed: readonly [number, number];
   moved: boolean;
 }
 
-/** A pointer that has moved less, in CSS pixels, has clicked. */
+/** A shorter movement counts as a click, CSS pixels. */
 const CLICK_PX = 4;
 
-/** Angle that a pixel of the screen has in the middle of a picture, rad. */
+/** Angle of a screen pixel at the centre of a picture, rad. */
 function anglePerPixel(canvas: HTMLCanvasElement, image: () => ViewImage | undefined): number {
   const shown = image();
   const step = 1 / Math.max(canvas.clientWidth, 1);
@@ -126,7 +126,7 @@ function anglePerPixel(canvas: HTMLCanvasElement, image: () => ViewImage | undef
 }
 
 /**
- * Lets a picture be dragged and clicked, and take keys while it has the focus, until it is gone. `image` tells what the canvas shows, `named` is called with the
+ * Handles drags and clicks of a picture, and keys while it has the focus, until it is removed. `image` returns the displayed image, `named` is called with the
  * direction of a click, ICRS axes.
  */
 export function attach(
@@ -160,13 +160,13 @@ export function attach(
   });
   canvas.addEventListener("pointermove", (event) => {
     if (drag?.pointer !== event.pointerId) return;
-    // Hands are not still when they click.
+    // A click may include a small movement.
     drag.moved ||= Math.hypot(event.clientX - drag.pressed[0], event.clientY - drag.pressed[1]) >= CLICK_PX;
     if (!drag.moved) return;
     const shown = image();
     const at = place(event);
     const now = shown && directionAt(shown, ...at);
-    // Outside of a round picture there is no direction: the drag waits until the pointer is back.
+    // Outside a round picture, no direction exists: the drag waits until the pointer returns.
     if (!now) return;
     drag.at = at;
     const turned = between(rotate(drag.orientation, now), drag.from);

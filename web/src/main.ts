@@ -1,4 +1,4 @@
-// The page: a session with the daemon that begins anew whenever it is lost, and the panels around it.
+// The page: a session with the daemon, which restarts whenever it is lost, and the panels around it.
 
 import { Encoding, type Frame } from "../gen/steradian/v1/view_pb.ts";
 import { Ages } from "./ages.ts";
@@ -20,13 +20,13 @@ import { Steering } from "./steering.ts";
 import { tabs } from "./tabs.ts";
 import { decodesVideo } from "./video.ts";
 
-/** Waits between attempts to reach the daemon: each twice the one before. */
+/** Delays between attempts to reach the daemon, each twice the previous one. */
 const [FIRST_WAIT_MS, LONGEST_WAIT_MS] = [500, 4000];
-/** How often the ages on the screen are told. */
-/** How often views are looked for while there is no picture. */
+/** Interval at which the displayed ages are updated. */
+/** Interval at which views are read while none is displayed. */
 const NO_PICTURE_MS = 3000;
 const AGE_INTERVAL_MS = 200;
-/** A picture that is older than this is marked: the daemon sends one a second at least. */
+/** An older picture is marked as outdated: the daemon sends at least one per second. */
 const OLD_MS = 3000;
 
 const clock = new Clock();
@@ -52,10 +52,10 @@ pictures.addEventListener("frame", (event) => {
 pictures.addEventListener("refused", () => void model.refresh());
 statistics.addEventListener("headset", () => void model.refresh());
 
-/** Frames of the headset show the origin of its room, at a revision of the same camera, but later than others. */
+/** Frames of the headset contain the origin of its room, with a camera revision that may be newer than that of other frames. */
 const headsetView = (): string | undefined => model.views.find(({ type }) => type === "headset")?.name;
 
-// Which views are shown stands in the address, so that a screen of a control room can be set up by it.
+// The address contains the displayed views, so that it can configure a screen of a control room.
 const choice = byId("views");
 const namesInAddress = (): string[] => new URLSearchParams(location.hash.slice(1)).get("views")?.split(",").filter(Boolean) ?? [];
 
@@ -87,7 +87,7 @@ function listViews(): void {
   showViews(wanted.length > 0 || none ? wanted : names.slice(0, 1));
 }
 model.addEventListener("change", listViews);
-// Frames tell when the scene is another one. Without a picture there are none, and views that others make are looked for.
+// Frames report new revisions of the scene. Without pictures, new views of other clients are polled.
 setInterval(() => {
   const isLost = document.documentElement.classList.contains("lost");
   if (model.scene && pictures.selected.length === 0 && !document.hidden && !isLost) void model.refresh();
@@ -104,13 +104,13 @@ function encode(): void {
   pictures.encoding = ENCODINGS.get(encoding.value) ?? Encoding.JPEG;
 }
 encoding.addEventListener("change", encode);
-// Video where the browser has a decoder, which is known before the first picture is asked for.
+// Use video if the browser has a decoder; this is known before the first picture is requested.
 const video = decodesVideo().then((decodes) => {
   if (!decodes) encoding.querySelector("option[value=h264]")?.remove();
   encode();
 });
 
-// Red light alone keeps the eyes adapted to the dark.
+// Red light preserves dark adaptation.
 const NIGHT = "steradian.night";
 const night = byId("night");
 function setNight(on: boolean): void {
@@ -134,13 +134,13 @@ setInterval(() => {
   else if (picture === undefined) age.textContent = "no picture";
   else {
     const camera = pose === undefined ? "" : ` · camera to screen ${duration(pose)}`;
-    // The offset of the clocks is known to some error: an age below it is as good as none.
+    // The clock offset has an error: a smaller age is displayed as zero.
     age.textContent = `picture ${duration(Math.max(0, picture))} old${camera}`;
     age.dataset["ms"] = picture.toFixed(1);
   }
 }, AGE_INTERVAL_MS);
 
-/** One session: reads what there is, then follows pictures and statistics until one of them fails. */
+/** Runs one session: reads scene and views, then follows pictures and statistics until one of them fails. */
 async function session(loaded: () => void): Promise<void> {
   const end = new AbortController();
   clock.reset();
@@ -178,15 +178,15 @@ async function live(): Promise<never> {
       const unreachable = failureOf(error) === "unreachable";
       const title = unreachable ? `No connection to the daemon at ${location.host}` : "The daemon has refused";
       retry = new AbortController();
-      // Pages that have lost the same daemon do not all come back at the same moment.
+      // Spread the retries of pages that have lost the same daemon.
       const rest = wait * (0.75 + 0.5 * Math.random());
       const until = Date.now() + rest;
-      const tell = () => {
+      const showCountdown = () => {
         const seconds = Math.max(0, Math.ceil((until - Date.now()) / 1000));
         showBanner(title, `${messageOf(error)}. Pictures and figures are from before. Trying again in ${seconds} s.`);
       };
-      tell();
-      const ticking = setInterval(tell, 500);
+      showCountdown();
+      const ticking = setInterval(showCountdown, 500);
       await pause(rest, retry.signal);
       clearInterval(ticking);
       wait = Math.min(2 * wait, LONGEST_WAIT_MS);

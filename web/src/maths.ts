@@ -20,7 +20,7 @@ export function normalize(a: Vec3): Vec3 {
   return length > 0 ? scale(a, 1 / length) : a;
 }
 
-/** The rotation `a` after `b`. Rounding is taken out, so that it stays a unit quaternion however often it is used. */
+/** Returns the rotation `b` followed by `a`, normalised so that rounding errors do not accumulate. */
 export function multiply(a: Quat, b: Quat): Quat {
   const [ax, ay, az, aw] = a;
   const [bx, by, bz, bw] = b;
@@ -40,17 +40,17 @@ export function rotate(q: Quat, v: Vec3): Vec3 {
   return add(add(v, scale(t, q[3])), cross(axis, t));
 }
 
-/** By an angle in radians around a unit vector. */
+/** Returns the rotation by an angle in radians around a unit vector. */
 export function around(axis: Vec3, angle: number): Quat {
   const sin = Math.sin(angle / 2);
   return [axis[0] * sin, axis[1] * sin, axis[2] * sin, Math.cos(angle / 2)];
 }
 
-/** The smallest rotation that takes one unit vector to another. */
+/** Returns the smallest rotation from one unit vector to another. */
 export function between(from: Vec3, to: Vec3): Quat {
   const w = 1 + dot(from, to);
   if (w < 1e-9) {
-    // Opposite directions: half a turn around anything across.
+    // Opposite directions: half a turn about any perpendicular axis.
     const across = Math.abs(from[0]) < 0.9 ? ([1, 0, 0] as const) : ([0, 1, 0] as const);
     return around(normalize(cross(from, across)), Math.PI);
   }
@@ -59,7 +59,7 @@ export function between(from: Vec3, to: Vec3): Quat {
   return [axis[0] / length, axis[1] / length, axis[2] / length, w / length];
 }
 
-/** Camera axes to ICRS for a look at right ascension and declination, the picture turned by `roll` (all in radians; roll 0: north is up). */
+/** Returns the rotation from camera axes to ICRS for a right ascension, declination and roll of the picture (radians; roll 0: north is up). */
 export function orientationTowards(ra: number, dec: number, roll: number): Quat {
   const ahead: Vec3 = [Math.cos(dec) * Math.cos(ra), Math.cos(dec) * Math.sin(ra), Math.sin(dec)];
   const north: Vec3 = [-Math.sin(dec) * Math.cos(ra), -Math.sin(dec) * Math.sin(ra), Math.cos(dec)];
@@ -67,7 +67,7 @@ export function orientationTowards(ra: number, dec: number, roll: number): Quat 
   return multiply(fromAxes(right, north, scale(ahead, -1)), around([0, 0, 1], roll));
 }
 
-/** Where a camera looks: right ascension, declination and roll in radians. */
+/** Returns the direction of a camera: right ascension, declination and roll in radians. */
 export function towards(q: Quat): { ra: number; dec: number; roll: number } {
   const ahead = rotate(q, [0, 0, -1]);
   const dec = Math.asin(Math.max(-1, Math.min(1, ahead[2])));
@@ -76,10 +76,10 @@ export function towards(q: Quat): { ra: number; dec: number; roll: number } {
   return { ra, dec, roll: Math.atan2(y, x) };
 }
 
-/** The rotation that takes x, y and z to three orthonormal vectors. */
+/** Returns the rotation from x, y and z to three orthonormal vectors. */
 function fromAxes(x: Vec3, y: Vec3, z: Vec3): Quat {
   const trace = x[0] + y[1] + z[2];
-  // The largest component first, for accuracy.
+  // Start from the largest component, for accuracy.
   if (trace > 0) {
     const s = 2 * Math.sqrt(1 + trace);
     return [(y[2] - z[1]) / s, (z[0] - x[2]) / s, (x[1] - y[0]) / s, s / 4];

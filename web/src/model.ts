@@ -1,5 +1,6 @@
-// The scene and the views as the daemon has them, and their changes. Every change names the revision that the form was filled from: if somebody else has
-// changed the scene meanwhile, the daemon refuses it, and the forms are filled anew. Nothing is overwritten in silence.
+// The daemon's scene and views, and their changes. Every change contains the revision that the form was filled from: if
+// another client has changed the scene since, the daemon refuses it, and the forms are filled again. No change is
+// overwritten unnoticed.
 
 import type { MessageInitShape } from "@bufbuild/protobuf";
 
@@ -9,16 +10,16 @@ import type { Frame, View, ViewSchema } from "../gen/steradian/v1/view_pb.ts";
 import { notify } from "./notices.ts";
 import { PATIENCE_MS, diagnostics, failureOf, messageOf, scenes, views } from "./rpc.ts";
 
-/** Asteroids of a field are placed before the answer. */
+/** Long timeout, because asteroids are placed before the answer. */
 const CHANGE_PATIENCE_MS = 120_000;
 
-/** How the scene came to be another one. */
+/** Cause of a change of the scene. */
 export interface SceneChange {
-  /** The revision before a change that the page itself has made: forms that were filled from it are right for the next one. */
+  /** Revision before a change by this page: forms with that revision remain valid. */
   ownFrom: bigint | undefined;
-  /** Whether a form's change was refused for its revision. */
+  /** Whether a form's change was refused because of its revision. */
   conflict: boolean;
-  /** Whether all is read anew, as after a start of the daemon. */
+  /** Whether everything was reloaded, as after a restart of the daemon. */
   anew: boolean;
 }
 
@@ -60,12 +61,12 @@ export class Model extends EventTarget {
     this.dispatchEvent(new CustomEvent<SceneChange>("change", { detail: change }));
   }
 
-  /** A frame shows a scene: if it is newer than the one that is known, somebody has changed it. */
+  /** Records the scene revision of a frame: a newer one means that another client has changed the scene. */
   observe(frame: Frame): void {
     if (this.#scene && !this.#reading && frame.sceneRevision > this.#scene.revision) void this.refresh();
   }
 
-  /** Reads scene and views anew. Errors are those of a daemon that is gone, which the session tells of, or are told. */
+  /** Reloads scene and views. Reports errors, except a lost connection, which the session reports. */
   async refresh(change: SceneChange = READ): Promise<void> {
     while (this.#reading) await this.#reading;
     this.#reading = this.#read(change);
@@ -84,7 +85,7 @@ export class Model extends EventTarget {
     }
   }
 
-  /** Changes the fields that the paths name; false if it was refused, which has been told then. */
+  /** Changes the fields of the paths; returns false after reporting a refusal. */
   async changeScene(scene: MessageInitShape<typeof SceneSchema>, paths: string[], revision: bigint): Promise<boolean> {
     const request = { scene, updateMask: { paths }, expectedRevision: revision };
     return this.#change("Scene", revision, async () => {
@@ -93,7 +94,7 @@ export class Model extends EventTarget {
     });
   }
 
-  /** The same of a view. */
+  /** Changes a view in the same way. */
   async changeView(view: MessageInitShape<typeof ViewSchema>, paths: string[], revision: bigint): Promise<boolean> {
     const request = { view, updateMask: { paths }, expectedRevision: revision };
     return this.#change(`View ${view.name}`, revision, async () => {
@@ -128,26 +129,26 @@ export class Model extends EventTarget {
 }
 
 /**
- * The revision that a form was filled from, and whether somebody has typed into it since. A form that was typed into is not filled anew when the scene
- * changes: its change is refused then, and told.
+ * The revision that a form was filled from, and whether it was edited since. An edited form is not refilled when the scene
+ * changes: its change is then refused and reported.
  */
 export class FormState {
   revision = 0n;
   dirty = false;
 
-  /** Whether the form is to be filled now. */
+  /** Whether the form should be filled now. */
   follows(scene: Scene, { ownFrom, conflict, anew }: SceneChange): boolean {
     if (this.dirty && !conflict && !anew) {
       if (ownFrom === this.revision) this.revision += 1n;
       return false;
     }
-    if (this.dirty && anew) notify("A form that was typed into shows what the daemon has now.", "warning");
+    if (this.dirty && anew) notify("An edited form was replaced by the daemon's current values.", "warning");
     this.revision = scene.revision;
     this.dirty = false;
     return true;
   }
 
-  /** Marks the form as typed into. */
+  /** Marks the form as edited. */
   watch(form: HTMLElement): void {
     form.addEventListener("input", () => {
       this.dirty = true;

@@ -1,15 +1,15 @@
-// What a click has hit.
+// Identification of the object at a click.
 
 import { type IdentifiedObject, ObjectKind } from "../gen/steradian/v1/scene_pb.ts";
 import type { Vec3 } from "./maths.ts";
 import { notify } from "./notices.ts";
 import { PATIENCE_MS, failureOf, messageOf, scenes } from "./rpc.ts";
 
-/** A star that is this near to a click, in pixels of the screen, is meant by it. */
+/** Search radius of a click for stars, screen pixels. */
 const NEAR_PX = 12;
-/** What the daemon looks through at most, degrees. */
+/** Maximum search radius of the daemon, degrees. */
 const MOST_RADIUS_DEG = 10;
-/** Metres in what distances are told in. */
+/** Metres per unit of displayed distances. */
 const [LIGHT_YEAR_M, KILOMETRE_M] = [9.4607304725808e15, 1000];
 
 function inWords({ kind, name, designation, vMag, temperatureK, distanceM }: IdentifiedObject): string {
@@ -26,7 +26,7 @@ function inWords({ kind, name, designation, vMag, temperatureK, distanceM }: Ide
   return words.join(", ");
 }
 
-/** Asks the daemon what stands in a direction, ICRS axes, and tells it. */
+/** Identifies the object in a direction, ICRS axes, and displays it. */
 export async function tellName([x, y, z]: Vec3, radPerPixel: number): Promise<void> {
   const radiusDeg = Math.min(Math.max((NEAR_PX * radPerPixel * 180) / Math.PI, 1e-6), MOST_RADIUS_DEG);
   try {

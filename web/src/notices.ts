@@ -1,15 +1,15 @@
-// What the page tells: a banner while the daemon cannot be reached, and notices of what was refused.
+// Messages to the user: a banner while the daemon cannot be reached, and notices of refusals.
 
 import { byId, make } from "./dom.ts";
 
-/** A notice stays for this long; it can be closed before. */
+/** Display time of a notice, unless it is closed. */
 const SHOWN_MS = { info: 5000, warning: 15_000, error: 15_000 };
-/** More would cover the page: the oldest goes. */
+/** Maximum number of notices: further ones replace the oldest. */
 const MOST = 4;
 
 export type Kind = "info" | "warning" | "error";
 
-/** Tells something once, aloud for screen readers. The same words again only make the notice stay. */
+/** Displays a notice, also for screen readers. A repeated text extends the existing notice. */
 export function notify(text: string, kind: Kind = "info"): void {
   const list = byId("notices");
   for (const same of list.querySelectorAll("li")) if (same.dataset["text"] === text) same.remove();
@@ -21,7 +21,7 @@ export function notify(text: string, kind: Kind = "info"): void {
   setTimeout(() => item.remove(), SHOWN_MS[kind]);
 }
 
-/** The banner over the page. */
+/** Displays the banner. */
 export function showBanner(title: string, text: string): void {
   byId("banner-title").textContent = title;
   byId("banner-text").textContent = text;

@@ -1,4 +1,5 @@
-// Bodies of the scene: a list, and a form for one of them. Its mask names this body alone, so changes of others are not touched.
+// Bodies of the scene: a list, and a form for one of them. The mask of a change names this body only, so changes of
+// others are kept.
 
 import { clone, create } from "@bufbuild/protobuf";
 
@@ -36,7 +37,7 @@ class Triple {
     this.element = make("fieldset", { class: "triple" }, legend, ...this.#inputs);
   }
 
-  /** The numbers; undefined where all three are empty, which is an error where they are needed. */
+  /** Returns the numbers; undefined if all three are empty, which is an error if they are required. */
   read(): [number, number, number] | undefined {
     const numbers = this.#inputs.map(numberOf);
     const [a, b, c] = numbers;
@@ -66,11 +67,11 @@ export function bodiesPanel(host: HTMLElement, model: Model): void {
     editor.replaceChildren();
   };
 
-  const change = async (bodies: Body[], name: string, told: string) => {
+  const change = async (bodies: Body[], name: string, message: string) => {
     const done = await model.changeScene({ bodies }, [`bodies.${name}`], state.revision);
     if (!done) return;
     close();
-    notify(told);
+    notify(message);
     addButton.focus();
   };
 
@@ -115,7 +116,7 @@ export function bodiesPanel(host: HTMLElement, model: Model): void {
     editor.onsubmit = (event) => {
       event.preventDefault();
       try {
-        // What the form does not show, the orientation, stays as it is.
+        // Keep the orientation, which the form does not show.
         const made = body ? clone(BodySchema, body) : create(BodySchema);
         made.name = name.value;
         const vector3 = ([x, y, z]: readonly [number, number, number]) => create(Vector3Schema, { x, y, z });
@@ -170,7 +171,7 @@ export function bodiesPanel(host: HTMLElement, model: Model): void {
     if (scene.bodies.length === 0) list.append(make("li", { class: "hint", text: "The scene has no bodies." }));
     const filled = state.follows(scene, (event as CustomEvent<SceneChange>).detail);
     if (!filled || edited === undefined) return;
-    // The form shows the body as it is now.
+    // The form is updated to the current body.
     const body = scene.bodies.find(({ name }) => name === edited);
     if (edited !== "" && !body) {
       notify(`Body ${edited} is gone.`, "warning");

@@ -1,4 +1,5 @@
-// Where the camera stands and looks: told, set by numbers, and steered by buttons, which fingers need for what keys do.
+// Position and direction of the camera: displayed, set by numbers, and steered by buttons, which replace keys on touch
+// screens.
 
 import { field, make, numberInput, numberOf, plain } from "./dom.ts";
 import type { Flight } from "./look.ts";
@@ -12,7 +13,7 @@ const DEGREE = Math.PI / 180;
 const AU_M = 1.495978707e11;
 const PARSEC_M = 3.0856775814913673e16;
 
-/** Steps of the speed, metres a second: powers of ten. */
+/** Range of the speed, metres per second, as powers of ten. */
 const [SLOWEST, FASTEST] = [-2, 17];
 const UNITS = [
   [1, "m/s"],
@@ -21,7 +22,7 @@ const UNITS = [
   [PARSEC_M, "pc/s"],
 ] as const;
 
-/** Buttons that act while they are held: key, label. */
+/** Buttons that act while held: key, label. */
 const BUTTONS = [
   ["KeyW", "Forward"],
   ["KeyS", "Back"],
@@ -39,7 +40,7 @@ export function speedText(metresPerSecond: number): string {
 }
 
 export function cameraPanel(host: HTMLElement, steering: Steering, flight: Flight): void {
-  const told = make("p", { id: "pointing", class: "figure" });
+  const pointing = make("p", { id: "pointing", class: "figure" });
   const place = make("p", { id: "place", class: "figure" });
 
   const speed = make("input", { type: "range", name: "speed", min: SLOWEST, max: FASTEST, step: 0.25, value: 3 });
@@ -100,7 +101,7 @@ export function cameraPanel(host: HTMLElement, steering: Steering, flight: Fligh
         const [x = 0, y = 0, z = 0] = inputs.map(number);
         return { x, y, z };
       };
-      // What was not changed is not sent: it keeps all its digits, and the motion that somebody else gives it.
+      // Unchanged values are not sent: they keep all digits, and motion by other clients continues.
       const changed = (inputs: HTMLInputElement[]) => inputs.some((input) => input.value !== input.dataset["shown"]);
       const change: Parameters<Steering["set"]>[0] = {};
       if (changed([ra, dec, roll])) {
@@ -109,7 +110,7 @@ export function cameraPanel(host: HTMLElement, steering: Steering, flight: Fligh
       }
       if (changed(position)) change.positionM = vector(position);
       if (changed(velocity)) change.velocityC = vector(velocity);
-      if (Object.keys(change).length === 0) return notify("Nothing is changed.");
+      if (Object.keys(change).length === 0) return notify("No changes.");
       await steering.set(change);
       dirty = false;
       show();
@@ -120,7 +121,7 @@ export function cameraPanel(host: HTMLElement, steering: Steering, flight: Fligh
   });
 
   host.append(
-    told,
+    pointing,
     place,
     make("div", { class: "hold-buttons", role: "group", "aria-label": "Fly and roll while held" }, ...buttons),
     field("Speed", speed),
@@ -140,11 +141,11 @@ export function cameraPanel(host: HTMLElement, steering: Steering, flight: Fligh
     const { orientation, position: at } = steering.pose;
     const looks = towards(orientation as Quat);
     const degrees = (angle: number) => (angle / DEGREE).toFixed(2);
-    told.textContent = `Looks at right ascension ${degrees(looks.ra)}°, declination ${degrees(looks.dec)}°, roll ${degrees(looks.roll)}°`;
+    pointing.textContent = `Looks at right ascension ${degrees(looks.ra)}°, declination ${degrees(looks.dec)}°, roll ${degrees(looks.roll)}°`;
     const distance = Math.hypot(...at);
     const [far, unit] = distance >= 1e-3 * PARSEC_M ? [distance / PARSEC_M, "pc"] : distance >= 1e9 ? [distance / AU_M, "au"] : [distance, "m"];
     place.textContent = distance > 0 ? `${far.toPrecision(4)} ${unit} from the barycentre` : "At the barycentre";
-    // What somebody types is not overwritten by a camera that moves.
+    // A moving camera does not overwrite an edited form.
     if (dirty) return;
     const fill = (input: HTMLInputElement, value: number) => {
       input.value = input.dataset["shown"] = plain(value);

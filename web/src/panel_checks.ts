@@ -1,4 +1,4 @@
-// The failure tests of the daemon's adapter. To stop them the call is cancelled.
+// The failure tests of the daemon's adapter. Cancelling the call stops them.
 
 import { VerifyResult_Outcome as Outcome, type VerifyFigure, type VerifyResult } from "../gen/steradian/v1/diagnostics_pb.ts";
 import { field, make } from "./dom.ts";
@@ -49,7 +49,7 @@ export function checksPanel(host: HTMLElement): void {
     field("Checks", filter, "name, group or number; empty: all"),
     field("Star method", method, "empty: the one in use"),
     make("div", { class: "buttons" }, start, stop),
-    make("p", { class: "hint", text: "They run beside the frames: on a software driver some take many seconds." }),
+    make("p", { class: "hint", text: "They run in parallel with the frames: on a software driver, some take many seconds." }),
   );
   host.append(form, sum, results);
 
@@ -62,7 +62,7 @@ export function checksPanel(host: HTMLElement): void {
     rows.replaceChildren();
     sum.textContent = "Running …";
     const counts = new Map<Outcome, number>();
-    const tell = (end: string) => {
+    const summarise = (end: string) => {
       const parts = [...counts].map(([outcome, count]) => `${count} ${OUTCOMES[outcome][0]}`);
       sum.textContent = `${parts.join(", ") || "No result"}. ${end}`;
     };
@@ -72,12 +72,12 @@ export function checksPanel(host: HTMLElement): void {
         results.hidden = false;
         rows.append(row(result));
         counts.set(result.outcome, (counts.get(result.outcome) ?? 0) + 1);
-        tell("Running …");
+        summarise("Running …");
       }
-      tell("Done.");
+      summarise("Done.");
     } catch (error) {
       const stopped = failureOf(error) === "ended";
-      tell(stopped ? "Stopped." : "Ended by an error.");
+      summarise(stopped ? "Stopped." : "Ended by an error.");
       if (!stopped) notify(`Checks: ${messageOf(error)}`, "error");
     } finally {
       stop.removeEventListener("click", cancel);

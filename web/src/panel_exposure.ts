@@ -1,4 +1,5 @@
-// Exposure of a view: mode and metering at once, the other keys by a button. Which keys there are, the daemon tells: those that have an effect.
+// Exposure of a view: mode and metering apply at once, the other keys with a button. The daemon lists the keys that
+// have an effect.
 
 import type { MessageInitShape } from "@bufbuild/protobuf";
 
@@ -68,7 +69,7 @@ export function exposurePanel(host: HTMLElement, model: Model, pictures: Picture
       rows.push(field(label, input, unit));
     }
     const own = view.ownKeys.filter((key) => key.startsWith("exposure."));
-    const inherits = own.length > 0 ? `Of its own: ${own.map((key) => key.slice(9)).join(", ")}.` : "All from the general settings.";
+    const inherits = own.length > 0 ? `Own keys: ${own.map((key) => key.slice(9)).join(", ")}.` : "All keys are inherited from the general settings.";
     const group = view.exposureGroup ? ` Shared by the group ${view.exposureGroup}.` : "";
     const inherit = make("button", {
       type: "button",
@@ -88,13 +89,13 @@ export function exposurePanel(host: HTMLElement, model: Model, pictures: Picture
         const paths: string[] = [];
         for (const [key, path] of KEYS) {
           const input = inputs.get(key);
-          // A key that is emptied is inherited.
+          // An emptied key is inherited.
           const value = input && numberOf(input);
           if (!input || input.value === input.defaultValue || value === exposure[key]) continue;
           if (value !== undefined) changed[key] = value;
           paths.push(path);
         }
-        if (paths.length === 0) return notify("Nothing is changed.");
+        if (paths.length === 0) return notify("No changes.");
         void change(changed, paths);
       } catch (error) {
         notify(String(error), "error");
@@ -108,7 +109,7 @@ export function exposurePanel(host: HTMLElement, model: Model, pictures: Picture
     fill();
   };
   choice.addEventListener("change", choose);
-  // The form is of a view that is shown, unless somebody is at work on another one.
+  // Follow the displayed views, unless the user is editing another one.
   pictures.addEventListener("select", () => {
     const [first] = pictures.selected;
     if (first === undefined || state.dirty || pictures.selected.includes(choice.value)) return;
@@ -117,7 +118,7 @@ export function exposurePanel(host: HTMLElement, model: Model, pictures: Picture
   });
   model.addEventListener("change", (event) => {
     if (!model.scene) return;
-    // The headset has the settings of the configuration.
+    // The headset uses the settings of the configuration.
     const names = model.views.filter(({ type }) => type !== "headset").map(({ name }) => name);
     if (names.join() !== [...choice.options].map(({ value }) => value).join()) {
       const chosen = choice.value;

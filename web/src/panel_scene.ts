@@ -1,4 +1,4 @@
-// Stars, time and grids of the scene; bodies have a panel of their own.
+// Stars, time and grids of the scene; bodies have a separate panel.
 
 import { timestampFromMs } from "@bufbuild/protobuf/wkt";
 
@@ -13,7 +13,7 @@ const GRIDS = [
   ["altitude", "Altitude and azimuth of the camera"],
 ] as const;
 
-/** Steps of the time shown, s. */
+/** Time steps, s. */
 const STEPS = [
   [-86_400, "−1 day"],
   [-3600, "−1 h"],
@@ -21,7 +21,7 @@ const STEPS = [
   [86_400, "+1 day"],
 ] as const;
 
-/** A time in an input of type text: ISO 8601, UTC, without fractions of zero. */
+/** Formats a time for a text input: ISO 8601, UTC, without zero fractions. */
 const iso = (ms: number): string => new Date(ms).toISOString().replace(".000Z", "Z");
 
 export function scenePanel(host: HTMLElement, model: Model): void {
@@ -31,7 +31,7 @@ export function scenePanel(host: HTMLElement, model: Model): void {
   fields(host, model);
 }
 
-/** Tells the form's function when it is to be filled. */
+/** Calls the form's function when it must be filled. */
 function follow(model: Model, state: FormState, fill: () => void): void {
   model.addEventListener("change", (event) => {
     if (model.scene && state.follows(model.scene, (event as CustomEvent<SceneChange>).detail)) fill();
@@ -56,7 +56,7 @@ function stars(host: HTMLElement, model: Model): void {
     field("Impostors", impostor),
     field("Level of detail", quality, "factor"),
     make("div", { class: "buttons" }, make("button", { type: "submit", text: "Apply" })),
-    make("p", { class: "hint", text: "A name that there is not is refused with the list of those that there are." }),
+    make("p", { class: "hint", text: "An unknown name is refused with the list of known names." }),
   );
   host.append(form);
   state.watch(form);
@@ -84,7 +84,7 @@ function stars(host: HTMLElement, model: Model): void {
       if (changed.stars.magnitudeLimit !== scene.stars?.magnitudeLimit) paths.push("stars.magnitude_limit");
       if (changed.asteroids.impostor !== scene.asteroids?.impostor) paths.push("asteroids.impostor");
       if (changed.asteroids.quality !== scene.asteroids?.quality) paths.push("asteroids.quality");
-      if (paths.length === 0) return notify("Nothing is changed.");
+      if (paths.length === 0) return notify("No changes.");
       if (!(await model.changeScene(changed, paths, state.revision))) return;
       state.dirty = false;
       if (model.scene) state.revision = model.scene.revision;
@@ -108,7 +108,7 @@ function time(host: HTMLElement, model: Model): void {
   };
   follow(model, state, fill);
   const set = async (ms: number) => {
-    if (!Number.isFinite(ms)) return notify(`time = ${input.value}: a time such as 2026-01-01T00:00:00Z is needed`, "error");
+    if (!Number.isFinite(ms)) return notify(`time = ${input.value}: must be a time such as 2026-01-01T00:00:00Z`, "error");
     if (!(await model.changeScene({ time: timestampFromMs(ms) }, ["time"], state.revision))) return;
     state.dirty = false;
     if (model.scene) state.revision = model.scene.revision;
@@ -127,7 +127,7 @@ function time(host: HTMLElement, model: Model): void {
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     const text = input.value.trim();
-    // Without a zone it would be the browser's own.
+    // Without a zone, it would be interpreted in the browser's time zone.
     void set(Date.parse(/(Z|[+-]\d\d:?\d\d)$/i.test(text) ? text : `${text}Z`));
   });
 }

@@ -1,4 +1,5 @@
-// Statistics of the daemon as plots, and those of its headset. The stream of statistics is also what bounds the offset between the clocks first.
+// Statistics of the daemon as plots, and those of its headset. The stream of statistics also provides the first bounds
+// of the clock offset.
 
 import type { Distribution, HeadsetStats, Stats } from "../gen/steradian/v1/diagnostics_pb.ts";
 import type { Ages, Quantiles } from "./ages.ts";
@@ -9,10 +10,10 @@ import { Plot } from "./plot.ts";
 import { diagnostics, pause } from "./rpc.ts";
 
 const INTERVAL_S = 1;
-/** How often a page in the background looks whether it still is. */
+/** Interval at which a background page checks whether it is visible. */
 const HIDDEN_MS = 60_000;
 
-/** Rows of a list of terms. */
+/** Creates a list of terms and values. */
 function terms(rows: readonly (readonly [term: string, value: string])[]): HTMLElement {
   return make("dl", {}, ...rows.flatMap(([term, value]) => [make("dt", { text: term }), make("dd", { text: value })]));
 }
@@ -62,7 +63,7 @@ export class Statistics extends EventTarget {
     host.append(plots, this.#figures, this.#passes);
   }
 
-  /** Follows the statistics until the signal, the end of the stream or an error. A page in the background leaves its connection to others. */
+  /** Follows the statistics until the signal, the end of the stream or an error. A background page releases its connection. */
   async run(session: AbortSignal): Promise<void> {
     while (!session.aborted) {
       const turned = new AbortController();
@@ -77,7 +78,7 @@ export class Statistics extends EventTarget {
     }
   }
 
-  /** Whether the stream has ended by itself. */
+  /** Returns whether the stream has ended by itself. */
   async #follow(signal: AbortSignal): Promise<boolean> {
     this.#before = undefined;
     const asked = now();
@@ -100,7 +101,7 @@ export class Statistics extends EventTarget {
     const wasConnected = before?.headset?.status?.connected;
     if (before && stats.headset && stats.headset.status?.connected !== wasConnected) this.dispatchEvent(new Event("headset"));
     const seconds = before?.time && stats.time ? (milliseconds(stats.time) - milliseconds(before.time)) / 1000 : 0;
-    // Messages that come at once, as when a headset connects, say nothing of rates.
+    // Messages in quick succession, as when a headset connects, are useless for rates.
     if (before && seconds > 0.5 * INTERVAL_S) {
       this.#rate.push(Number(stats.framesRendered - before.framesRendered) / seconds);
       this.#dropped.push(Number(stats.framesDropped - before.framesDropped) / seconds);
@@ -112,16 +113,16 @@ export class Statistics extends EventTarget {
       ["Frames dropped", stats.framesDropped.toLocaleString("en")],
       ["Streams, connections", `${stats.streams}, ${stats.connections}`],
       ["Images encoded", stats.encoded.toLocaleString("en")],
-      ["Requests refused for their size", stats.refused.toLocaleString("en")],
+      ["Requests refused because of a limit", stats.refused.toLocaleString("en")],
     ];
     if (stats.framesFailed > 0n) rows.push(["Frames failed", stats.framesFailed.toLocaleString("en")]);
     if (stats.problem) rows.push(["The last frame", stats.problem]);
     if (frame) rows.push(["Objects made for the last frame", frame.objectsMade.toLocaleString("en")]);
     const ways = this.ages.ways();
     if (ways) {
-      const told = ({ median, p99 }: Quantiles) => `median ${duration(median)}, 99 %: ${duration(p99)}`;
-      rows.push([`Camera to screen, last ${ways.count} poses`, told(ways.whole)]);
-      rows.push(["of it to the end of rendering", told(ways.rendered)], ["coded and sent", told(ways.sent)], ["decoded and drawn", told(ways.drawn)]);
+      const inWords = ({ median, p99 }: Quantiles) => `median ${duration(median)}, 99 %: ${duration(p99)}`;
+      rows.push([`Camera to screen, last ${ways.count} poses`, inWords(ways.whole)]);
+      rows.push(["of it to the end of rendering", inWords(ways.rendered)], ["encoded and sent", inWords(ways.sent)], ["decoded and drawn", inWords(ways.drawn)]);
     }
     const clock = this.clock.offset();
     if (clock) rows.push(["Clock of the daemon", `${clock.offset >= 0 ? "+" : "−"}${duration(Math.abs(clock.offset))}, to ±${duration(clock.error)}`]);

@@ -1,5 +1,6 @@
-// The pictures. The page asks for the next frames of all views in one call, since browsers open six connections to a host at most, and asks again when
-// they are there: so no picture waits in a buffer. While frames are decoded the next ones are under way, and not more.
+// The pictures. Browsers open at most six connections to a host, so the page requests the next frames of all views in
+// one call, and again when they have arrived: no picture waits in a buffer. While frames are decoded, exactly one
+// request for the next ones is in transit.
 
 import { Encoding, type Frame, type View, type ViewImage } from "../gen/steradian/v1/view_pb.ts";
 import type { Ages } from "./ages.ts";
@@ -14,11 +15,11 @@ import { failureOf, messageOf, pause } from "./rpc.ts";
 import type { Steering } from "./steering.ts";
 import { Video } from "./video.ts";
 
-/** What one call may name. */
+/** Maximum number of views in a call. */
 const MOST_VIEWS = 16;
-/** Frames that the rate is counted of. */
+/** Number of frames that the rate is computed from. */
 const RATE_OF = 20;
-/** After a frame that was refused, as when a headset is not there. */
+/** Delay after a refused frame, such as without a headset. */
 const REST_MS = 1000;
 
 const TYPES: ReadonlyMap<Encoding, string> = new Map([
@@ -26,7 +27,7 @@ const TYPES: ReadonlyMap<Encoding, string> = new Map([
   [Encoding.PNG, "image/png"],
 ]);
 
-/** One view on the page. */
+/** A displayed view. */
 class Picture {
   readonly figure = make("figure");
   #images = make("div", { class: "images" });
@@ -36,7 +37,7 @@ class Picture {
   #times: number[] = [];
   #gone = new AbortController();
   seen = 0n;
-  /** The sequence of H.264 that its pictures continue; 0: the next one is to be a key picture. */
+  /** H.264 sequence of its pictures; 0: request a key picture. */
   video = 0n;
 
   constructor(
@@ -50,13 +51,13 @@ class Picture {
     this.fail(view.images.length > 0 ? "waiting for a picture" : "not connected");
   }
 
-  /** The view has other images now, as a headset that has connected, or other settings. */
+  /** Updates the images, such as when a headset connects, or the settings. */
   change(view: View): void {
     this.view = view;
     this.#images.dataset["type"] = view.type;
     this.#images.dataset["count"] = String(view.images.length);
     for (const image of view.images) {
-      // Another geometry has another shape.
+      // A new geometry changes the shape.
       this.#canvas(image.part, image).style.setProperty("--aspect", String(image.width / image.height));
     }
     for (const [part, canvas] of this.#canvases) {
@@ -90,8 +91,8 @@ class Picture {
   }
 
   /**
-   * Longest side that is worth asking for, or 0 for all. The daemon reduces pictures by whole numbers: this asks for the strongest reduction that has
-   * still as many pixels as the screen shows.
+   * Longest side to request, or 0 for full size. The daemon reduces pictures by whole numbers: this requests the strongest reduction that has
+   * at least as many pixels as the screen shows.
    */
   maxSize(): number {
     let least = Infinity;
@@ -122,7 +123,7 @@ class Picture {
       if (canvas.width !== image.width || canvas.height !== image.height) {
         [canvas.width, canvas.height] = [image.width, image.height];
       }
-      // Pictures of video with an odd side have a column or row too many, which falls outside.
+      // Video pictures of an odd size have an extra column or row, which is cropped.
       canvas.getContext("2d", { alpha: false })?.drawImage(bitmap, 0, 0);
       bitmap.close();
     });
@@ -131,10 +132,10 @@ class Picture {
     this.figure.dataset["camera"] = String(frame.cameraRevision);
     this.#times.push(now());
     if (this.#times.length > RATE_OF) this.#times.shift();
-    this.#tell(frame);
+    this.#describe(frame);
   }
 
-  #tell(frame: Frame): void {
+  #describe(frame: Frame): void {
     const first = frame.images[0];
     const [from, to] = [this.#times[0], this.#times.at(-1)];
     const parts = [this.view.name];
@@ -157,13 +158,13 @@ class Picture {
     return video;
   }
 
-  /** It is not shown any more. */
+  /** Removes the view from the page. */
   close(): void {
     for (const video of this.#videos.values()) video.close();
     this.#gone.abort();
   }
 
-  /** A frame cannot be had. */
+  /** Displays why there is no frame. */
   fail(message: string): void {
     this.#caption.textContent = `${this.view.name} · ${message}`;
   }
@@ -172,7 +173,7 @@ class Picture {
 export class Pictures extends EventTarget {
   #pictures = new Map<string, Picture>();
   #encoding = Encoding.JPEG;
-  // Ends the call that is under way when something else is wanted.
+  // Aborts the current call when the requested frames change.
   #changed = new AbortController();
   #resized = new ResizeObserver(() => this.#remeasure());
   #sizes = "";
@@ -202,7 +203,7 @@ export class Pictures extends EventTarget {
     this.#anew();
   }
 
-  /** Shows these views, in this order; the event `select` tells that they are others. */
+  /** Displays these views, in this order; fires `select` if they have changed. */
   select(shown: View[]): void {
     const kept = new Map<string, Picture>();
     for (const view of shown.slice(0, MOST_VIEWS)) {
@@ -224,7 +225,7 @@ export class Pictures extends EventTarget {
     this.#change();
   }
 
-  /** Frame numbers begin anew, as after a start of the daemon. */
+  /** Resets frame numbers, as after a restart of the daemon. */
   #anew(): void {
     for (const picture of this.#pictures.values()) picture.seen = picture.video = 0n;
     this.#change();
@@ -236,7 +237,7 @@ export class Pictures extends EventTarget {
     before.abort();
   }
 
-  // Other pixels are worth asking for: those on the screen stay until they come.
+  // Other sizes are requested: the displayed pixels stay until they arrive.
   #remeasure(): void {
     const sizes = [...this.#pictures.values()].map((picture) => picture.maxSize()).join();
     if (sizes === this.#sizes) return;
@@ -245,7 +246,7 @@ export class Pictures extends EventTarget {
   }
 
   #wanted(): Wanted[] {
-    // A headset that is not connected has no images, and no frames.
+    // A headset that is not connected has no images and no frames.
     const drawn = [...this.#pictures.values()].filter((picture) => picture.view.images.length > 0);
     return drawn.map((picture) => ({
       view: picture.view.name,
@@ -256,14 +257,14 @@ export class Pictures extends EventTarget {
     }));
   }
 
-  /** Brings pictures until the signal or an error that ends the session. */
+  /** Fetches pictures until the signal or an error that ends the session. */
   async run(session: AbortSignal): Promise<void> {
     this.#anew();
     let drawing = Promise.resolve();
     while (!session.aborted) {
       const signal = AbortSignal.any([session, this.#changed.signal]);
       const wanted = this.#wanted();
-      // Nobody sees a page in the background: it costs the daemon nothing.
+      // A background page fetches nothing, to save the daemon's time.
       if (wanted.length === 0 || document.hidden) {
         await pause(60_000, signal);
         continue;
@@ -310,7 +311,7 @@ export class Pictures extends EventTarget {
     );
   }
 
-  // The daemon lives and has a reason: the views may have changed, so they are read anew.
+  // The daemon is reachable and reports a reason: the views may have changed, so reload them.
   async #refused(wanted: Wanted[], error: unknown, signal: AbortSignal): Promise<void> {
     const message = messageOf(error);
     for (const { view } of wanted) this.#pictures.get(view)?.fail(message);

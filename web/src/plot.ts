@@ -1,8 +1,8 @@
-// A small plot of figures over time: lines in SVG, one scale from 0.
+// A small plot of values over time: SVG lines with one scale from 0.
 
 const SVG = "http://www.w3.org/2000/svg";
 const [WIDTH, HEIGHT] = [280, 72];
-/** Points that are shown. */
+/** Maximum number of points. */
 const MOST = 120;
 
 export interface Series {
@@ -17,7 +17,7 @@ function svg<K extends keyof SVGElementTagNameMap>(tag: K, attributes: Record<st
   return element;
 }
 
-/** 1, 2 or 5 times a power of ten that is not less. */
+/** Rounds up to 1, 2 or 5 times a power of ten. */
 function ceiling(value: number): number {
   if (!(value > 0)) return 1;
   const power = 10 ** Math.floor(Math.log10(value));

@@ -1,14 +1,14 @@
-// From a point of a picture to the direction that is seen there, by the projection that the daemon tells of each image.
+// Directions of points of a picture, by the projection that the daemon reports for each image.
 
 import type { Projection, ViewImage } from "../gen/steradian/v1/view_pb.ts";
 import { IDENTITY, type Quat, type Vec3, normalize, rotate } from "./maths.ts";
 
-/** Vertical angle of a picture whose projection the daemon does not tell, as of a headset: only drags depend on it. */
+/** Assumed vertical field of view without a projection, as for a headset: only drags depend on it. */
 const ASSUMED_FOV_RAD = Math.PI / 2;
 
 /**
- * Unit direction along camera axes of the point (u, v) of an image: 0 to 1 to the right and downwards. Flat pictures go on beyond their edges;
- * undefined where a picture does not.
+ * Returns the unit direction in camera axes of the point (u, v) of an image: 0 to 1 to the right and downwards. Flat pictures continue beyond their edges;
+ * returns undefined outside of other pictures.
  */
 export function directionAt(image: ViewImage, u: number, v: number): Vec3 | undefined {
   const { x, y, z, w } = image.orientation ?? { x: 0, y: 0, z: 0, w: 1 };
@@ -17,7 +17,7 @@ export function directionAt(image: ViewImage, u: number, v: number): Vec3 | unde
   return direction && rotate(orientation, normalize(direction));
 }
 
-/** Whether a drag of this image keeps the point under the pointer. */
+/** Whether a drag of this image keeps the point exactly under the pointer. */
 export function isExact(image: ViewImage): boolean {
   return image.projection !== undefined && image.projection.mapping !== "tabulated";
 }
@@ -57,7 +57,7 @@ function inImageAxes(image: ViewImage, u: number, v: number): Vec3 | undefined {
   }
 }
 
-/** Angle from the axis of a round picture at a fraction of its radius; undefined beyond what the mapping shows. */
+/** Returns the angle from the axis of a round picture at a fraction of its radius; undefined outside the mapping's range. */
 function angleAt({ mapping, fovRad }: Projection, rho: number): number | undefined {
   const half = fovRad / 2;
   const asin = (s: number) => (s <= 1 ? Math.asin(s) : undefined);

@@ -1,4 +1,4 @@
-// The daemon's calls over gRPC-Web, of the origin that the page comes from.
+// The daemon's calls over gRPC-Web, from the origin of the page.
 
 import { Code, ConnectError, createClient } from "@connectrpc/connect";
 import { createGrpcWebTransport } from "@connectrpc/connect-web";
@@ -16,20 +16,20 @@ export const scenes = createClient(SceneService, transport);
 export const views = createClient(ViewService, transport);
 export const diagnostics = createClient(DiagnosticsService, transport);
 
-/** A daemon that has not answered a short call for this long is taken for gone. */
+/** A daemon that does not answer a short call within this time counts as lost. */
 export const PATIENCE_MS = 20_000;
-/** The same for frames: those of large scenes take many seconds on a software driver. */
+/** The same for frames, which may take many seconds on a software driver. */
 export const FRAME_PATIENCE_MS = 60_000;
 
 export type Failure = "ended" | "unreachable" | "conflict" | "unknown" | "refused";
 
-/** What an error means for the page. */
+/** Classifies an error for the page. */
 export function failureOf(error: unknown): Failure {
   const { code } = ConnectError.from(error);
   switch (code) {
     case Code.Canceled:
       return "ended";
-    // A fetch that fails says nothing else than that: a daemon that answers gives a code of its own.
+    // A failed fetch has no code: a daemon that answers would send one.
     case Code.Unavailable:
     case Code.Unknown:
     case Code.DeadlineExceeded:
@@ -43,13 +43,13 @@ export function failureOf(error: unknown): Failure {
   }
 }
 
-/** The daemon's own words. */
+/** Returns the daemon's message. */
 export function messageOf(error: unknown): string {
   const { rawMessage, code } = ConnectError.from(error);
   return rawMessage || Code[code];
 }
 
-/** Waits; ends early, without an error, when the signal is given. */
+/** Waits; ends early, without an error, on the signal. */
 export function pause(ms: number, signal: AbortSignal): Promise<void> {
   return new Promise((resolve) => {
     const end = () => {

@@ -1,7 +1,8 @@
-// The camera as the page steers it. One call at a time is under way; poses that come meanwhile replace each other, and the last one is sent next.
+// The camera as steered by the page. One call at a time is in transit; newer poses replace each other meanwhile, and
+// the last one is sent next.
 //
-// Every pose names the revision that it was made from. If somebody else has moved the camera meanwhile, the daemon refuses it: the page takes the
-// camera as it is, says so, and goes on from there.
+// Every pose contains the revision that it was made from. If another client has moved the camera since, the daemon
+// refuses the pose: the page takes over the current camera, reports it, and continues from there.
 
 import type { MessageInitShape } from "@bufbuild/protobuf";
 
@@ -30,23 +31,23 @@ export class Steering extends EventTarget {
     this.#clock = clock;
   }
 
-  /** The pose that was asked for last, or that of the daemon. */
+  /** The last requested pose, or that of the daemon. */
   get pose(): Pose {
     return this.#pose;
   }
 
-  /** The camera as the daemon has told it last. */
+  /** The last camera reported by the daemon. */
   get camera(): Camera | undefined {
     return this.#known;
   }
 
-  /** Reads the camera anew, whatever was known: after a start of the daemon revisions begin anew. */
+  /** Reloads the camera, because revisions restart with the daemon. */
   async load(signal: AbortSignal): Promise<void> {
     this.#wanted = undefined;
     this.#take(await cameras.getCamera({}, { signal, timeoutMs: PATIENCE_MS }));
   }
 
-  /** A frame shows a camera. Older ones, and those that the page has left behind, change nothing. */
+  /** Records the camera of a frame. Older cameras, and poses that the page has passed, are ignored. */
   observe(camera: Camera): void {
     if (this.#sending || this.#wanted || (this.#known && camera.revision <= this.#known.revision)) return;
     this.#take(camera);
@@ -69,7 +70,7 @@ export class Steering extends EventTarget {
     void this.#send();
   }
 
-  /** Sets anything of the camera at once, as from a form; an error is the caller's. */
+  /** Sets values of the camera at once, as from a form; throws errors. */
   async set(change: Change): Promise<void> {
     const sent = now();
     const revision = this.#known?.revision;
@@ -107,7 +108,7 @@ export class Steering extends EventTarget {
 
   async #refused(error: unknown): Promise<void> {
     const failure = failureOf(error);
-    // The session tells of a daemon that is gone or asks for a token, and loads the camera when it is back.
+    // The session reports a lost daemon or asks for a token, and reloads the camera afterwards.
     if (failure === "unreachable" || failure === "unknown" || failure === "ended") return;
     if (failure === "refused") notify(`Camera: ${messageOf(error)}`, "error");
     else notify("Another client has moved the camera: going on from there.", "warning");
@@ -120,7 +121,7 @@ export class Steering extends EventTarget {
     } catch (error) {
       if (failureOf(error) === "refused") notify(`Camera: ${messageOf(error)}`, "error");
     }
-    // Drags begin anew from what is there.
+    // Drags restart from the current camera.
     this.dispatchEvent(new Event("moved"));
   }
 

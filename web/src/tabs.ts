@@ -1,4 +1,4 @@
-// Tabs as the ARIA Authoring Practices describe them: one is in the order of focus, arrows go to the others.
+// Tabs after the ARIA Authoring Practices: the active one is in the tab order, arrow keys reach the others.
 
 export function tabs(list: HTMLElement): void {
   const all = [...list.querySelectorAll<HTMLElement>("[role=tab]")];
@@ -10,7 +10,7 @@ export function tabs(list: HTMLElement): void {
       const panel = document.getElementById(tab.getAttribute("aria-controls") ?? "");
       if (panel) panel.hidden = !on;
     }
-    // Each panel begins at its top. On phones the whole page scrolls, and stays where it is.
+    // Each panel starts at its top. On phones, the whole page scrolls and keeps its position.
     if (list.parentElement) list.parentElement.scrollTop = 0;
   };
   for (const tab of all) tab.addEventListener("click", () => select(tab));

@@ -1,11 +1,11 @@
-// H.264 by the decoder of the browser. It is there in secure contexts alone: over https, or from the own machine.
+// H.264 by the browser's decoder, which exists in secure contexts only: over https, or on the local machine.
 
 import type { Image } from "../gen/steradian/v1/view_pb.ts";
 
-/** Constrained baseline, level 5.2: the most that the daemon sends. The pictures themselves say the rest. */
+/** Constrained baseline, level 5.2: the maximum that the daemon sends. The stream contains the actual parameters. */
 const DECODER: VideoDecoderConfig = { codec: "avc1.424034", optimizeForLatency: true };
 
-/** Whether the browser decodes what the daemon sends. */
+/** Whether the browser can decode the daemon's video. */
 export async function decodesVideo(): Promise<boolean> {
   if (!("VideoDecoder" in globalThis)) return false;
   try {
@@ -20,17 +20,17 @@ interface Waiting {
   reject: (error: unknown) => void;
 }
 
-/** Decodes the pictures of one image, in the order in which they come. */
+/** Decodes the pictures of one image, in the order of their arrival. */
 export class Video {
   #decoder: VideoDecoder | undefined;
   #waiting = new Map<number, Waiting>();
   #next = 0;
 
-  /** The picture, which is to be closed. After an error only a key picture can be decoded. */
+  /** Returns the picture, which the caller must close. After an error, only a key picture can be decoded. */
   decode({ data, keyFrame }: Image): Promise<VideoFrame> {
     if (keyFrame && this.#decoder?.state !== "configured") this.#begin();
     const decoder = this.#decoder;
-    if (decoder?.state !== "configured") return Promise.reject(new Error("the picture before it is missing"));
+    if (decoder?.state !== "configured") return Promise.reject(new Error("the previous picture is missing"));
     const timestamp = this.#next++;
     return new Promise((resolve, reject) => {
       this.#waiting.set(timestamp, { resolve, reject });
@@ -60,6 +60,6 @@ export class Video {
   close(): void {
     if (this.#decoder && this.#decoder.state !== "closed") this.#decoder.close();
     this.#decoder = undefined;
-    this.#fail(new Error("the view is not shown any more"));
+    this.#fail(new Error("the view is hidden"));
   }
 }

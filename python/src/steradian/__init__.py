@@ -9,7 +9,7 @@
             for frame in frames:
                 print(frame.frame_number, frame.array().mean())
 
-Units are in the names: metres, radians, cd/m^2, lux, seconds. Positions and directions are those of ICRS axes,
+Units are in the names: metres, radians, cd/m^2, lux, seconds. Positions and directions are in ICRS axes,
 quaternions are x, y, z, w.
 """
 

@@ -1,4 +1,4 @@
-"""The connection to a daemon: its address, who asks, and calls with deadlines whose errors are typed."""
+"""The connection to a daemon: its address, credentials, and calls with deadlines and typed errors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import grpc
 from . import _protocol, errors
 from ._protocol import Message
 
-# After a loss the daemon is looked for this often: by default gRPC waits up to two minutes.
+# Maximum delay between reconnections: by default gRPC waits up to two minutes.
 _OPTIONS: list[tuple[str, int]] = [
     ("grpc.max_receive_message_length", -1),
     ("grpc.max_send_message_length", -1),
@@ -26,7 +26,7 @@ PathLike = str | os.PathLike[str]
 
 
 def _is_local(host: str) -> bool:
-    """Whether a host is this machine by its very name: what goes there does not leave it."""
+    """Returns whether a host name always refers to this machine, so that data does not leave it."""
     if host == "localhost":
         return True
     try:
@@ -36,7 +36,7 @@ def _is_local(host: str) -> bool:
 
 
 class _Address:
-    """Where the daemon is: `HOST:PORT`, `http://HOST:PORT`, `https://HOST:PORT` or `unix:PATH`."""
+    """Address of a daemon: `HOST:PORT`, `http://HOST:PORT`, `https://HOST:PORT` or `unix:PATH`."""
 
     def __init__(self, text: str) -> None:
         self.secure = text.startswith("https://")
@@ -50,7 +50,7 @@ class _Address:
         except ValueError:
             port = None
         if parts.scheme not in ("http", "https") or not parts.hostname or port is None or parts.path not in ("", "/"):
-            raise ValueError(f"`{text}` is no address: allowed are HOST:PORT, http[s]://HOST:PORT and unix:PATH")
+            raise ValueError(f"`{text}` is not an address: must be HOST:PORT, http[s]://HOST:PORT or unix:PATH")
         host = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname
         self.target = f"{host}:{port}"
         self.local = _is_local(parts.hostname)
@@ -79,16 +79,16 @@ class Transport:
         if (cert_file is None) != (key_file is None):
             raise ValueError("a client's certificate needs both cert_file and key_file")
         if not where.secure and (ca_file is not None or cert_file is not None):
-            raise ValueError(f"certificates are of connections with TLS: https://, not `{address}`")
+            raise ValueError(f"certificates need TLS: use https://, not `{address}`")
         if token is not None and not where.secure and not where.local:
-            raise ValueError(f"the token would cross the network in the clear: https://, not `{address}`")
+            raise ValueError(f"the token would be sent unencrypted: use https://, not `{address}`")
         self.timeout_s = timeout_s
         self._guard = threading.Lock()
         self._seeking: Any = None
         self._metadata = [("authorization", f"Bearer {token}")] if token is not None else []
         options = list(_OPTIONS)
         if where.local:
-            # A proxy of the environment does not lead to this machine.
+            # Connections to this machine must not use a proxy of the environment.
             options.append(("grpc.enable_http_proxy", 0))
         if where.secure:
             credentials = grpc.ssl_channel_credentials(_read(ca_file), _read(key_file), _read(cert_file))
@@ -101,14 +101,14 @@ class Transport:
         self._channel.close()
 
     def wait_until_ready(self, timeout_s: float) -> None:
-        """Waits for the connection."""
+        """Waits until the channel is connected."""
         try:
             grpc.channel_ready_future(self._channel).result(timeout=timeout_s)
         except grpc.FutureTimeoutError:
             raise errors.DeadlineExceeded("DEADLINE_EXCEEDED", f"no connection in {timeout_s} s", "connect") from None
 
     def unary(self, service: str, name: str, request: Message, timeout_s: float | None = None) -> Message:
-        """One message for one message."""
+        """Makes a unary call."""
         method = _protocol.method(service, name)
         try:
             return self.start(method, request, timeout_s).result()
@@ -116,15 +116,15 @@ class Transport:
             raise self.error(error, method) from error
 
     def error(self, error: grpc.RpcError, method: _protocol.Method) -> errors.SteradianError:
-        """The error of this package for one of a call. After a loss the connection is made again meanwhile."""
+        """Converts an error of a call. After a loss, the channel starts to reconnect."""
         found = errors.from_rpc(error, method.path)
         if isinstance(found, errors.Unavailable):
             self._seek()
         return found
 
     def _seek(self) -> None:
-        """Sees to it that the channel connects. It does so by itself, but older versions of gRPC look after its socket
-        only while a call lasts, and calls fail at once while there is no connection. This one waits for it."""
+        """Makes the channel connect. It does so by itself, but older versions of gRPC serve its socket only
+        during a call, and calls fail at once without a connection. This call waits for it."""
         with self._guard:
             if self._seeking is not None:
                 return
@@ -137,7 +137,7 @@ class Transport:
             self._seeking = None
 
     def start(self, method: _protocol.Method, request: Message, timeout_s: float | None = None) -> Any:
-        """The future of a unary call, which can be cancelled from another thread."""
+        """Returns the future of a unary call, which can be cancelled from another thread."""
         if method.client_streams or method.server_streams:
             raise ValueError(f"{method.path} is a stream")
         call = self._channel.unary_unary(method.path, method.request.SerializeToString, method.response.FromString)
@@ -145,16 +145,16 @@ class Transport:
         return call.future(request, timeout=timeout, metadata=self._metadata)
 
     def stream(self, method: _protocol.Method, request: Message) -> Any:
-        """The messages of a stream of the daemon: an iterator of gRPC, which can be cancelled. Streams have no
+        """Returns the messages of a server stream: an iterator of gRPC, which can be cancelled. Streams have no
         deadline."""
         if method.client_streams or not method.server_streams:
-            raise ValueError(f"{method.path} is no stream of the daemon")
+            raise ValueError(f"{method.path} is not a server stream")
         call = self._channel.unary_stream(method.path, method.request.SerializeToString, method.response.FromString)
         return call(request, metadata=self._metadata)
 
     def send(self, method: _protocol.Method, requests: Iterator[Message]) -> Any:
-        """The future of the answer to a stream of messages."""
+        """Returns the future of the answer to a client stream."""
         if not method.client_streams or method.server_streams:
-            raise ValueError(f"{method.path} is no stream to the daemon")
+            raise ValueError(f"{method.path} is not a client stream")
         call = self._channel.stream_unary(method.path, method.request.SerializeToString, method.response.FromString)
         return call.future(requests, metadata=self._metadata)

@@ -1,8 +1,8 @@
-"""The protocol as the daemon speaks it: message classes and calls, made at run time from descriptors.
+"""The daemon's protocol: message classes and calls, created at run time from descriptors.
 
 `steradian.binpb` is a serialised `FileDescriptorSet` of `proto/`. There is no generated code: one package serves all
-versions of protobuf's runtime, and a new call or field needs a new `steradian.binpb` alone. The descriptors have a pool
-of their own, so that modules which protoc has generated from the same files may stand beside this package.
+versions of protobuf's runtime, and a new call or field needs only a new `steradian.binpb`. The descriptors have a
+separate pool, so that modules that protoc has generated from the same files can coexist with this package.
 
 Plain Python values become messages by `build`: a mapping by its fields, `Vector3`, `Quaternion`, `Rgb` and `Range` also
 by their numbers, `Timestamp` by a `datetime` with a time zone, an enumeration by the name of its value.
@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
-# Messages are classes that exist at run time alone: a type checker knows nothing of their fields.
+# Message classes exist only at run time: a type checker does not know their fields.
 Message = Any
 
 PACKAGE = "steradian.v1"
 
 _EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
-# Messages that are numbers in a row, by their fields.
+# Messages that can be given as a sequence of numbers, with their fields.
 _NUMBERS = {
     f"{PACKAGE}.Vector3": ("x", "y", "z"),
     f"{PACKAGE}.Quaternion": ("x", "y", "z", "w"),
@@ -36,7 +36,7 @@ _NUMBERS = {
 
 @dataclass(frozen=True)
 class Method:
-    """A call of a service: its path, its messages, and which sides send several."""
+    """A call of a service: its path, its messages, and whether each side streams."""
 
     path: str
     request: Message
@@ -46,7 +46,7 @@ class Method:
 
 
 def _class_maker(pool: Any) -> Callable[[Any], Any]:
-    """What makes a message class of a descriptor: its name has changed with protobuf 4.22."""
+    """Returns the function that creates a message class; protobuf 4.22 has renamed it."""
     if hasattr(message_factory, "GetMessageClass"):
         return lambda descriptor: message_factory.GetMessageClass(descriptor)
     factory = message_factory.MessageFactory(pool)
@@ -54,12 +54,12 @@ def _class_maker(pool: Any) -> Callable[[Any], Any]:
 
 
 class _Protocol:
-    """All that `steradian.binpb` describes."""
+    """Content of `steradian.binpb`."""
 
     def __init__(self, serialised: bytes) -> None:
         files = descriptor_pb2.FileDescriptorSet.FromString(serialised)
         self.pool: Any = descriptor_pool.DescriptorPool()
-        # A file comes after those that it imports.
+        # A file follows those that it imports.
         for file in files.file:
             self.pool.AddSerializedFile(file.SerializeToString())
         self._class_of = _class_maker(self.pool)
@@ -70,7 +70,7 @@ class _Protocol:
                 self.methods[service.name] = calls
 
     def _method(self, package: str, service: str, method: Any) -> Method:
-        # Names of types are absolute there, with a dot in front.
+        # Type names are absolute there, with a leading dot.
         return Method(
             path=f"/{package}.{service}/{method.name}",
             request=self.message_class(method.input_type[1:]),
@@ -87,29 +87,29 @@ _PROTOCOL = _Protocol((importlib.resources.files(__package__ or "steradian") / "
 
 
 def services() -> dict[str, list[str]]:
-    """Names of the services, each with the names of its calls."""
+    """Returns the names of the services, each with the names of its calls."""
     return {service: list(calls) for service, calls in _PROTOCOL.methods.items()}
 
 
 def method(service: str, name: str) -> Method:
-    """A call by service and name, such as `ViewService` and `GetView`.
+    """Returns a call by service and name, such as `ViewService` and `GetView`.
 
     Raises:
-        ValueError: there is no such service or call; the message lists those that there are.
+        ValueError: the service or call does not exist; the message lists the known ones.
     """
     calls = _PROTOCOL.methods.get(service.removeprefix(f"{PACKAGE}."))
     if calls is None:
-        raise ValueError(f"there is no service `{service}`: there are {', '.join(_PROTOCOL.methods)}")
+        raise ValueError(f"no service `{service}`: must be one of {', '.join(_PROTOCOL.methods)}")
     if name not in calls:
         raise ValueError(f"{service} has no call `{name}`: it has {', '.join(calls)}")
     return calls[name]
 
 
 def message(name: str, /, **fields: object) -> Message:
-    """A message of the protocol by its name, such as `Body`, with these fields (see the head of this module).
+    """Creates a message by name, such as `Body`, with these fields (see the head of this module).
 
     Raises:
-        ValueError: there is no such message.
+        ValueError: the message does not exist.
         TypeError: it has no such field, or a value does not fit one.
     """
     try:
@@ -120,23 +120,23 @@ def message(name: str, /, **fields: object) -> Message:
 
 
 def build(cls: Message, fields: Mapping[str, object]) -> Message:
-    """A message of a class with these fields; those that are None stay absent."""
+    """Creates a message of a class with these fields; None leaves a field absent."""
     made = cls()
     merge(made, fields)
     return made
 
 
 def enum_value(name: str, value: str) -> int:
-    """Number of a value of an enumeration, such as `JPEG` of `Encoding`.
+    """Returns the number of an enumeration value, such as `JPEG` of `Encoding`.
 
     Raises:
-        ValueError: it has no such value; the message lists those that it has.
+        ValueError: the value does not exist; the message lists the known ones.
     """
     return _enum_number(_PROTOCOL.pool.FindEnumTypeByName(f"{PACKAGE}.{name}"), value)
 
 
 def enum_name(name: str, number: int) -> str:
-    """Name of a value of an enumeration; its number where a newer daemon has one that this package does not know."""
+    """Returns the name of an enumeration value, or its number if only newer daemons know it."""
     values = _PROTOCOL.pool.FindEnumTypeByName(f"{PACKAGE}.{name}").values_by_number
     return str(values[number].name) if number in values else str(number)
 
@@ -149,7 +149,7 @@ def _enum_number(descriptor: Any, value: str) -> int:
 
 
 def _is_repeated(field: Any) -> bool:
-    # `label` is deprecated since `is_repeated` is there.
+    # `label` is deprecated since `is_repeated` exists.
     if hasattr(field, "is_repeated"):
         return bool(field.is_repeated)
     return bool(field.label == field.LABEL_REPEATED)
@@ -159,7 +159,7 @@ def set_field(target: Message, name: str, value: object) -> None:
     """Sets a field of a message.
 
     Raises:
-        TypeError: there is no such field, or the value does not fit it.
+        TypeError: the field does not exist, or the value does not fit it.
     """
     field = target.DESCRIPTOR.fields_by_name.get(name)
     if field is None:
@@ -169,7 +169,7 @@ def set_field(target: Message, name: str, value: object) -> None:
         _set_repeated(target, field, value)
     elif field.message_type is not None:
         part = getattr(target, name)
-        # A message without fields is something else than none.
+        # A present message without fields differs from an absent one.
         part.SetInParent()
         merge(part, value)
     else:
@@ -177,16 +177,16 @@ def set_field(target: Message, name: str, value: object) -> None:
 
 
 def put(target: Message, path: str, value: object) -> None:
-    """Sets what a path leads to: a field, a field of a field, or the member of a list that has this name.
+    """Sets the target of a path: a field, a field of a field, or the list member of this name.
 
     Raises:
-        TypeError: there is no such field, or the value does not fit it.
-        ValueError: the value is of the right kind, and wrong.
+        TypeError: the field does not exist, or the value does not fit it.
+        ValueError: the value has the right type, but is invalid.
     """
     head, _, rest = path.partition(".")
     descriptor = target.DESCRIPTOR.fields_by_name.get(head)
     if not rest or descriptor is None or descriptor.message_type is None:
-        # With what is left of the path where there is no such field: the error names it.
+        # If the field does not exist, pass the rest of the path, so that the error names it.
         set_field(target, path, value)
         return
     part = getattr(target, head)
@@ -215,7 +215,7 @@ def _set_repeated(target: Message, field: Any, values: object) -> None:
 def _scalar(field: Any, value: object) -> object:
     if isinstance(value, str) and field.enum_type is not None:
         return _enum_number(field.enum_type, value)
-    # A number of numpy is one of Python for protobuf.
+    # Convert numpy numbers for protobuf.
     return value.item() if isinstance(value, np.generic) else value
 
 
@@ -224,17 +224,17 @@ def _is_message(value: object, full_name: str) -> bool:
 
 
 def merge(target: Message, value: object) -> None:
-    """Puts a value into a message: a message of the same type, a mapping of fields, or what stands for it (see the head
+    """Assigns a value to a message: a message of the same type, a mapping of fields, or a short form (see the head
     of this module).
 
     Raises:
-        TypeError: the value does not stand for this message.
-        ValueError: it is of the right kind, and wrong.
+        TypeError: the value does not fit this message.
+        ValueError: it has the right type, but is invalid.
     """
     kind = target.DESCRIPTOR.full_name
     if _is_message(value, kind):
         other: Message = value
-        # Of another pool, perhaps.
+        # It may be of another descriptor pool.
         target.MergeFromString(other.SerializeToString())
     elif isinstance(value, Mapping):
         for name, part in value.items():
@@ -247,12 +247,12 @@ def merge(target: Message, value: object) -> None:
     elif kind == "google.protobuf.FieldMask" and isinstance(value, Iterable) and not isinstance(value, (str, bytes)):
         target.paths.extend(value)
     else:
-        raise TypeError(f"{value!r} is no {target.DESCRIPTOR.name}")
+        raise TypeError(f"{value!r} cannot be converted to {target.DESCRIPTOR.name}")
 
 
 def _set_numbers(target: Message, names: tuple[str, ...], value: object) -> None:
     numbers = np.asarray(value, dtype=np.float64)
-    # One number is a colour without hue.
+    # A single number means a grey colour.
     if numbers.ndim == 0 and target.DESCRIPTOR.name == "Rgb":
         numbers = np.full(3, numbers)
     if numbers.shape != (len(names),):
@@ -262,19 +262,19 @@ def _set_numbers(target: Message, names: tuple[str, ...], value: object) -> None
 
 
 def _since_epoch(time: datetime.datetime) -> tuple[int, int]:
-    """Seconds and nanoseconds since 1970."""
+    """Returns seconds and nanoseconds since 1970."""
     if time.tzinfo is None:
-        raise ValueError(f"{time!r} has no time zone: datetime(..., tzinfo=timezone.utc) has one")
+        raise ValueError(f"{time!r} has no time zone: use datetime(..., tzinfo=timezone.utc)")
     since = time - _EPOCH
     return since.days * 86_400 + since.seconds, since.microseconds * 1000
 
 
 def datetime_of(timestamp: Message) -> datetime.datetime:
-    """A `Timestamp` as a time in UTC, to microseconds."""
+    """Converts a `Timestamp` to a time in UTC, to microseconds."""
     return _EPOCH + datetime.timedelta(seconds=timestamp.seconds, microseconds=timestamp.nanos // 1000)
 
 
 def numbers_of(part: Message) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """The numbers of a `Vector3`, `Quaternion`, `Rgb` or `Range`, float64."""
+    """Returns the numbers of a `Vector3`, `Quaternion`, `Rgb` or `Range`, float64."""
     names = _NUMBERS[part.DESCRIPTOR.full_name]
     return np.array([getattr(part, name) for name in names], dtype=np.float64)

@@ -22,7 +22,7 @@ class Camera:
         position_m: (3,), float64: position, metres, ICRS axes, from the Solar-System barycentre.
         orientation: (4,), float64: unit quaternion x, y, z, w, which takes camera axes to ICRS axes.
         velocity_c: (3,), float64: velocity along the ICRS axes, in units of the speed of light.
-        revision: counts the changes of the camera; 0 is the pose of the configuration.
+        revision: number of changes of the camera; 0 is the pose of the configuration.
     """
 
     position_m: Vector
@@ -32,7 +32,7 @@ class Camera:
 
     @classmethod
     def of(cls, message: Message) -> Camera:
-        """The camera of a message."""
+        """Reads a camera from a message."""
         return cls(
             position_m=_protocol.numbers_of(message.position_m),
             orientation=_protocol.numbers_of(message.orientation),
@@ -42,7 +42,7 @@ class Camera:
 
 
 def quaternion(axis: npt.ArrayLike, angle_rad: float) -> Vector:
-    """The rotation about an axis of any length, anticlockwise as seen from its tip, (4,).
+    """Returns the rotation about an axis of any length, anticlockwise as seen from its tip, (4,).
 
     Raises:
         ValueError: the axis has no direction.
@@ -52,7 +52,7 @@ def quaternion(axis: npt.ArrayLike, angle_rad: float) -> Vector:
 
 
 def multiply(a: npt.ArrayLike, b: npt.ArrayLike) -> Vector:
-    """The rotation `b` and after it `a`, (4,), as of unit length."""
+    """Returns the rotation `b` followed by `a`, (4,), normalised."""
     p, q = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
     vector = p[3] * q[:3] + q[3] * p[:3] + np.cross(p[:3], q[:3])
     product: Vector = np.append(vector, p[3] * q[3] - p[:3] @ q[:3])
@@ -61,13 +61,13 @@ def multiply(a: npt.ArrayLike, b: npt.ArrayLike) -> Vector:
 
 
 def conjugate(rotation: npt.ArrayLike) -> Vector:
-    """The opposite rotation, (4,)."""
+    """Returns the inverse rotation, (4,)."""
     turned: Vector = np.asarray(rotation, dtype=np.float64) * np.array([-1.0, -1.0, -1.0, 1.0])
     return turned
 
 
 def rotate(rotation: npt.ArrayLike, vectors: npt.ArrayLike) -> Vector:
-    """Vectors, (..., 3), turned by a unit quaternion, (4,)."""
+    """Rotates vectors, (..., 3), by a unit quaternion, (4,)."""
     q, v = np.asarray(rotation, dtype=np.float64), np.asarray(vectors, dtype=np.float64)
     across = 2 * np.cross(q[:3], v)
     turned: Vector = v + q[3] * across + np.cross(q[:3], across)
@@ -75,11 +75,11 @@ def rotate(rotation: npt.ArrayLike, vectors: npt.ArrayLike) -> Vector:
 
 
 def looking_at(direction: npt.ArrayLike, up: npt.ArrayLike = (0.0, 0.0, 1.0)) -> Vector:
-    """The orientation of a camera that looks along a direction of ICRS axes, with `up` upwards in its picture; the
+    """Returns the orientation of a camera that looks along an ICRS direction, with `up` upwards in its picture; the
     default is celestial north. (4,).
 
     Raises:
-        ValueError: one of both has no direction, or they are parallel.
+        ValueError: one of the vectors has no direction, or they are parallel.
     """
     back = -_unit(direction)
     right = _unit(np.cross(_unit(up), back))
@@ -104,6 +104,6 @@ def _unit(vector: npt.ArrayLike) -> Vector:
     v: Vector = np.asarray(vector, dtype=np.float64)
     length = float(np.linalg.norm(v))
     if v.shape != (3,) or not np.isfinite(length) or length < 1e-12:
-        raise ValueError(f"{vector!r} is no direction: three numbers are needed, not all of them 0")
+        raise ValueError(f"{vector!r} is not a direction: must be three numbers that are not all 0")
     unit: Vector = v / length
     return unit

@@ -31,18 +31,18 @@ class Client:
     """A connection to a daemon; a context manager. It may be used from any thread.
 
     The connection is made by the first call, and again after a loss. Every call raises a `SteradianError` if it fails:
-    see `steradian.errors`. Each has a deadline, but streams, which last.
+    see `steradian.errors`. Each call has a deadline, except streams.
 
     Args:
         address: `HOST:PORT`, `http://HOST:PORT`, `https://HOST:PORT` for TLS, or `unix:PATH`.
         token: sent with every call. Only with TLS, or to this machine.
-        ca_file: certificates (PEM) that the daemon's is checked by, in place of those of the system.
-        cert_file: certificate (PEM) of the client, where the daemon asks for one; with `key_file`.
+        ca_file: trusted certificates (PEM), instead of those of the system.
+        cert_file: certificate (PEM) of the client, if the daemon requires one; with `key_file`.
         key_file: its key (PEM).
-        timeout_s: deadline of calls that are given none, s.
+        timeout_s: default deadline of calls, s.
 
     Raises:
-        ValueError: the address is none, or does not go with token or certificates.
+        ValueError: the address is invalid, or unsuitable for the token or certificates.
         OSError: a file cannot be read.
     """
 
@@ -57,7 +57,7 @@ class Client:
         timeout_s: float = 60.0,
     ) -> None:
         self._transport = Transport(address, token, ca_file, cert_file, key_file, timeout_s)
-        # What lasts beyond a call, ended with the client.
+        # Loops and streams, which end with the client.
         self._lasting: weakref.WeakSet[Watch[Any] | PullLoop[Any]] = weakref.WeakSet()
         self._guard = threading.Lock()
 
@@ -81,7 +81,7 @@ class Client:
         return made
 
     def wait_until_ready(self, timeout_s: float = 60.0) -> None:
-        """Waits until the daemon takes the connection.
+        """Waits until the daemon accepts the connection.
 
         Raises:
             DeadlineExceeded: it did not within `timeout_s`.
@@ -93,7 +93,7 @@ class Client:
     def call(
         self, service: str, name: str, request: Message = None, /, *, timeout_s: float | None = None, **fields: object
     ) -> Message:
-        """Any call of the protocol with one answer, such as `call("ViewService", "GetView", view="dome")`.
+        """Makes any call of the protocol with one answer, such as `call("ViewService", "GetView", view="dome")`.
 
         Args:
             service: its service.
@@ -106,8 +106,8 @@ class Client:
             The message of the answer.
 
         Raises:
-            ValueError: there is no such call.
-            TypeError: its message has no such field, or a value does not fit one.
+            ValueError: the call does not exist.
+            TypeError: the message lacks such a field, or a value does not fit one.
         """
         return self._transport.unary(service, name, self._request(service, name, request, fields), timeout_s)
 
@@ -115,8 +115,8 @@ class Client:
         return self._transport.unary(service, name, self._request(service, name, None, fields), timeout_s)
 
     def stream(self, service: str, name: str, request: Message = None, /, **fields: object) -> Watch[Message]:
-        """Any stream of the daemon, such as `stream("SceneService", "WatchScene")`: an iterator over its messages.
-        Arguments as of `call`."""
+        """Opens any server stream, such as `stream("SceneService", "WatchScene")`: an iterator over its messages.
+        Arguments as for `call`."""
         made = self._request(service, name, request, fields)
         return self._lasts(Watch(self._transport, _protocol.method(service, name), made, _same))
 
@@ -128,19 +128,19 @@ class Client:
     # Views and frames.
 
     def views(self) -> list[View]:
-        """All views, in the order of the configuration, the headset last."""
+        """Lists all views, in the order of the configuration, the headset last."""
         return [View.of(view) for view in self.call("ViewService", "ListViews").views]
 
     def view(self, name: str) -> View:
-        """One view.
+        """Returns a view.
 
         Raises:
-            NotFound: there is none of this name.
+            NotFound: no view has this name.
         """
         return View.of(self.call("ViewService", "GetView", view=name))
 
     def create_view(self, definition: Message | Mapping[str, object], *, expected_revision: int | None = None) -> View:
-        """Makes a view. It can be asked for frames when this returns.
+        """Creates a view. Its frames can be requested when this returns.
 
         Args:
             definition: the keys of a table of `[[views]]` in a configuration, as `{"name": "wide", "type": "fisheye",
@@ -151,10 +151,10 @@ class Client:
             The view.
 
         Raises:
-            InvalidArgument: a key is missing, unknown to the type, or has a value that is not allowed; the text says
-                what is.
+            InvalidArgument: a key is missing, unknown to the type, or has an invalid value; the text states the
+                valid ones.
             AlreadyExists: a view, or the headset, has the name.
-            ResourceExhausted: there are as many views, or pixels in them, as there may be.
+            ResourceExhausted: the limit of views, or of their pixels, is reached.
             Conflict: the scene has another revision.
         """
         fields = {"definition": definition, "expected_revision": expected_revision}
@@ -168,17 +168,17 @@ class Client:
             expected_revision: refused if the scene has another revision.
 
         Returns:
-            The revision that the scene has then.
+            The new revision of the scene.
 
         Raises:
-            NotFound: there is no such view.
+            NotFound: no view has this name.
             Conflict: the scene has another revision.
         """
         fields = {"view": name, "expected_revision": expected_revision}
         return int(self._ask("ViewService", "DeleteView", fields).revision)
 
     def update_view(self, name: str, changes: Mapping[str, object], *, expected_revision: int | None = None) -> View:
-        """Changes definition, exposure, glare, tone mapping or exposure group of a view, all that is named or nothing,
+        """Changes definition, exposure, glare, tone mapping or exposure group of a view: all named values or none,
         from the next frame on.
 
         Args:
@@ -191,8 +191,8 @@ class Client:
             The view after the change.
 
         Raises:
-            InvalidArgument: a path or value is not allowed; the text says what is.
-            NotFound: there is no such view.
+            InvalidArgument: a path or value is invalid; the text states the valid ones.
+            NotFound: no view has this name.
             Conflict: the scene has another revision.
         """
         view = _protocol.message("View", name=name)
@@ -214,9 +214,9 @@ class Client:
             timeout_s: deadline, s.
 
         Raises:
-            ValueError: there is no such encoding.
-            NotFound: there is no such view.
-            ResourceExhausted: too many such calls wait.
+            ValueError: the encoding does not exist.
+            NotFound: no view has this name.
+            ResourceExhausted: too many such calls are waiting.
         """
         fields = {"view": view, "encoding": encoding, "max_size": max_size}
         return Frame.of(self._ask("ViewService", "RenderFrame", fields, timeout_s))
@@ -231,7 +231,7 @@ class Client:
         reconnect: bool = False,
         timeout_s: float | None = None,
     ) -> FrameLoop:
-        """The newest frames of a view, by a loop in the background: however seldom frames are taken, each is the
+        """Returns a background loop with the newest frames of a view: however seldom frames are taken, each is the
         newest.
 
         A frame comes when the picture has changed, and once a second if it has not. A loop has these ways to take
@@ -248,7 +248,7 @@ class Client:
             timeout_s: deadline of a single call, s.
 
         Raises:
-            ValueError: there is no such encoding.
+            ValueError: the encoding does not exist.
         """
         options = _loop_options(max_size, max_rate_hz, reconnect, timeout_s)
         return self._lasts(FrameLoop(self._transport, {view: encoding}, **options))
@@ -263,16 +263,16 @@ class Client:
         reconnect: bool = False,
         timeout_s: float | None = None,
     ) -> FramesLoop:
-        """The newest frames of several views, 16 at most, by one loop in the background. It gives dictionaries of
-        frames by view: those that have not been taken yet.
+        """Returns a background loop with the newest frames of up to 16 views. It yields dictionaries of
+        the frames that have not been taken yet, by view.
 
         Args:
             views: their names, or their encodings by name.
-            encoding: of those that are given by name alone.
-            max_size: as of `render`, and so for what follows as of `frames`.
+            encoding: encoding of views that are given by name only.
+            max_size: as for `render`; the other arguments are as for `frames`.
         """
         if isinstance(views, str):
-            raise TypeError(f"views = {views!r}: a sequence of names is needed; `frames` is for one view")
+            raise TypeError(f"views = {views!r}: must be a sequence of names; `frames` is for one view")
         wanted = dict(views) if isinstance(views, Mapping) else dict.fromkeys(views, encoding)
         options = _loop_options(max_size, max_rate_hz, reconnect, timeout_s)
         return self._lasts(FramesLoop(self._transport, wanted, **options))
@@ -280,7 +280,7 @@ class Client:
     # The camera.
 
     def camera(self) -> Camera:
-        """The camera as it is now."""
+        """Returns the current camera."""
         return Camera.of(self.call("CameraService", "GetCamera"))
 
     def set_camera(
@@ -292,10 +292,10 @@ class Client:
         velocity_c: npt.ArrayLike | None = None,
         expected_revision: int | None = None,
     ) -> Camera:
-        """Moves the camera. What is not given keeps its value.
+        """Moves the camera. Missing values stay unchanged.
 
         Args:
-            pose: all of it, in place of what follows.
+            pose: the whole pose, instead of the following arguments.
             position_m: (3,), metres, ICRS axes, from the Solar-System barycentre.
             orientation: (4,), unit quaternion x, y, z, w, which takes camera axes to ICRS axes.
             velocity_c: (3,), in units of the speed of light, at most 0.9999.
@@ -307,43 +307,43 @@ class Client:
         Raises:
             InvalidArgument: the pose is invalid, or the scene cannot be drawn from it.
             Conflict: the camera has another revision.
-            LeaseHeld: another client steers.
+            LeaseHeld: another client holds the lease of the camera.
         """
         fields = pose_fields(pose, position_m, orientation, velocity_c) | {"expected_revision": expected_revision}
         return Camera.of(self._ask("CameraService", "SetCamera", fields))
 
     def steer(self, *, take_over: bool = False, lease: bool = True, holder: str = "") -> Steering:
-        """A stream of poses, at a thousand per second or more: `with client.steer() as steer: steer(position_m=...)`.
-        While it lasts, nobody else moves the camera.
+        """Opens a stream of poses, at a thousand per second or more:
+        `with client.steer() as steer: steer(position_m=...)`. While it lasts, no other client can move the camera.
 
         Args:
-            take_over: takes the lease from whoever has it, whose stream ends with `LeaseHeld`.
-            lease: False: none is taken, poses go through while nobody else has it.
-            holder: who steers, for those who are refused meanwhile; at most 64 characters.
+            take_over: takes the lease also from another holder, whose stream ends with `LeaseHeld`.
+            lease: False: takes no lease; poses are accepted while no other client holds it.
+            holder: name of the holder, which refused clients see; at most 64 characters.
 
         Raises:
-            ValueError: a lease is to be taken over and not to be taken.
+            ValueError: take_over is combined with lease=False.
         """
         if take_over and not lease:
-            raise ValueError("take_over takes a lease: lease=False does not go with it")
+            raise ValueError("take_over must not be combined with lease=False")
         wanted = "CAMERA_LEASE_TAKE_OVER" if take_over else "CAMERA_LEASE_TAKE" if lease else "CAMERA_LEASE_NONE"
         return Steering(self._transport, wanted, holder)
 
     def watch_camera(self) -> Watch[Camera]:
-        """The camera now, and then whenever it has changed; who is slow gets the newest."""
+        """Streams the current camera and each change; a slow reader gets the newest."""
         method = _protocol.method("CameraService", "WatchCamera")
         return self._lasts(Watch(self._transport, method, method.request(), Camera.of))
 
     # The scene.
 
     def scene(self) -> Scene:
-        """The scene as it is now."""
+        """Returns the current scene."""
         return Scene.of(self.call("SceneService", "GetScene"))
 
     def update_scene(
         self, changes: Mapping[str, object], *, expected_revision: int | None = None, timeout_s: float | None = None
     ) -> Scene:
-        """Changes what is named, all of it or nothing, from the next frame on.
+        """Changes the named values, all of them or none, from the next frame on.
 
         Args:
             changes: values by path: `{"time": datetime(..., tzinfo=timezone.utc), "stars.magnitude_limit": 6.0,
@@ -356,8 +356,8 @@ class Client:
             The scene after the change.
 
         Raises:
-            TypeError: there is no such field, or a value does not fit it.
-            InvalidArgument: a path or value is not allowed; the text says what is.
+            TypeError: the field does not exist, or a value does not fit it.
+            InvalidArgument: a path or value is invalid; the text states the valid ones.
             Conflict: the scene has another revision.
         """
         scene, mask = update_of(changes)
@@ -365,47 +365,47 @@ class Client:
         return Scene.of(self._ask("SceneService", "UpdateScene", fields, timeout_s))
 
     def watch_scene(self) -> Watch[Scene]:
-        """The scene now, and then after every change; who is slow gets the newest."""
+        """Streams the current scene and each change; a slow reader gets the newest."""
         method = _protocol.method("SceneService", "WatchScene")
         return self._lasts(Watch(self._transport, method, method.request(), Scene.of))
 
     def save_snapshot(self, name: str) -> Snapshot:
-        """Saves scene, settings of views and camera under a name, over what has that name.
+        """Saves scene, settings of views and camera; replaces an existing snapshot of the name.
 
         Raises:
-            InvalidArgument: the name has other characters than letters, digits, _ and -, or more than 64.
-            FailedPrecondition: the daemon has no file of states (`serve --state FILE`).
+            InvalidArgument: the name has characters other than letters, digits, _ and -, or more than 64.
+            FailedPrecondition: the daemon has no state file (`serve --state FILE`).
         """
         return Snapshot.of(self.call("SceneService", "SaveSnapshot", name=name))
 
     def load_snapshot(self, name: str, *, expected_revision: int | None = None) -> Scene:
-        """Puts a snapshot in place of scene, settings of views and camera.
+        """Replaces scene, settings of views and camera by a snapshot.
 
         Raises:
-            NotFound: there is none of this name.
-            FailedPrecondition: the daemon has no file of states, what the snapshot needs is not there any more, or another
-                client steers the camera.
+            NotFound: no snapshot has this name.
+            FailedPrecondition: the daemon has no state file, lacks a part that the snapshot needs, or another
+                client holds the lease of the camera.
             Conflict: the scene has another revision.
         """
         fields = {"name": name, "expected_revision": expected_revision}
         return Scene.of(self._ask("SceneService", "LoadSnapshot", fields))
 
     def snapshots(self) -> list[Snapshot]:
-        """The snapshots, by name.
+        """Lists the snapshots by name.
 
         Raises:
-            FailedPrecondition: the daemon has no file of states.
+            FailedPrecondition: the daemon has no state file.
         """
         return [Snapshot.of(snapshot) for snapshot in self.call("SceneService", "ListSnapshots").snapshots]
 
     # The daemon.
 
     def info(self) -> Info:
-        """Version, adapter, driver, and what is loaded."""
+        """Returns version, adapter, driver, and size of the scene."""
         return Info.of(self.call("DiagnosticsService", "GetInfo"))
 
     def stats(self, interval_s: float = 1.0) -> Watch[Stats]:
-        """Statistics now, and then at each interval, 0.1 to 60 s."""
+        """Streams statistics, now and at each interval, 0.1 to 60 s."""
         method = _protocol.method("DiagnosticsService", "WatchStats")
         request = _protocol.build(method.request, {"interval_s": interval_s})
         return self._lasts(Watch(self._transport, method, request, Stats.of))
@@ -414,7 +414,7 @@ class Client:
         """Runs the checks on the daemon's adapter, one after the other, and gives each result. `close` stops them.
 
         Args:
-            filter: only these: a name, a part of names, a group, or a number. Empty: all.
+            filter: selects checks: a name, a part of names, a group, or a number. Empty: all.
             star_method: the star method to check; empty: the one in use.
         """
         method = _protocol.method("DiagnosticsService", "Verify")

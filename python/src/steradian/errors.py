@@ -1,7 +1,7 @@
-"""What a call may fail with: one class per status of the daemon, with its text.
+"""Errors of calls: one class per status of the daemon, with its text.
 
-The daemon says in words what was wrong and what is allowed; `SteradianError.text` is that. Mistakes that this package
-can see by itself, such as an encoding that the protocol does not have, are Python's own `TypeError` and `ValueError`.
+`SteradianError.text` is the daemon's message, which states the problem and the valid values. Mistakes that this package
+detects itself, such as an encoding that the protocol does not have, are Python's own `TypeError` and `ValueError`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ class SteradianError(Exception):
 
     Attributes:
         code: name of its gRPC status, such as `NOT_FOUND`.
-        text: what the daemon says of it.
+        text: message of the daemon.
         call: the call, such as `ViewService/GetView`.
     """
 
@@ -26,19 +26,19 @@ class SteradianError(Exception):
 
 
 class InvalidArgument(SteradianError):
-    """A value is not allowed; nothing has changed."""
+    """A value is invalid; nothing has changed."""
 
 
 class NotFound(SteradianError):
-    """There is no view, snapshot or stream of this name; the text lists those that there are."""
+    """No view, snapshot or stream has this name; the text lists the existing ones."""
 
 
 class AlreadyExists(SteradianError):
-    """The name is taken."""
+    """The name exists already."""
 
 
 class Conflict(SteradianError):
-    """Scene, views or camera do not have the expected revision any more: read them again."""
+    """Scene, views or camera no longer have the expected revision: read them again."""
 
 
 class FailedPrecondition(SteradianError):
@@ -46,11 +46,11 @@ class FailedPrecondition(SteradianError):
 
 
 class LeaseHeld(FailedPrecondition):
-    """Another client steers the camera, or has taken its lease over; the text names it."""
+    """Another client holds the lease of the camera, or has taken it over; the text names it."""
 
 
 class ResourceExhausted(SteradianError):
-    """The call would take more than the daemon gives: streams, calls, bytes."""
+    """The call exceeds a limit of the daemon: streams, calls, bytes."""
 
 
 class Unavailable(SteradianError):
@@ -62,7 +62,7 @@ class DeadlineExceeded(SteradianError):
 
 
 class Unauthenticated(SteradianError):
-    """The daemon asks for a token or a certificate, or does not know the one that it got."""
+    """The daemon requires a token or a certificate, or does not know the given one."""
 
 
 class PermissionDenied(SteradianError):
@@ -70,15 +70,15 @@ class PermissionDenied(SteradianError):
 
 
 class Internal(SteradianError):
-    """The daemon has failed, and says why; later calls may succeed."""
+    """The daemon has failed; the text states the reason. Later calls may succeed."""
 
 
 class Unimplemented(SteradianError):
-    """The daemon does not know the call: it is older than this package."""
+    """The daemon is older than this package and lacks the call."""
 
 
 class Cancelled(SteradianError):
-    """The call was ended by this side."""
+    """The client ended the call."""
 
 
 _CLASSES: dict[str, type[SteradianError]] = {
@@ -100,15 +100,14 @@ _CLASSES: dict[str, type[SteradianError]] = {
 
 
 def from_rpc(error: grpc.RpcError, path: str) -> SteradianError:
-    """The error of this package for one of gRPC; `path` is that of the call."""
+    """Converts an error of gRPC; `path` is that of the call."""
     code = error.code().name
     call = path.removeprefix("/steradian.v1.")
-    # What the daemon says at the deadline that came with the call, if that is here before the clock of this side has
-    # found out.
+    # Message of the daemon for an expired deadline, if it arrives before the client's own timeout.
     if code == "CANCELLED" and error.details() == "Timeout expired":
         code = "DEADLINE_EXCEEDED"
     cls = _CLASSES.get(code, SteradianError)
-    # The camera has one precondition: that nobody else steers.
+    # The only precondition of the camera is the lease.
     if cls is FailedPrecondition and call.startswith("CameraService/"):
         cls = LeaseHeld
     return cls(code, error.details() or "", call)

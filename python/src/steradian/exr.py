@@ -1,9 +1,9 @@
-"""Reads OpenEXR files as the daemon writes them: one part of scan lines, uncompressed or ZIP, channels of 16- or 32-bit
+"""Reads the daemon's OpenEXR files: one part of scan lines, uncompressed or ZIP, channels of 16- or 32-bit
 floats.
 
-After the file layout of the OpenEXR documentation ("OpenEXR File Layout"): header, table of offsets, blocks of rows. A
-block that deflating does not make smaller is stored as it is. Otherwise its bytes are split into those of even and of
-odd place, and each is the difference to the one before, plus 128.
+Follows the file layout in the OpenEXR documentation ("OpenEXR File Layout"): header, table of offsets, blocks of rows.
+A block that deflating does not shrink is stored uncompressed. Otherwise its bytes are split into those of even and of
+odd index, and each is the difference from the previous one, plus 128.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import zlib
 import numpy as np
 import numpy.typing as npt
 
-# Rows of a block, by the number of the compression in the header: none, each row by itself, 16 rows.
+# Rows per block, by the number of the compression in the header: none, single rows, 16 rows.
 _ROWS_OF_BLOCK = {0: 1, 2: 1, 3: 16}
 _PIXEL_TYPES = {1: "<f2", 2: "<f4"}
 # Flags in the version field: tiles, deep data, several parts.
@@ -22,10 +22,10 @@ _NOT_FLAT = 0x200 | 0x800 | 0x1000
 
 
 def channels(data: bytes) -> dict[str, npt.NDArray[np.float32]]:
-    """Channels of a file by name, each (height, width), float32.
+    """Returns the channels of a file by name, each (height, width), float32.
 
     Raises:
-        ValueError: it is no OpenEXR file, is damaged, or is of another kind than the daemon writes.
+        ValueError: it is not an OpenEXR file, is damaged, or is of a kind that the daemon does not write.
     """
     try:
         return _channels(data)
@@ -34,7 +34,7 @@ def channels(data: bytes) -> dict[str, npt.NDArray[np.float32]]:
 
 
 def _text(data: bytes, at: int) -> tuple[str, int]:
-    """A string that ends with a zero, and where the next value begins."""
+    """Returns a zero-terminated string, and the offset of the next value."""
     end = data.find(b"\0", at)
     if end < 0:
         raise ValueError("the OpenEXR file is damaged: its header does not end")
@@ -42,10 +42,10 @@ def _text(data: bytes, at: int) -> tuple[str, int]:
 
 
 def _header(data: bytes) -> tuple[dict[str, bytes], int]:
-    """Attributes by name, and where the table of offsets begins."""
+    """Returns the attributes by name, and the offset of the table of offsets."""
     magic, version = struct.unpack_from("<II", data)
     if magic != 20_000_630:
-        raise ValueError("this is no OpenEXR file")
+        raise ValueError("this is not an OpenEXR file")
     if version & _NOT_FLAT:
         raise ValueError("OpenEXR files with tiles, deep data or several parts are not read")
     attributes, at = {}, 8
@@ -59,7 +59,7 @@ def _header(data: bytes) -> tuple[dict[str, bytes], int]:
 
 
 def _channel_list(value: bytes) -> list[tuple[str, str]]:
-    """Names and types of the channels, in the order in which rows have them."""
+    """Returns names and types of the channels, in their order within rows."""
     found: list[tuple[str, str]] = []
     at = 0
     while value[at] != 0:
@@ -73,7 +73,7 @@ def _channel_list(value: bytes) -> list[tuple[str, str]]:
 
 
 def _inflated(block: bytes, size: int) -> bytes:
-    """The bytes of a block that is compressed by ZIP."""
+    """Decompresses a ZIP block."""
     differences = np.frombuffer(zlib.decompress(block), dtype=np.uint8).copy()
     if differences.size != size:
         raise ValueError("the OpenEXR file is damaged: a block has another size than its rows")
@@ -94,13 +94,13 @@ def _channels(data: bytes) -> dict[str, npt.NDArray[np.float32]]:
     width, height = right - left + 1, bottom - top + 1
     compression = attributes["compression"][0]
     if compression not in _ROWS_OF_BLOCK:
-        raise ValueError(f"OpenEXR files of compression {compression} are not read: allowed are none, ZIPS and ZIP")
+        raise ValueError(f"OpenEXR files of compression {compression} are not supported: must be none, ZIPS or ZIP")
     rows_of_block = _ROWS_OF_BLOCK[compression]
     listed = _channel_list(attributes["channels"])
     if width < 1 or height < 1 or not listed:
         raise ValueError("the OpenEXR file is damaged: it has no pixels")
     images = {name: np.empty((height, width), dtype=np.float32) for name, _ in listed}
-    # A row has the values of the first channel, then those of the next one.
+    # A row contains the values of the first channel, then those of the next one.
     row = np.dtype([(name, kind, (width,)) for name, kind in listed])
     blocks = -(-height // rows_of_block)
     for offset in struct.unpack_from(f"<{blocks}Q", data, at):

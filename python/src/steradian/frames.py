@@ -13,12 +13,12 @@ from . import _protocol, exr
 from ._protocol import Message
 from .camera import Camera
 
-# Share of each primary of Rec. 709 in the luminance.
+# Weights of the Rec. 709 primaries in the luminance.
 _LUMINANCE_OF_RGB = np.array([0.2126, 0.7152, 0.0722])
 
 
 def luminance(rgb: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Luminance of linear Rec. 709 colours, (..., 3) to (...), in their unit: cd/m^2 of HDR images."""
+    """Returns the luminance of linear Rec. 709 colours, (..., 3) to (...), in their unit: cd/m^2 of HDR images."""
     colours: npt.NDArray[np.float64] = np.asarray(rgb, dtype=np.float64)
     together: npt.NDArray[np.float64] = colours @ _LUMINANCE_OF_RGB
     return together
@@ -33,7 +33,7 @@ class Image:
         width_px: width, pixels.
         height_px: height, pixels.
         encoding: how `data` is encoded: `RGBA8`, `PNG`, `JPEG`, `RGB32F`, `EXR` ...
-        data: the bytes as they came.
+        data: the received bytes.
     """
 
     part: str
@@ -43,7 +43,7 @@ class Image:
     data: bytes = field(repr=False)
 
     def array(self) -> npt.NDArray[np.uint8] | npt.NDArray[np.float32]:
-        """The pixels, rows from the top.
+        """Returns the pixels, rows from the top.
 
         - `RGBA8`: (height, width, 4), uint8, sRGB codes and alpha; a view of `data`, not to be written to.
         - `RGB32F`: (height, width, 3), float32, luminance in cd/m^2, linear Rec. 709; a view of `data`.
@@ -52,7 +52,7 @@ class Image:
 
         Raises:
             ImportError: `PNG` or `JPEG`, and Pillow is not installed.
-            ValueError: the data is damaged, or there is no array of this encoding.
+            ValueError: the data is damaged, or the encoding cannot be an array.
         """
         if self.encoding == "RGBA8":
             return np.frombuffer(self.data, dtype=np.uint8).reshape(self.height_px, self.width_px, 4)
@@ -63,8 +63,8 @@ class Image:
         raise ValueError(f"{self.encoding} is not decoded here: `data` has the bytes")
 
     def rgb_cd_m2(self) -> npt.NDArray[np.float32]:
-        """Luminance of the primaries of an `RGB32F` or `EXR` image, (height, width, 3), float32, cd/m^2, linear Rec.
-        709.
+        """Returns the luminance of the primaries of an `RGB32F` or `EXR` image, (height, width, 3), float32, cd/m^2,
+        linear Rec. 709.
 
         Raises:
             ValueError: it is a display image, or damaged.
@@ -75,8 +75,8 @@ class Image:
         return np.stack([channels[name] for name in "RGB"], axis=-1)
 
     def channels(self) -> dict[str, npt.NDArray[np.float32]]:
-        """Channels of an `EXR` image, each (height, width), float32: `R`, `G`, `B` in cd/m^2, and `omega`, the pixel's
-        solid angle in sr, 0 outside of the picture.
+        """Returns the channels of an `EXR` image, each (height, width), float32: `R`, `G`, `B` in cd/m^2, and
+        `omega`, the pixel's solid angle in sr, 0 outside of the picture.
 
         Raises:
             ValueError: it is of another encoding, or damaged.
@@ -86,8 +86,8 @@ class Image:
         return exr.channels(self.data)
 
     def illuminance_lx(self) -> float:
-        """The light in an `EXR` image: the sum of luminance times solid angle over its pixels, lx. That of a star or
-        body alone in it is its illuminance at the camera, whatever the projection.
+        """Returns the light in an `EXR` image: the sum of luminance times solid angle over its pixels, lx. For a single
+        star or body, this is its illuminance at the camera, whatever the projection.
 
         Raises:
             ValueError: it is of another encoding, or damaged.
@@ -114,18 +114,18 @@ class Frame:
 
     Attributes:
         view: name of the view.
-        frame_number: counts the frames of the daemon's renderer, over all views.
+        frame_number: number of the frame, counted over all views of the daemon's renderer.
         scene_revision: revision of the scene shown.
         camera_revision: revision of the camera shown.
-        camera: the camera shown; None only of a daemon that does not tell.
-        pose_time: when the daemon received that camera, by its clock, to microseconds.
-        render_time: when the renderer finished the frame, by the same clock.
+        camera: camera of the frame; None only from daemons that do not send it.
+        pose_time: time at which the daemon received that camera, by its clock, to microseconds.
+        render_time: time at which the renderer finished the frame, by the same clock.
         exposure_ev100: exposure of display images, EV at ISO 100: display white is 1.2 * 2^ev cd/m^2.
-        limiting_magnitude: magnitude of the stars that the display image just shows; None where it is not known.
-        quality_level: what display images have given up to be in time; 0 is as configured.
-        given_up: the same in words.
+        limiting_magnitude: limiting magnitude of stars in the display image; None if unknown.
+        quality_level: quality level of display images; 0 is as configured.
+        given_up: descriptions of the reductions.
         images: the images of the view.
-        message: the message as it came, with all fields of the protocol, but without the bytes of the images.
+        message: the received message with all fields of the protocol, but without the bytes of the images.
     """
 
     view: str
@@ -144,12 +144,12 @@ class Frame:
 
     @classmethod
     def of(cls, message: Message) -> Frame:
-        """The frame of a message, whose images lose their bytes to it."""
+        """Reads a frame from a message, and removes the image bytes from the message."""
         images = []
         for image in message.images:
             encoding = _protocol.enum_name("Encoding", image.encoding)
             images.append(Image(image.part, image.width, image.height, encoding, image.data))
-            # Kept once: frames may be large.
+            # Keep the bytes only once, because frames may be large.
             image.ClearField("data")
         has_limit = message.HasField("limiting_magnitude")
         return cls(
@@ -169,10 +169,10 @@ class Frame:
         )
 
     def image(self, part: str = "") -> Image:
-        """The image of a part: the only one without a name, otherwise `left`, `right`, or a cube face.
+        """Returns the image of a part: empty for the only one, otherwise `left`, `right`, or a cube face.
 
         Raises:
-            KeyError: the view has no such image; the message lists those that it has.
+            KeyError: the view has no such image; the message lists its images.
         """
         for image in self.images:
             if image.part == part:
@@ -180,5 +180,5 @@ class Frame:
         raise KeyError(f"{self.view} has no image `{part}`: it has {[image.part for image in self.images]}")
 
     def array(self, part: str = "") -> npt.NDArray[np.uint8] | npt.NDArray[np.float32]:
-        """The pixels of an image: see `Image.array`."""
+        """Returns the pixels of an image: see `Image.array`."""
         return self.image(part).array()

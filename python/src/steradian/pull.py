@@ -1,8 +1,8 @@
-"""Pull loops: a thread asks for the next frame when it has the last one, and keeps the newest.
+"""Pull loops: a thread requests the next frame when it has the last one, and keeps the newest.
 
-A stream of frames fills the buffers of connection and client, so that a slow reader sees old pictures. Here nothing
-waits: `NextFrame` answers with the newest frame beyond the last one, the loop keeps one frame of each view, and whoever
-takes a frame gets the newest that there is. What was replaced before anybody took it is counted in `skipped`.
+A stream of frames fills the buffers of connection and client, so that a slow reader sees old pictures. A pull loop has
+no such queue: `NextFrame` returns the newest frame after the last one, the loop keeps one frame of each view, and
+the reader gets the newest frame. Frames that were replaced before they were taken are counted in `skipped`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .frames import Frame
 T = TypeVar("T")
 Loop = TypeVar("Loop", bound="PullLoop[Any]")
 
-# Between two attempts of a loop that reconnects: doubled from the first to the second.
+# Delay between attempts to reconnect: doubles from the first to the second.
 _FIRST_PAUSE_S = 0.1
 _LONGEST_PAUSE_S = 2.0
 
@@ -32,8 +32,8 @@ class Closed(Exception):
 
 
 class PullLoop(Generic[T]):
-    """What loops of one and of several views have in common. A loop is an iterator and a context manager; `close` ends
-    it, as the client's `close` does.
+    """Common part of loops of one and of several views. A loop is an iterator and a context manager; `close` ends
+    it, and so does the client's `close`.
 
     Its methods may be called from any thread.
     """
@@ -51,7 +51,7 @@ class PullLoop(Generic[T]):
         if not wanted:
             raise ValueError("a loop needs a view")
         if max_rate_hz is not None and not max_rate_hz > 0:
-            raise ValueError(f"max_rate_hz = {max_rate_hz}: a rate above 0 is allowed, or None")
+            raise ValueError(f"max_rate_hz = {max_rate_hz}: must be above 0, or None")
         self._transport = transport
         self._encodings = {view: _protocol.enum_value("Encoding", encoding) for view, encoding in wanted.items()}
         self._max_size = max_size
@@ -59,7 +59,7 @@ class PullLoop(Generic[T]):
         self._reconnect = reconnect
         self._timeout_s = timeout_s
         self._changed = threading.Condition()
-        # All below is guarded by it.
+        # The lock guards everything below.
         self._waiting: dict[str, Frame] = {}
         self._newest: dict[str, Frame] = {}
         self._error: Exception | None = None
@@ -70,29 +70,29 @@ class PullLoop(Generic[T]):
         self._thread = threading.Thread(target=self._run, name=f"frames of {', '.join(wanted)}", daemon=True)
         self._thread.start()
 
-    # For those who take frames.
+    # Methods for readers of frames.
 
     @property
     def received(self) -> int:
-        """Frames that have come."""
+        """Number of received frames."""
         with self._changed:
             return self._received
 
     @property
     def skipped(self) -> int:
-        """Frames that have come, and were replaced by newer ones before they were taken."""
+        """Number of received frames that were replaced by newer ones before they were taken."""
         with self._changed:
             return self._skipped
 
     @property
     def reconnects(self) -> int:
-        """Losses of the connection after which frames came again."""
+        """Number of lost connections that were restored."""
         with self._changed:
             return self._reconnects
 
     @property
     def problem(self) -> str:
-        """Why there are no frames at present, of a loop that reconnects; empty while they come."""
+        """Reason of the current interruption of a loop that reconnects; empty while frames arrive."""
         with self._changed:
             return self._problem
 
@@ -103,12 +103,12 @@ class PullLoop(Generic[T]):
             return self._closed or self._error is not None
 
     def next(self, timeout_s: float | None = None) -> T:
-        """Waits for what has not been taken yet, and takes it: the newest that there is.
+        """Waits for a frame that has not been taken yet, and takes the newest.
 
         Raises:
-            TimeoutError: nothing came within `timeout_s`.
+            TimeoutError: no frame arrived within `timeout_s`.
             Closed: the loop was closed.
-            SteradianError: the call failed; without `reconnect` also because the daemon has gone.
+            SteradianError: the call failed; without `reconnect` also if the daemon is unreachable.
         """
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         with self._changed:
@@ -125,10 +125,10 @@ class PullLoop(Generic[T]):
             return self._given(taken)
 
     def latest(self) -> T | None:
-        """The newest that has come, taken before or not; None before the first. Does not wait.
+        """Returns the newest received frame, taken or not; None before the first. Does not wait.
 
         Raises:
-            SteradianError: as `next`.
+            SteradianError: as for `next`.
         """
         with self._changed:
             if self._error is not None:
@@ -137,7 +137,7 @@ class PullLoop(Generic[T]):
             return self._given(dict(self._newest)) if self._newest else None
 
     def close(self) -> None:
-        """Ends the loop and its thread. What waits for a frame gets `Closed`."""
+        """Ends the loop and its thread. Waiting readers get `Closed`."""
         with self._changed:
             self._closed = True
             self._waiting = {}
@@ -163,22 +163,22 @@ class PullLoop(Generic[T]):
         except Closed:
             raise StopIteration from None
 
-    # For the thread.
+    # Methods of the thread.
 
     def _given(self, frames: dict[str, Frame]) -> T:
-        """What frames look like to who takes them."""
+        """Converts frames for readers."""
         raise NotImplementedError
 
     def _request(self, after: Mapping[str, int]) -> tuple[_protocol.Method, Message]:
-        """The call, and its message."""
+        """Returns the call and its message."""
         raise NotImplementedError
 
     def _frames(self, answer: Message) -> list[Frame]:
-        """What the answer of the call holds."""
+        """Reads the frames of an answer."""
         raise NotImplementedError
 
     def _views(self, after: Mapping[str, int]) -> list[dict[str, object]]:
-        """Fields of a `NextFrameRequest` for each view."""
+        """Returns the fields of a `NextFrameRequest` for each view."""
         return [
             {"view": view, "encoding": encoding, "after_frame_number": after[view], "max_size": self._max_size}
             for view, encoding in self._encodings.items()
@@ -187,7 +187,7 @@ class PullLoop(Generic[T]):
     def _run(self) -> None:
         try:
             self._pull()
-        # Whatever it is, it is raised where frames are taken, or nobody would hear of it.
+        # Readers raise the error, whatever it is; otherwise it would be lost.
         except Exception as error:
             with self._changed:
                 self._error = error
@@ -203,7 +203,7 @@ class PullLoop(Generic[T]):
             except (errors.Unavailable, errors.DeadlineExceeded) as error:
                 if not self._reconnect:
                     raise
-                # A daemon that comes back counts its frames anew.
+                # A restarted daemon restarts its frame numbers.
                 after, lost = dict.fromkeys(self._encodings, 0), True
                 if self._pause(pause_s, str(error)):
                     return
@@ -215,12 +215,12 @@ class PullLoop(Generic[T]):
                 after[frame.view] = frame.frame_number
             self._put(frames, lost)
             pause_s, lost = _FIRST_PAUSE_S, False
-            # It waits before it asks, so that what comes is new.
+            # Wait before the request, so that the frame is new.
             if self._pause(begun + self._period_s - time.monotonic(), ""):
                 return
 
     def _fetch(self, after: Mapping[str, int]) -> list[Frame] | None:
-        """The next frames; None when the loop is closed."""
+        """Returns the next frames; None when the loop is closed."""
         method, request = self._request(after)
         with self._changed:
             if self._closed:
@@ -247,7 +247,7 @@ class PullLoop(Generic[T]):
             self._changed.notify_all()
 
     def _pause(self, pause_s: float, problem: str) -> bool:
-        """Waits; tells whether the loop was closed meanwhile."""
+        """Waits; returns whether the loop was closed in the meantime."""
         with self._changed:
             if problem:
                 self._problem = problem
@@ -271,8 +271,8 @@ class FrameLoop(PullLoop[Frame]):
 
 
 class FramesLoop(PullLoop[dict[str, Frame]]):
-    """The newest frames of several views, by one call at a time: see `Client.frames_of`. What it gives is the frames
-    that have not been taken yet, by view: one at least."""
+    """The newest frames of several views, by one call at a time: see `Client.frames_of`. It yields the frames
+    that have not been taken yet, by view: at least one."""
 
     def _given(self, frames: dict[str, Frame]) -> dict[str, Frame]:
         return frames

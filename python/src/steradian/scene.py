@@ -1,4 +1,4 @@
-"""The scene, its snapshots, and what the daemon tells of itself."""
+"""The scene, its snapshots, and information about the daemon."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ class Scene:
     """The scene.
 
     Attributes:
-        revision: counts its changes, and those of views; not those of the camera.
-        time: the time shown, UTC, to microseconds; None where none is set.
-        star_method: how stars are drawn.
-        magnitude_limit: fainter stars are not drawn, mag.
+        revision: number of its changes, including those of views, without those of the camera.
+        time: scene time, UTC, to microseconds; None if none is set.
+        star_method: rendering method of stars.
+        magnitude_limit: limiting magnitude, mag.
         bodies: messages `Body` by name.
         asteroid_fields: messages `AsteroidField` by name.
         message: the whole message `Scene`.
@@ -34,7 +34,7 @@ class Scene:
 
     @classmethod
     def of(cls, message: Message) -> Scene:
-        """The scene of a message."""
+        """Reads a scene from a message."""
         return cls(
             revision=message.revision,
             time=_protocol.datetime_of(message.time) if message.HasField("time") else None,
@@ -47,10 +47,10 @@ class Scene:
 
 
 def update_of(changes: Mapping[str, object]) -> tuple[Message, list[str]]:
-    """A message `Scene` with new values, and the paths of the field mask, of values by path: see `Client.update_scene`.
+    """Converts values by path to a message `Scene` and the paths of its field mask: see `Client.update_scene`.
 
     Raises:
-        TypeError: there is no such field, or a value does not fit it.
+        TypeError: the field does not exist, or a value does not fit it.
     """
     scene = _protocol.message("Scene")
     for path, value in changes.items():
@@ -65,7 +65,7 @@ class Snapshot:
 
     Attributes:
         name: its name.
-        time: when it was saved, UTC.
+        time: time at which it was saved, UTC.
     """
 
     name: str
@@ -73,7 +73,7 @@ class Snapshot:
 
     @classmethod
     def of(cls, message: Message) -> Snapshot:
-        """The snapshot of a message."""
+        """Reads a snapshot from a message."""
         return cls(message.name, _protocol.datetime_of(message.time))
 
 
@@ -85,7 +85,7 @@ class Info:
         version: of the daemon.
         adapter: name of the adapter.
         driver: name and version of its driver.
-        stars: stars in the scene.
+        stars: number of stars in the scene.
         frames_rendered: frames since the start.
         fallbacks: every fallback in use, as a sentence.
         message: the whole message `Info`.
@@ -101,7 +101,7 @@ class Info:
 
     @classmethod
     def of(cls, message: Message) -> Info:
-        """What a message tells."""
+        """Reads information from a message."""
         return cls(
             version=message.version,
             adapter=message.adapter,
@@ -118,12 +118,12 @@ class Stats:
     """Statistics of the daemon.
 
     Attributes:
-        time: when they were read, by its clock, UTC.
+        time: time at which they were read, by its clock, UTC.
         frames_rendered: frames since the start, without those of a headset.
-        frames_failed: frames since the start that could not be drawn.
+        frames_failed: failed frames since the start.
         frames_dropped: frames dropped since the start because readers were slow.
         streams: current streams of frames, of all views.
-        problem: why the last frame could not be drawn; empty if it could.
+        problem: reason of the last frame's failure; empty if it succeeded.
         message: the whole message `Stats`.
     """
 
@@ -137,7 +137,7 @@ class Stats:
 
     @classmethod
     def of(cls, message: Message) -> Stats:
-        """What a message tells."""
+        """Reads statistics from a message."""
         return cls(
             time=_protocol.datetime_of(message.time),
             frames_rendered=message.frames_rendered,
@@ -154,10 +154,10 @@ class Check:
     """Result of a check of the daemon's adapter.
 
     Attributes:
-        name: of the check.
-        group: that it belongs to.
+        name: name of the check.
+        group: its group.
         outcome: `PASS`, `FAIL` or `NOT_APPLICABLE`.
-        seconds: how long it took, s.
+        seconds: duration, s.
         message: the whole message `VerifyResult`, with `figures`.
     """
 
@@ -169,6 +169,6 @@ class Check:
 
     @classmethod
     def of(cls, message: Message) -> Check:
-        """The result of a message."""
+        """Reads a result from a message."""
         outcome = _protocol.enum_name("VerifyResult.Outcome", message.outcome)
         return cls(message.name, message.group, outcome, message.seconds, message)

@@ -1,4 +1,4 @@
-"""Steering: a stream of poses with the lease of the camera. While it lasts, nobody else moves the camera."""
+"""Steering: a stream of poses with the lease of the camera. While it lasts, no other client can move the camera."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def pose_fields(
     orientation: npt.ArrayLike | None,
     velocity_c: npt.ArrayLike | None,
 ) -> dict[str, object]:
-    """Fields of a `SetCameraRequest`: those of the pose, and single ones in their place."""
+    """Returns the fields of a `SetCameraRequest`: those of the pose, replaced by single values."""
     given = {"position_m": position_m, "orientation": orientation, "velocity_c": velocity_c}
     whole = {} if pose is None else {name: getattr(pose, name) for name in given}
     return whole | {name: value for name, value in given.items() if value is not None}
@@ -31,12 +31,12 @@ def pose_fields(
 class Steering:
     """A stream of poses, a context manager: see `Client.steer`. It may be called from any thread.
 
-    The newest pose wins: one that has not been sent when the next one comes is left out. The daemon answers at the end
-    of the stream, so a refusal is raised by the first call after it has come, or at the end.
+    The newest pose wins: an unsent pose is replaced by the next one. The daemon answers at the end
+    of the stream, so a refusal is raised by the first call after its arrival, or at the end.
 
     Attributes:
         camera: after the end: the camera after the last pose.
-        poses: after the end: how many poses the daemon has taken.
+        poses: after the end: number of poses that the daemon has accepted.
     """
 
     def __init__(self, transport: Transport, lease: str, holder: str) -> None:
@@ -46,7 +46,7 @@ class Steering:
         self._method = _protocol.method("CameraService", "StreamCamera")
         first = _protocol.build(self._method.request, {"lease": lease, "holder": holder})
         self._changed = threading.Condition()
-        # All below is guarded by it.
+        # The lock guards everything below.
         self._next: Message = first
         self._ended = self._answered = False
         self._call: Any = transport.send(self._method, self._messages())
@@ -60,16 +60,16 @@ class Steering:
         orientation: npt.ArrayLike | None = None,
         velocity_c: npt.ArrayLike | None = None,
     ) -> None:
-        """Moves the camera, and does not wait for it. What is not given keeps its value.
+        """Moves the camera without waiting. Missing values stay unchanged.
 
         Args:
-            pose: all of it, in place of what follows.
+            pose: the whole pose, instead of the following arguments.
             position_m: (3,), metres, ICRS axes, from the Solar-System barycentre.
             orientation: (4,), unit quaternion x, y, z, w.
             velocity_c: (3,), in units of the speed of light.
 
         Raises:
-            LeaseHeld: somebody else has the lease, or has taken it over.
+            LeaseHeld: another client holds the lease, or has taken it over.
             InvalidArgument: an earlier pose was refused; the stream has ended.
             SteradianError: the stream has failed.
         """
@@ -85,10 +85,10 @@ class Steering:
         raise errors.Cancelled("CANCELLED", "the daemon has ended the stream of poses", self._method.path)
 
     def close(self) -> None:
-        """Ends the stream after the last pose, and gives the lease back.
+        """Ends the stream after the last pose, and releases the lease.
 
         Raises:
-            SteradianError: as a call of it.
+            SteradianError: as for a pose.
         """
         with self._changed:
             if self._ended:
@@ -104,7 +104,7 @@ class Steering:
         if error is None:
             self.close()
             return
-        # What has failed inside is what is told; poses that wait are not sent.
+        # An exception inside the block takes precedence; waiting poses are not sent.
         with self._changed:
             self._ended = True
             self._next = None
@@ -112,7 +112,7 @@ class Steering:
         self._call.cancel()
 
     def _put(self, message: Message) -> None:
-        """A pose, in place of what it sets of a pose that waits still."""
+        """Queues a pose, and merges it with a waiting one."""
         if self._next is None:
             self._next = message
         else:
@@ -122,7 +122,7 @@ class Steering:
         self._changed.notify_all()
 
     def _messages(self) -> Iterator[Message]:
-        """What is sent; runs in a thread of gRPC."""
+        """Yields the messages to send; runs in a thread of gRPC."""
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._next is not None or self._ended or self._answered)
@@ -133,12 +133,12 @@ class Steering:
 
     def _done(self, _: object) -> None:
         with self._changed:
-            # Ends the thread that sends.
+            # Ends the sending thread.
             self._next, self._answered = None, True
             self._changed.notify_all()
 
     def _raise(self) -> None:
-        """Waits for the answer, and raises what it says."""
+        """Waits for the answer, and raises its error."""
         try:
             answer = self._call.result(timeout=self._transport.timeout_s)
         except grpc.FutureTimeoutError:

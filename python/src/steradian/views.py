@@ -1,4 +1,4 @@
-"""Views of the rig, and what they show."""
+"""Views of the rig, and their images."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class ViewImage:
         part: empty for a view's only image, otherwise `left`, `right` or the name of the cube face.
         width_px: width, pixels.
         height_px: height, pixels.
-        orientation: (4,), float64: unit quaternion x, y, z, w, which takes the axes of the image to camera axes; None
-            of a headset.
-        projection: message `Projection`: how directions map to its pixels; None of a headset.
+        orientation: (4,), float64: unit quaternion x, y, z, w from the axes of the image to camera axes; None
+            for a headset.
+        projection: message `Projection`: mapping of directions to its pixels; None for a headset.
     """
 
     part: str
@@ -30,7 +30,7 @@ class ViewImage:
 
     @classmethod
     def of(cls, message: Message) -> ViewImage:
-        """The image of a message."""
+        """Reads an image from a message."""
         return cls(
             part=message.part,
             width_px=message.width,
@@ -47,9 +47,9 @@ class View:
     Attributes:
         name: its name.
         type: type as in configurations: perspective, stereo, cubemap, fisheye, dome_master ... or headset.
-        images: its images, in the order in which frames carry them; none of a headset that is not connected.
+        images: its images, in the order of those in frames; none for a headset that is not connected.
         revision: revision of the scene, which also counts the changes of views.
-        message: the message `View`, with `definition`, `exposure`, `glare`, `tone_map`, `exposure_group` and `own_keys`.
+        message: the message `View`, with `definition`, `exposure`, `glare`, `tone_map`, `exposure_group`, `own_keys`.
     """
 
     name: str
@@ -60,7 +60,7 @@ class View:
 
     @classmethod
     def of(cls, message: Message) -> View:
-        """The view of a message."""
+        """Reads a view from a message."""
         return cls(
             name=message.name,
             type=message.type,

@@ -1,4 +1,4 @@
-"""What the daemon tells as it happens: iterators over its streams."""
+"""Iterators over streams of the daemon."""
 
 from __future__ import annotations
 

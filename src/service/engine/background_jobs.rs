@@ -1,0 +1,121 @@
+//! Long jobs besides rendering, run one at a time on a low-priority thread with its own device: failure tests, and the
+//! preparation of new asteroid shapes.
+
+use std::{
+    io,
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::{Arc, mpsc},
+    thread,
+};
+
+use tokio::sync::oneshot;
+
+use super::interface::{BesideEngine, EngineError, OpenBeside};
+use crate::{
+    plan::settings::{AsteroidSettings, RenderSettings},
+    scene::asteroids::ShapeSet,
+    service::{
+        frames::errors::Refused,
+        threads::{self, panic_message},
+    },
+    verify::{Check, CheckResult},
+};
+
+type Reply<T> = oneshot::Sender<Result<T, String>>;
+
+enum Job {
+    Verify { check: &'static Check, settings: Box<RenderSettings>, reply: Reply<CheckResult> },
+    Bake { sets: Vec<Arc<ShapeSet>>, settings: AsteroidSettings, reply: Reply<()> },
+}
+
+/// Handle of the thread, which ends with the last clone.
+#[derive(Clone)]
+pub(crate) struct BackgroundJobs {
+    jobs: mpsc::Sender<Job>,
+}
+
+impl BackgroundJobs {
+    /// Starts the thread; the device is opened with the first job.
+    pub(crate) fn spawn(open: OpenBeside) -> io::Result<Self> {
+        let (jobs, given) = mpsc::channel();
+        thread::Builder::new().name("background_jobs".to_owned()).spawn(move || {
+            threads::stand_back();
+            work(&given, open);
+        })?;
+        Ok(Self { jobs })
+    }
+
+    /// Runs a failure test.
+    pub(crate) async fn verify(
+        &self,
+        check: &'static Check,
+        settings: RenderSettings,
+    ) -> Result<Result<CheckResult, String>, Refused> {
+        let (reply, result) = oneshot::channel();
+        self.give(Job::Verify { check, settings: Box::new(settings), reply }, result).await
+    }
+
+    /// Prepares the data that frames with these shapes need.
+    pub(crate) async fn bake(
+        &self,
+        sets: Vec<Arc<ShapeSet>>,
+        settings: AsteroidSettings,
+    ) -> Result<Result<(), String>, Refused> {
+        let (reply, result) = oneshot::channel();
+        self.give(Job::Bake { sets, settings, reply }, result).await
+    }
+
+    async fn give<T>(
+        &self,
+        job: Job,
+        result: oneshot::Receiver<Result<T, String>>,
+    ) -> Result<Result<T, String>, Refused> {
+        self.jobs.send(job).map_err(|_| Refused::Ending)?;
+        result.await.map_err(|_| Refused::Ending)
+    }
+}
+
+fn work(given: &mpsc::Receiver<Job>, mut open: OpenBeside) {
+    let mut engine = None;
+    for job in given {
+        // The caller may have disconnected; then it needs no answer and no work.
+        match job {
+            Job::Verify { reply, .. } if reply.is_closed() => {}
+            Job::Bake { reply, .. } if reply.is_closed() => {}
+            Job::Verify { check, settings, reply } => {
+                let _ = reply.send(with(&mut engine, &mut open, |engine| Ok(engine.verify(check, &settings))));
+            }
+            Job::Bake { sets, settings, reply } => {
+                let _ = reply.send(with(&mut engine, &mut open, |engine| engine.bake(&sets, &settings)));
+            }
+        }
+    }
+}
+
+/// Runs work with the engine. An engine that was lost or has panicked is opened again for the next job.
+fn with<T>(
+    held: &mut Option<Box<dyn BesideEngine>>,
+    open: &mut OpenBeside,
+    job: impl FnOnce(&mut dyn BesideEngine) -> Result<T, EngineError> + Send,
+) -> Result<T, String>
+where
+    T: Send,
+{
+    let mut engine = match held.take() {
+        Some(engine) => engine,
+        None => open().map_err(|error| format!("cannot open a second device: {error}"))?,
+    };
+    match catch_unwind(AssertUnwindSafe(|| threads::on_own_cores(|| job(engine.as_mut())))) {
+        Ok(Ok(done)) => {
+            *held = Some(engine);
+            Ok(done)
+        }
+        Ok(Err(error)) => {
+            if !error.lost {
+                *held = Some(engine);
+            }
+            Err(error.to_string())
+        }
+        Err(payload) => Err(format!("the background job panicked: {}", panic_message(payload.as_ref()))),
+    }
+}

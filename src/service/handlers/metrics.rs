@@ -1,0 +1,132 @@
+//! Metrics for Prometheus at `/metrics`, in the text format of OpenMetrics 1.0. They are the values of `WatchStats`,
+//! read on request.
+
+use std::sync::atomic::AtomicU64;
+
+use prometheus_client::{
+    encoding::text::encode,
+    metrics::{
+        counter::ConstCounter,
+        family::Family,
+        gauge::{ConstGauge, Gauge},
+    },
+    registry::{Registry, Unit},
+};
+use tonic::{
+    body::Body,
+    codegen::http::{Method, Request, Response, StatusCode, header},
+};
+
+use super::service::Service;
+use crate::{service::network::http_handler::HttpHandler, xr};
+
+/// Media type of the text format.
+const TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+const PATH: &str = "/metrics";
+
+/// Answers GET `/metrics`.
+#[derive(Clone)]
+pub(crate) struct Metrics {
+    pub(crate) service: Service,
+}
+
+impl HttpHandler for Metrics {
+    fn answer(&self, request: &Request<Body>) -> Option<Response<Body>> {
+        if request.method() != Method::GET || request.uri().path() != PATH {
+            return None;
+        }
+        let mut text = String::new();
+        Some(match encode(&mut text, &registry(&self.service)) {
+            Ok(()) => {
+                let mut response = Response::new(Body::new(text));
+                response.headers_mut().insert(header::CONTENT_TYPE, header::HeaderValue::from_static(TYPE));
+                response
+            }
+            Err(error) => {
+                let mut response = Response::new(Body::new(error.to_string()));
+                *response.status_mut() = StatusCode::INTERNAL_SERVER_ERROR;
+                response
+            }
+        })
+    }
+}
+
+/// Returns the current metrics.
+fn registry(service: &Service) -> Registry {
+    let mut all = Registry::with_prefix("steradian");
+    let (figures, streams) = (service.render.figures(), service.render.streams());
+    let counts: [(&str, &str, u64); 7] = [
+        ("frames_rendered", "Frames of the render thread", figures.frames_rendered),
+        ("frames_failed", "Frames that could not be drawn", figures.failures.count),
+        ("renderer_losses", "Number of times that the renderer was lost and reopened", figures.losses),
+        ("frames_dropped", "Frames that slow readers missed", streams.dropped()),
+        ("encodings", "Times that the images of a view of a frame were encoded", service.encoders.count()),
+        ("encoded_bytes", "Bytes of encoded images", service.encoders.bytes()),
+        ("requests_refused", "Requests that were refused because of a limit", service.shares.refused()),
+    ];
+    for (name, help, value) in counts {
+        all.register(name, help, ConstCounter::new(value));
+    }
+    let encoding_s = ConstCounter::new(service.encoders.busy().as_secs_f64());
+    all.register_with_unit("encoding", "Time that encoders were busy", Unit::Seconds, encoding_s);
+    all.register("connections", "Connections now", ConstGauge::new(service.shares.connections()));
+    all.register("streams", "Streams of frames now", ConstGauge::new(streams.count() as u64));
+    let queue = ConstGauge::new(service.render.requests_waiting() as u64);
+    all.register("requests_waiting", "Calls that wait for a frame", queue);
+    if let Ok(scene) = service.render.scene() {
+        all.register("scene_revision", "Revision of the scene", ConstGauge::new(scene.revision));
+    }
+    all.register("camera_revision", "Revision of the camera", ConstGauge::new(service.render.camera().revision));
+    if let Some(quality) = &figures.quality {
+        all.register(
+            "quality_level",
+            "Quality level of display images; 0: full quality",
+            ConstGauge::new(quality.level),
+        );
+    }
+    let seconds = |of: &mut Registry, name: &str, help: &str, ms: f64| {
+        of.register_with_unit(name, help, Unit::Seconds, ConstGauge::new(ms * 1e-3));
+    };
+    if let Some(times) = &figures.last_times {
+        seconds(&mut all, "frame_plan", "Planning of the last frame", times.plan_ms);
+        seconds(&mut all, "frame", "All of the last frame", times.total_ms);
+        let passes = Family::<Vec<(&str, String)>, Gauge<f64, AtomicU64>>::default();
+        for (pass, ms) in &times.passes_ms {
+            // A pass may occur more than once in a frame.
+            passes.get_or_create(&vec![("pass", pass.to_string())]).inc_by(ms * 1e-3);
+        }
+        all.register_with_unit("frame_pass", "Passes of the last frame", Unit::Seconds, passes);
+    }
+    if let Some(age) = figures.last_age {
+        let age_s = ConstGauge::new(age.as_secs_f64());
+        all.register_with_unit(
+            "pose_age",
+            "Age of the pose of the last frame when it was finished",
+            Unit::Seconds,
+            age_s,
+        );
+    }
+    if let Some(headset) = &service.headset {
+        let (status, statistics) = headset.report();
+        let connected = u32::from(matches!(status, xr::Status::Connected { .. }));
+        all.register("headset_connected", "Whether the headset is connected", ConstGauge::new(connected));
+        all.register("headset_frames", "Frames of the headset", ConstCounter::new(statistics.frames));
+        all.register("headset_losses", "Losses of the headset", ConstCounter::new(statistics.losses));
+    }
+    if let Some(bytes) = resident_bytes() {
+        all.register_with_unit(
+            "resident_memory",
+            "Resident memory of the process",
+            Unit::Bytes,
+            ConstGauge::new(bytes),
+        );
+    }
+    all
+}
+
+/// Returns the resident memory of the process; `None` if the system does not report it.
+fn resident_bytes() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/self/statm").ok()?;
+    let pages: u64 = text.split_whitespace().nth(1)?.parse().ok()?;
+    Some(pages * rustix::param::page_size() as u64)
+}

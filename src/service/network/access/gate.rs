@@ -1,0 +1,223 @@
+//! Tower layer that authenticates every call and checks its role.
+
+use std::{
+    pin::Pin,
+    sync::Arc,
+    task::{Context, Poll},
+};
+
+use http::{HeaderValue, Request, Response, StatusCode, header};
+use http_body::{Body as HttpBody, Frame, SizeHint};
+use tokio::sync::watch;
+use tonic::{Code, Status, body::Body, codegen::BoxFuture};
+use tower_layer::Layer;
+use tower_service::Service;
+use tracing::Instrument;
+
+use super::{
+    Access, CallerCredentials, Rejection,
+    roles::{Need, need},
+};
+use crate::{
+    config::Role,
+    service::{SPANS, network::clients::ClientInfo, wire::refusals},
+};
+
+/// The authenticated caller of a request; requests that need a role carry it.
+#[derive(Clone, Debug)]
+pub(crate) struct Caller {
+    pub(crate) name: Arc<str>,
+    pub(super) role: Role,
+    pub(super) credentials: CallerCredentials,
+}
+
+impl Caller {
+    /// Returns the caller of a request.
+    ///
+    /// # Errors
+    ///
+    /// The request did not come through the gate.
+    pub(crate) fn from_request<T>(request: &tonic::Request<T>) -> Result<Self, Status> {
+        let caller = request.extensions().get::<Self>().cloned();
+        caller.ok_or_else(|| Status::internal("the call was not authenticated"))
+    }
+}
+
+/// Layer that authenticates calls.
+#[derive(Clone)]
+pub(crate) struct Gate {
+    access: watch::Receiver<Arc<Access>>,
+}
+
+impl Gate {
+    pub(crate) fn new(access: watch::Receiver<Arc<Access>>) -> Self {
+        Self { access }
+    }
+}
+
+impl<S> Layer<S> for Gate {
+    type Service = Gated<S>;
+
+    fn layer(&self, inner: S) -> Gated<S> {
+        Gated { inner, access: self.access.clone() }
+    }
+}
+
+/// Service behind the gate.
+#[derive(Clone)]
+pub(crate) struct Gated<S> {
+    inner: S,
+    access: watch::Receiver<Arc<Access>>,
+}
+
+/// Authenticates a call that needs a role.
+fn admit(access: &Access, client: &ClientInfo, request: &Request<Body>, least: Role) -> Result<Caller, Status> {
+    let caller = access.credentials(client, request.headers()).and_then(|credentials| access.caller(credentials));
+    let caller = caller.map_err(|turned| match turned {
+        // Browsers and clients without credentials are frequent, so they are logged at a lower level.
+        Rejection::Unknown(why) => Status::unauthenticated(why),
+        Rejection::Refused(why) => {
+            tracing::warn!(client = client.name(), "refused: {why}");
+            Status::unauthenticated(why)
+        }
+    })?;
+    if caller.role < least {
+        let Caller { name, role, .. } = &caller;
+        let path = request.uri().path();
+        tracing::warn!(client = client.name(), "refused: `{name}` has the role {role}, {path} needs {least}");
+        let problem = format!("`{name}` has the role {role}, and {path} needs {least}");
+        return Err(refusals::denied(problem, &role.to_string(), &least.to_string()));
+    }
+    Ok(caller)
+}
+
+/// Returns a refusal in the caller's protocol: gRPC, gRPC-Web or plain HTTP.
+fn refusal(request: &Request<Body>, status: Status) -> Response<Body> {
+    let kind =
+        request.headers().get(header::CONTENT_TYPE).filter(|kind| kind.as_bytes().starts_with(b"application/grpc"));
+    if let Some(kind) = kind {
+        let mut response = status.into_http();
+        response.headers_mut().insert(header::CONTENT_TYPE, kind.clone());
+        return response;
+    }
+    let mut response = Response::new(Body::new(format!("{}\n", status.message())));
+    *response.status_mut() =
+        if status.code() == Code::Unauthenticated { StatusCode::UNAUTHORIZED } else { StatusCode::FORBIDDEN };
+    let headers = response.headers_mut();
+    headers.insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
+    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("text/plain; charset=utf-8"));
+    response
+}
+
+impl<S> Service<Request<Body>> for Gated<S>
+where
+    S: Service<Request<Body>, Response = Response<Body>>,
+    S::Future: Send + 'static,
+{
+    type Response = Response<Body>;
+    type Error = S::Error;
+    type Future = BoxFuture<Self::Response, Self::Error>;
+
+    fn poll_ready(&mut self, context: &mut Context<'_>) -> Poll<Result<(), S::Error>> {
+        self.inner.poll_ready(context)
+    }
+
+    fn call(&mut self, mut request: Request<Body>) -> Self::Future {
+        let Need::Role(least) = need(request.uri().path()) else { return Box::pin(self.inner.call(request)) };
+        let Some(client) = request.extensions().get::<ClientInfo>().cloned() else {
+            return Box::pin(async { Ok(Status::internal("the request has no connection").into_http()) });
+        };
+        let access = Arc::clone(&self.access.borrow());
+        let caller = match admit(&access, &client, &request, least) {
+            Ok(caller) => caller,
+            Err(status) => {
+                let response = refusal(&request, status);
+                return Box::pin(async { Ok(response) });
+            }
+        };
+        let credentials = caller.credentials;
+        request.extensions_mut().insert(caller);
+        let span = tracing::trace_span!(target: SPANS, "call", path = request.uri().path(), client = client.name());
+        let answer = self.inner.call(request).instrument(span);
+        if credentials == CallerCredentials::Nothing {
+            return Box::pin(answer);
+        }
+        let newest = self.access.clone();
+        let mut gone = Box::pin(no_longer(self.access.clone(), credentials, least));
+        Box::pin(async move {
+            // A call that only sends, such as a stream of poses, waits here for its answer.
+            let response = tokio::select! {
+                biased;
+                why = &mut gone => return Ok(Status::unauthenticated(why).into_http()),
+                response = answer => response?,
+            };
+            // Watchers learn of a change one after the other: the access rules may have changed before this call
+            // notices.
+            if !is_let_in(&newest.borrow(), credentials, least) {
+                return Ok(Status::unauthenticated(NO_LONGER).into_http());
+            }
+            Ok(response.map(|body| Body::new(GuardedAnswer { body: Some(body), gone })))
+        })
+    }
+}
+
+/// Message of a call that ends because its caller lost its role.
+const NO_LONGER: &str = "the token or certificate of this call is no longer valid";
+
+fn is_let_in(access: &Access, credentials: CallerCredentials, least: Role) -> bool {
+    access.caller(credentials).is_ok_and(|caller| caller.role >= least)
+}
+
+/// Resolves when the caller's role is revoked.
+async fn no_longer(
+    mut access: watch::Receiver<Arc<Access>>,
+    credentials: CallerCredentials,
+    least: Role,
+) -> &'static str {
+    loop {
+        if access.changed().await.is_err() {
+            // The access rules can no longer change.
+            std::future::pending::<()>().await;
+        }
+        let access = Arc::clone(&access.borrow_and_update());
+        if !is_let_in(&access, credentials, least) {
+            return NO_LONGER;
+        }
+    }
+}
+
+/// Body of an answer that ends when the caller's role is revoked.
+struct GuardedAnswer<F> {
+    /// `None` once it has ended.
+    body: Option<Body>,
+    gone: Pin<Box<F>>,
+}
+
+impl<F: Future<Output = &'static str>> HttpBody for GuardedAnswer<F> {
+    type Data = bytes::Bytes;
+    type Error = Status;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<bytes::Bytes>, Status>>> {
+        let Self { body: Some(body), gone } = &mut *self else { return Poll::Ready(None) };
+        if let Poll::Ready(why) = gone.as_mut().poll(context) {
+            self.body = None;
+            let trailers = http::HeaderMap::from_iter([
+                (Status::GRPC_STATUS, HeaderValue::from(Code::Unauthenticated as i32)),
+                (Status::GRPC_MESSAGE, HeaderValue::from_static(why)),
+            ]);
+            return Poll::Ready(Some(Ok(Frame::trailers(trailers))));
+        }
+        Pin::new(body).poll_frame(context)
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.body.as_ref().is_none_or(HttpBody::is_end_stream)
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.as_ref().map_or_else(SizeHint::default, HttpBody::size_hint)
+    }
+}

@@ -1,0 +1,89 @@
+//! Certificates, and the configuration that they come from.
+
+use std::{path::Path, sync::Arc};
+
+use rustls::{
+    RootCertStore, ServerConfig,
+    pki_types::{CertificateDer, PrivateKeyDer, pem::PemObject},
+    server::WebPkiClientVerifier,
+};
+
+use super::{Access, Admitted, digest_of};
+use crate::{
+    config::{self, TlsConfig},
+    files,
+};
+
+/// Maximum size of a certificate or key file.
+const MOST_BYTES: u64 = 1 << 20;
+/// Application protocols (ALPN).
+const PROTOCOLS: [&[u8]; 2] = [b"h2", b"http/1.1"];
+
+fn read(key: &str, path: &Path) -> Result<Vec<u8>, String> {
+    files::read_bounded(path, MOST_BYTES).map_err(|error| format!("{key} = {}: {error}", path.display()))
+}
+
+fn certificates(key: &str, path: &Path) -> Result<Vec<CertificateDer<'static>>, String> {
+    let wrong = |problem: String| format!("{key} = {}: {problem}; it must contain certificates in PEM", path.display());
+    let all: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(&read(key, path)?).collect();
+    let all = all.map_err(|error| wrong(error.to_string()))?;
+    if all.is_empty() { Err(wrong("it contains none".to_owned())) } else { Ok(all) }
+}
+
+fn server(of: &TlsConfig, folder: &Path) -> Result<ServerConfig, String> {
+    let chain = certificates("server.tls.certificate", &folder.join(&of.certificate))?;
+    let path = folder.join(&of.key);
+    let key = PrivateKeyDer::from_pem_slice(&read("server.tls.key", &path)?).map_err(|error| {
+        format!("server.tls.key = {}: {error}; it must contain a private key in PEM", path.display())
+    })?;
+    let provider = Arc::new(rustls::crypto::ring::default_provider());
+    let builder = ServerConfig::builder_with_provider(Arc::clone(&provider)).with_safe_default_protocol_versions();
+    let builder = builder.map_err(|error| format!("[server.tls]: {error}"))?;
+    let builder = match &of.client_ca {
+        None => builder.with_no_client_auth(),
+        Some(path) => {
+            let mut roots = RootCertStore::empty();
+            let wrong = |problem: String| format!("server.tls.client_ca = {}: {problem}", path.display());
+            for certificate in certificates("server.tls.client_ca", &folder.join(path))? {
+                roots.add(certificate).map_err(|error| wrong(error.to_string()))?;
+            }
+            // A client without a certificate may still have a token.
+            let verifier =
+                WebPkiClientVerifier::builder_with_provider(Arc::new(roots), provider).allow_unauthenticated();
+            builder.with_client_cert_verifier(verifier.build().map_err(|error| wrong(error.to_string()))?)
+        }
+    };
+    let mut server = builder
+        .with_single_cert(chain, key)
+        .map_err(|error| format!("server.tls.certificate and server.tls.key: {error}"))?;
+    server.alpn_protocols = PROTOCOLS.map(<[u8]>::to_vec).to_vec();
+    Ok(server)
+}
+
+impl Access {
+    /// Reads the access rules of a configuration; relative paths start from `folder`.
+    ///
+    /// # Errors
+    ///
+    /// A file cannot be read or is invalid: names the file and the reason.
+    pub fn from_config(config: &config::ServerConfig, folder: &Path) -> Result<Self, String> {
+        let tls = config.tls.as_ref().map(|tls| server(tls, folder)).transpose()?.map(Arc::new);
+        if !config.certificates.is_empty() && config.tls.as_ref().is_none_or(|tls| tls.client_ca.is_none()) {
+            return Err(
+                "[[server.certificates]] need server.tls.client_ca, the certificate that has signed them".to_owned()
+            );
+        }
+        let tokens = config.tokens.iter().map(|token| Admitted {
+            name: token.name.clone(),
+            role: token.role,
+            digest: token.sha256.0,
+        });
+        let certificates = config.certificates.iter().map(|certificate| {
+            let all = certificates("server.certificates.file", &folder.join(&certificate.file))?;
+            let digest = digest_of(&all[0]);
+            Ok(Admitted { name: certificate.name.clone(), role: certificate.role, digest })
+        });
+        let certificates = certificates.collect::<Result<Vec<_>, String>>()?;
+        Ok(Self { tokens: tokens.collect(), certificates, tls })
+    }
+}

@@ -1,0 +1,419 @@
+//! Connected clients, and the limits of each one's share of common resources: places among waiting calls and encoders,
+//! and bytes in memory.
+
+use std::{
+    collections::HashMap,
+    sync::{
+        Arc, Mutex, MutexGuard, OnceLock, PoisonError,
+        atomic::{AtomicU64, Ordering::Relaxed},
+    },
+    time::{Duration, Instant},
+};
+
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tonic::Status;
+
+use super::access::{Digest, Moves};
+use crate::service::wire::refusals;
+
+/// Concurrent RenderFrame calls of one client.
+const RENDERS: usize = 4;
+/// Frames of one client that are being encoded, or wait for an encoder of their kind.
+const ENCODINGS: usize = 2;
+/// The same for slow encodings.
+const SLOW_ENCODINGS: usize = 1;
+/// Unit in which bytes are counted.
+const UNIT: u64 = 1024;
+/// Bytes of incomplete requests: of one client, and in total.
+const INPUT_OF_ONE: u64 = 16 << 20;
+const INPUT: u64 = 64 << 20;
+/// Bytes of frames in transit: of one client, and in total. A frame above the limit of one client is accepted if that
+/// client has no other frame in transit.
+const OUTPUT_OF_ONE: u64 = 512 << 20;
+const OUTPUT: u64 = 1 << 30;
+
+/// A connection without any call is closed after this time.
+const FIRST_CALL: Duration = Duration::from_secs(10);
+/// A connection whose client does not read its answers is closed after this time.
+const STALLED: Duration = Duration::from_secs(60);
+/// A connection without calls and without received data is closed after this time. HTTP/2 clients answer pings in the
+/// meantime.
+const IDLE: Duration = Duration::from_secs(120);
+
+fn units(bytes: u64) -> u32 {
+    u32::try_from(bytes.div_ceil(UNIT)).unwrap_or(u32::MAX)
+}
+
+fn places(bytes: u64) -> Arc<Semaphore> {
+    Arc::new(Semaphore::new(units(bytes) as usize))
+}
+
+/// Resources that all clients share.
+#[derive(Debug)]
+pub(crate) struct Shares {
+    input: Arc<Semaphore>,
+    output: Arc<Semaphore>,
+    next_number: AtomicU64,
+    connected: AtomicU64,
+    /// Number of requests that were refused because of a limit.
+    refused: AtomicU64,
+}
+
+impl Default for Shares {
+    fn default() -> Self {
+        Self {
+            input: places(INPUT),
+            output: places(OUTPUT),
+            next_number: AtomicU64::new(1),
+            connected: AtomicU64::new(0),
+            refused: AtomicU64::new(0),
+        }
+    }
+}
+
+impl Shares {
+    /// Returns the number of open connections.
+    pub(crate) fn connections(&self) -> u64 {
+        self.connected.load(Relaxed)
+    }
+
+    /// Returns the number of requests that were refused because of a limit.
+    pub(crate) fn refused(&self) -> u64 {
+        self.refused.load(Relaxed)
+    }
+}
+
+/// Reserved bytes, which are released with the last clone.
+#[derive(Clone, Debug)]
+pub(crate) struct Held {
+    permits: Vec<Arc<[OwnedSemaphorePermit; 2]>>,
+}
+
+impl Held {
+    /// Combines two reservations.
+    pub(crate) fn and(mut self, others: Self) -> Self {
+        self.permits.extend(others.permits);
+        self
+    }
+}
+
+/// Bytes of a message in transit: the message, and its copy in the connection.
+fn output_of(message_bytes: u64) -> u64 {
+    message_bytes.saturating_mul(2).min(OUTPUT_OF_ONE)
+}
+
+#[derive(Debug)]
+struct Calls {
+    /// Number of unfinished calls.
+    open: usize,
+    /// Number of all calls.
+    count: u64,
+    /// Time of the last received data.
+    last_read: Instant,
+    /// Answers that were read in part, and the time of the last read.
+    handed_out: HashMap<u64, Instant>,
+    next_answer: u64,
+}
+
+#[derive(Debug)]
+struct Client {
+    number: u64,
+    from: From,
+    /// Digest of the verified client certificate.
+    certificate: OnceLock<Digest>,
+    since: Instant,
+    renders: Arc<Semaphore>,
+    quick: Semaphore,
+    slow: Semaphore,
+    input: Arc<Semaphore>,
+    output: Arc<Semaphore>,
+    calls: Mutex<Calls>,
+    /// Camera poses that are not logged yet.
+    moves: Mutex<Option<Moves>>,
+    shares: Arc<Shares>,
+}
+
+/// Origin of a connection.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum From {
+    /// A network address.
+    Network(String),
+    /// A Unix socket, whose file permissions admit the client, with the user id.
+    LocalSocket(u32),
+}
+
+impl Drop for Client {
+    fn drop(&mut self) {
+        let count = self.calls.get_mut().unwrap_or_else(PoisonError::into_inner).count;
+        if count > 0 {
+            let seconds = self.since.elapsed().as_secs_f64();
+            let rest = self.moves.get_mut().unwrap_or_else(PoisonError::into_inner).take().and_then(Moves::rest);
+            let moves = rest.map_or_else(String::new, |moves| format!("; {}", moves.in_words()));
+            tracing::info!(client = self.name(), "disconnected: {count} calls in {seconds:.1} s{moves}");
+        }
+        self.shares.connected.fetch_sub(1, Relaxed);
+    }
+}
+
+impl Client {
+    fn name(&self) -> String {
+        match &self.from {
+            From::Network(address) => format!("{} ({address})", self.number),
+            From::LocalSocket(user) => format!("{} (user {user})", self.number),
+        }
+    }
+}
+
+/// A client's connection: every request carries it.
+#[derive(Clone, Debug)]
+pub(crate) struct ClientInfo(Arc<Client>);
+
+impl ClientInfo {
+    /// Creates the record of a new connection.
+    pub(crate) fn new(shares: &Arc<Shares>, from: From) -> Self {
+        let now = Instant::now();
+        shares.connected.fetch_add(1, Relaxed);
+        let calls = Calls { open: 0, count: 0, last_read: now, handed_out: HashMap::new(), next_answer: 0 };
+        Self(Arc::new(Client {
+            number: shares.next_number.fetch_add(1, Relaxed),
+            from,
+            certificate: OnceLock::new(),
+            since: now,
+            renders: Arc::new(Semaphore::new(RENDERS)),
+            quick: Semaphore::new(ENCODINGS),
+            slow: Semaphore::new(SLOW_ENCODINGS),
+            input: places(INPUT_OF_ONE),
+            output: places(OUTPUT_OF_ONE),
+            calls: Mutex::new(calls),
+            moves: Mutex::default(),
+            shares: Arc::clone(shares),
+        }))
+    }
+
+    /// Returns the connection of a request.
+    ///
+    /// # Errors
+    ///
+    /// The request did not come through a connection of the daemon.
+    pub(crate) fn from_request<T>(request: &tonic::Request<T>) -> Result<Self, Status> {
+        let of_connection = request.extensions().get::<Self>().cloned();
+        of_connection.ok_or_else(|| Status::internal("the request has no connection"))
+    }
+
+    /// Returns the name of the client for the log.
+    pub(crate) fn name(&self) -> String {
+        self.0.name()
+    }
+
+    /// Whether the client uses a Unix socket, whose file permissions control access.
+    pub(crate) fn is_local_socket(&self) -> bool {
+        matches!(self.0.from, From::LocalSocket(_))
+    }
+
+    /// Returns the digest of the verified certificate; `None` if the client has none.
+    pub(crate) fn certificate(&self) -> Option<Digest> {
+        self.0.certificate.get().copied()
+    }
+
+    /// Stores the digest of a verified certificate.
+    pub(crate) fn certify(&self, certificate: Digest) {
+        // A connection has one handshake, and so one certificate.
+        let _ = self.0.certificate.set(certificate);
+    }
+
+    fn calls(&self) -> MutexGuard<'_, Calls> {
+        // Nothing can panic while the lock is held, so a poisoned state is consistent.
+        self.0.calls.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Reserves one of the client's RenderFrame calls.
+    pub(crate) fn render(&self) -> Result<OwnedSemaphorePermit, Status> {
+        Arc::clone(&self.0.renders).try_acquire_owned().map_err(|_| {
+            self.refuse(format!("this client has {RENDERS} calls of RenderFrame, the maximum: wait for one to finish"))
+        })
+    }
+
+    /// Returns the client's places among encoders.
+    pub(crate) fn encoding(&self, is_slow: bool) -> &Semaphore {
+        if is_slow { &self.0.slow } else { &self.0.quick }
+    }
+
+    /// Reserves bytes of requests.
+    pub(crate) fn hold_input(&self, bytes: u64) -> Result<Held, Status> {
+        self.hold(bytes, &self.0.input, &self.0.shares.input).ok_or_else(|| {
+            self.refuse(format!(
+                "incomplete requests may hold at most {} MiB of one client, and {} MiB in total",
+                INPUT_OF_ONE >> 20,
+                INPUT >> 20
+            ))
+        })
+    }
+
+    /// Reserves bytes of frames in transit: the message, and its copy in the connection.
+    pub(crate) fn hold_output(&self, message_bytes: u64) -> Result<Held, Status> {
+        self.hold_more_output(0, message_bytes)
+    }
+
+    /// Reserves the difference between larger frames and smaller ones that are reserved already.
+    pub(crate) fn hold_more_output(&self, held_message_bytes: u64, message_bytes: u64) -> Result<Held, Status> {
+        let [held, bytes] = [held_message_bytes, message_bytes].map(output_of);
+        // Round both, so that the sum equals the reservation of the larger frame.
+        let more = UNIT * u64::from(units(bytes).saturating_sub(units(held)));
+        self.hold(more, &self.0.output, &self.0.shares.output).ok_or_else(|| {
+            self.refuse(format!(
+                "frames on their way may have {} MiB of one client, and {} MiB in all; this one takes {} MiB: end a stream, or ask for smaller \
+                 images",
+                OUTPUT_OF_ONE >> 20,
+                OUTPUT >> 20,
+                bytes >> 20
+            ))
+        })
+    }
+
+    fn hold(&self, bytes: u64, own: &Arc<Semaphore>, all: &Arc<Semaphore>) -> Option<Held> {
+        let take = |of: &Arc<Semaphore>| Arc::clone(of).try_acquire_many_owned(units(bytes)).ok();
+        Some(Held { permits: vec![Arc::new([take(own)?, take(all)?])] })
+    }
+
+    /// Counts a request that exceeds a limit.
+    fn refuse(&self, problem: String) -> Status {
+        self.0.shares.refused.fetch_add(1, Relaxed);
+        tracing::debug!(client = self.name(), "refused: {problem}");
+        refusals::exhausted("client", problem)
+    }
+
+    /// Records a pose with the revision of the camera, and logs a line if one is due.
+    pub(crate) fn note_move(&self, to: u64, now: Instant) -> Option<Moves> {
+        Moves::note(&mut self.0.moves.lock().unwrap_or_else(PoisonError::into_inner), to, now)
+    }
+
+    /// Records received data.
+    pub(crate) fn note_read(&self) {
+        self.calls().last_read = Instant::now();
+    }
+
+    /// Records the start of a call.
+    pub(crate) fn open_call(&self) -> OpenCall {
+        let mut calls = self.calls();
+        calls.open += 1;
+        calls.count += 1;
+        calls.next_answer += 1;
+        OpenCall { client: self.clone(), number: calls.next_answer }
+    }
+
+    /// Returns the reason to close the connection, if there is one.
+    pub(crate) fn overdue(&self, now: Instant) -> Option<String> {
+        let calls = self.calls();
+        let longer = |since: &Instant, most: Duration| now.saturating_duration_since(*since) > most;
+        if calls.count == 0 && longer(&self.0.since, FIRST_CALL) {
+            return Some(format!("no call within {} s", FIRST_CALL.as_secs()));
+        }
+        if calls.handed_out.values().any(|since| longer(since, STALLED)) {
+            return Some(format!("an answer was not read for {} s", STALLED.as_secs()));
+        }
+        let is_idle = calls.open == 0 && longer(&calls.last_read, IDLE);
+        is_idle.then(|| format!("nothing came for {} s", IDLE.as_secs()))
+    }
+}
+
+/// An unfinished call.
+#[derive(Debug)]
+pub(crate) struct OpenCall {
+    client: ClientInfo,
+    number: u64,
+}
+
+impl OpenCall {
+    /// Records that the connection requests the next part of the answer, and got one (`true`) or waits for it.
+    pub(crate) fn note(&self, got_part: bool) {
+        let mut calls = self.client.calls();
+        if got_part {
+            calls.handed_out.insert(self.number, Instant::now());
+        } else {
+            calls.handed_out.remove(&self.number);
+        }
+    }
+}
+
+impl Drop for OpenCall {
+    fn drop(&mut self) {
+        let mut calls = self.client.calls();
+        calls.handed_out.remove(&self.number);
+        calls.open -= 1;
+        // Idle time starts after the last call.
+        calls.last_read = Instant::now();
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
+mod tests {
+    use super::*;
+
+    fn client(shares: &Arc<Shares>) -> ClientInfo {
+        ClientInfo::new(shares, From::Network("test".to_owned()))
+    }
+
+    #[test]
+    fn bytes_are_limited_per_client_and_in_total_and_released() {
+        let shares = Arc::default();
+        let first = client(&shares);
+        let half = first.hold_input(INPUT_OF_ONE / 2).unwrap();
+        let _rest = first.hold_input(INPUT_OF_ONE / 2).unwrap();
+        assert_eq!(first.hold_input(1).unwrap_err().code(), tonic::Code::ResourceExhausted);
+        drop(half);
+        drop(first.hold_input(INPUT_OF_ONE / 2).unwrap());
+        let others: Vec<ClientInfo> = (0..4).map(|_| client(&shares)).collect();
+        let held: Vec<Held> = others.iter().filter_map(|other| other.hold_input(INPUT_OF_ONE).ok()).collect();
+        assert_eq!(held.len() as u64, INPUT / INPUT_OF_ONE - 1, "the first client holds the rest");
+        // One frame is accepted whatever its size.
+        let frame = first.hold_output(u64::MAX / 4).unwrap();
+        assert!(first.hold_output(UNIT).is_err());
+        drop(frame);
+        first.hold_output(UNIT).unwrap();
+    }
+
+    #[test]
+    fn a_grown_frame_reserves_as_much_as_one_large_reservation() {
+        let shares = Arc::default();
+        let client = client(&shares);
+        let free = || client.0.output.available_permits();
+        let all = free();
+        for (before, after) in [(1, UNIT), (700, 700), (5 * UNIT + 1, 9 * UNIT + 3), (999, OUTPUT), (9 * UNIT, 3)] {
+            let at_once = client.hold_output(after.max(before)).unwrap();
+            let taken = free();
+            drop(at_once);
+            let both = client.hold_output(before).unwrap().and(client.hold_more_output(before, after).unwrap());
+            assert_eq!(free(), taken, "{before} to {after}");
+            drop(both);
+            assert_eq!(free(), all);
+        }
+        let _other = client.hold_output(OUTPUT_OF_ONE / 4).unwrap();
+        let small = client.hold_output(UNIT).unwrap();
+        assert_eq!(client.hold_more_output(UNIT, OUTPUT_OF_ONE).unwrap_err().code(), tonic::Code::ResourceExhausted);
+        drop(small);
+    }
+
+    #[test]
+    fn silent_stalled_and_idle_connections_are_closed() {
+        let shares = Arc::default();
+        let new = client(&shares);
+        let begun = new.0.since;
+        assert_eq!(new.overdue(begun + FIRST_CALL), None);
+        assert!(new.overdue(begun + FIRST_CALL + UNIT_OF_TIME).unwrap().contains("no call within 10 s"));
+
+        let reader = client(&shares);
+        let call = reader.open_call();
+        let late = Instant::now() + STALLED + UNIT_OF_TIME;
+        call.note(true);
+        assert!(reader.overdue(late).unwrap().contains("not read for 60 s"));
+        call.note(false);
+        assert_eq!(reader.overdue(late + IDLE), None, "the client waits for the daemon");
+        drop(call);
+        assert_eq!(reader.overdue(Instant::now() + IDLE - UNIT_OF_TIME), None);
+        assert!(reader.overdue(Instant::now() + IDLE + UNIT_OF_TIME).unwrap().contains("nothing came for 120 s"));
+        reader.note_read();
+    }
+
+    const UNIT_OF_TIME: Duration = Duration::from_secs(1);
+}

@@ -1,0 +1,7 @@
+//! Everything between the socket and the gRPC methods: connections and their limits, access control, plain HTTP requests and the web page.
+
+pub(crate) mod access;
+pub(crate) mod clients;
+pub(crate) mod connections;
+pub(crate) mod http_handler;
+pub(crate) mod page;

@@ -1,0 +1,8 @@
+//! The part of the scene that clients may change, in plain types. The render thread holds it; every change is a revision.
+
+pub(crate) mod camera;
+pub(crate) mod objects;
+pub(crate) mod observer;
+pub(crate) mod overlay;
+pub(crate) mod state;
+pub(crate) mod views;

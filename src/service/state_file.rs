@@ -1,0 +1,348 @@
+//! The file of acknowledged changes: scene, views and camera, in one redb database that one daemon opens exclusively.
+//! Snapshots are stored in the same format under their names.
+//!
+//! A change is written and synchronised in one transaction before it is acknowledged. After a crash, the daemon
+//! therefore resumes with every acknowledged change and with no partial change.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::SystemTime,
+};
+
+use prost::Message;
+use redb::{Database, DatabaseError, ReadableDatabase, ReadableTable, TableDefinition};
+
+use crate::{
+    config::ViewTables,
+    plan::settings::RenderSettings,
+    scene::{Camera, SceneClock},
+    service::{
+        proto,
+        scene::{state::SceneState, views::KeptView},
+        wire::{camera, scene},
+    },
+};
+
+/// The current state, under the names below.
+const STATE: TableDefinition<'_, &str, &[u8]> = TableDefinition::new("state");
+/// Snapshots by name.
+const SNAPSHOTS: TableDefinition<'_, &str, &[u8]> = TableDefinition::new("snapshots");
+const FORMAT: &str = "format";
+const SHOWN: &str = "shown";
+const CAMERA: &str = "camera";
+/// Format version. It grows with every addition, so that an older program cannot drop data that it does not know.
+const VERSION: u8 = 3;
+/// Older versions that are still read: before clients could create and delete views, and before they could move the
+/// observer. Missing values come from the configuration.
+const OLDER: [u8; 2] = [1, 2];
+/// Maximum number of snapshots in a file.
+const MOST_SNAPSHOTS: u64 = 256;
+
+/// Errors of the state file.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StateError {
+    /// The file cannot be opened.
+    #[error("server.state = {path}: {source}; the file must be writable and not in use by another daemon", path = path.display())]
+    Open {
+        /// Path of the file.
+        path: PathBuf,
+        /// Cause.
+        source: Box<DatabaseError>,
+    },
+    /// The file cannot be read or written.
+    #[error("server.state = {path}: {source}", path = path.display())]
+    Access {
+        /// Path of the file.
+        path: PathBuf,
+        /// Cause.
+        source: Box<redb::Error>,
+    },
+    /// The content of the file cannot be used.
+    #[error("server.state = {path}: {problem}; use another file, or remove it to begin with the configuration", path = path.display())]
+    Content {
+        /// Path of the file.
+        path: PathBuf,
+        /// Cause.
+        problem: String,
+    },
+    /// The file holds the maximum number of snapshots.
+    #[error(
+        "the file holds {MOST_SNAPSHOTS} snapshots, the maximum: overwrite one by saving under its name, or use another file"
+    )]
+    Full,
+}
+
+/// Settings of one view, as tables of a configuration.
+#[derive(Clone, PartialEq, Message)]
+pub(crate) struct SavedView {
+    #[prost(string, tag = "1")]
+    name: String,
+    #[prost(string, optional, tag = "2")]
+    exposure_group: Option<String>,
+    #[prost(string, optional, tag = "3")]
+    exposure: Option<String>,
+    #[prost(string, optional, tag = "4")]
+    glare: Option<String>,
+    #[prost(string, optional, tag = "5")]
+    tone_map: Option<String>,
+    /// Keys of the view's geometry if a client has set them; otherwise the configuration's apply.
+    #[prost(string, optional, tag = "6")]
+    definition: Option<String>,
+}
+
+/// Scene and views.
+#[derive(Clone, PartialEq, Message)]
+pub(crate) struct Saved {
+    #[prost(message, optional, tag = "1")]
+    pub(crate) scene: Option<proto::Scene>,
+    #[prost(message, repeated, tag = "2")]
+    views: Vec<SavedView>,
+    /// Camera of a snapshot. The current camera has its own entry, because it changes more often.
+    #[prost(message, optional, tag = "3")]
+    pub(crate) camera: Option<proto::Camera>,
+    /// Time at which a snapshot was saved.
+    #[prost(message, optional, tag = "4")]
+    pub(crate) time: Option<prost_types::Timestamp>,
+    /// Deleted views of the configuration.
+    #[prost(string, repeated, tag = "5")]
+    deleted: Vec<String>,
+}
+
+impl Saved {
+    /// Copies the parts of a scene that clients may change.
+    pub(crate) fn from_scene(scene: &SceneState, camera: Option<&Camera>) -> Self {
+        Self {
+            scene: Some(scene::scene_to_pb(scene, &[])),
+            views: scene.views.kept().map(SavedView::from).collect(),
+            deleted: scene.views.deleted().map(str::to_owned).collect(),
+            camera: camera.map(camera::camera_to_pb),
+            time: Some(SystemTime::now().into()),
+        }
+    }
+
+    /// Returns the saved clock, advanced by the time since it was saved.
+    pub(crate) fn clock(&self, set: SceneClock) -> SceneClock {
+        let saved_at = self.scene.as_ref().and_then(|scene| scene.time_told?.try_into().ok());
+        saved_at.map_or(set, |since| SceneClock { since, ..set })
+    }
+
+    /// Applies the saved values to a scene, whatever its revision. Logs the saved objects that no longer exist.
+    pub(crate) fn applied(&self, scene: &SceneState, general: &RenderSettings) -> Result<SceneState, String> {
+        let mut all = ["stars", "time", "time_rate", "asteroids", "bodies", "asteroid_fields", "overlay"]
+            .map(str::to_owned)
+            .to_vec();
+        // Older formats have only the place, which no client could change.
+        if self.scene.as_ref().and_then(|scene| scene.observer.as_ref()?.air).is_some() {
+            all.push("observer".to_owned());
+        }
+        let request = proto::UpdateSceneRequest {
+            scene: self.scene.clone(),
+            update_mask: Some(prost_types::FieldMask { paths: all }),
+            expected_revision: None,
+        };
+        let made = scene::scene_update_from_pb(&request)?.make(scene)?;
+        let mut after = scene.clone().changed(&made, None).map_err(|error| error.to_string())?;
+        let kept = self.views.iter().map(SavedView::kept).collect::<Result<_, String>>()?;
+        after.views = Arc::new(scene.views.restored(general, kept, &self.deleted)?);
+        Ok(after)
+    }
+}
+
+impl From<KeptView> for SavedView {
+    fn from(KeptView { name, definition, tables }: KeptView) -> Self {
+        let text = |table: Option<toml::Table>| table.map(|table| table.to_string());
+        Self {
+            name,
+            definition: text(definition),
+            exposure_group: tables.exposure_group,
+            exposure: text(tables.exposure),
+            glare: text(tables.glare),
+            tone_map: text(tables.tone_map),
+        }
+    }
+}
+
+impl SavedView {
+    fn kept(&self) -> Result<KeptView, String> {
+        let table = |text: &Option<String>| {
+            let parsed = text.as_ref().map(|text| text.parse::<toml::Table>()).transpose();
+            parsed.map_err(|error| format!("view `{}`: {error}", self.name))
+        };
+        Ok(KeptView {
+            name: self.name.clone(),
+            definition: table(&self.definition)?,
+            tables: ViewTables {
+                exposure_group: self.exposure_group.clone(),
+                exposure: table(&self.exposure)?,
+                glare: table(&self.glare)?,
+                tone_map: table(&self.tone_map)?,
+            },
+        })
+    }
+}
+
+/// An open state file.
+pub(crate) struct StateFile {
+    path: PathBuf,
+    database: Database,
+}
+
+/// Name and time of a snapshot.
+pub(crate) struct SnapshotName {
+    pub(crate) name: String,
+    pub(crate) time: Option<prost_types::Timestamp>,
+}
+
+impl StateFile {
+    /// Opens a file, or creates it.
+    pub(crate) fn open(path: &Path) -> Result<Self, StateError> {
+        let opened = Database::create(path);
+        let database = opened.map_err(|source| StateError::Open { path: path.to_owned(), source: Box::new(source) })?;
+        let file = Self { path: path.to_owned(), database };
+        match file.get(FORMAT)?.as_deref() {
+            Some([VERSION]) => {}
+            Some([older]) if OLDER.contains(older) => file.put(STATE, &[(FORMAT, &[VERSION])])?,
+            Some(found) => {
+                return Err(file.content(format!("its format is {found:?}, this program supports {VERSION}")));
+            }
+            None => file.put(STATE, &[(FORMAT, &[VERSION])])?,
+        }
+        Ok(file)
+    }
+
+    /// Error for unusable content of the file.
+    pub(crate) fn content(&self, problem: String) -> StateError {
+        StateError::Content { path: self.path.clone(), problem }
+    }
+
+    fn access<T, E: Into<redb::Error>>(&self, result: Result<T, E>) -> Result<T, StateError> {
+        result.map_err(|source| StateError::Access { path: self.path.clone(), source: Box::new(source.into()) })
+    }
+
+    fn put(&self, table: TableDefinition<'_, &str, &[u8]>, values: &[(&str, &[u8])]) -> Result<(), StateError> {
+        // redb synchronises with the disk on commit by default.
+        let write = self.access(self.database.begin_write())?;
+        {
+            let mut table = self.access(write.open_table(table))?;
+            for (key, value) in values {
+                self.access(table.insert(*key, *value))?;
+            }
+        }
+        self.access(write.commit())
+    }
+
+    fn read(&self, table: TableDefinition<'_, &str, &[u8]>, key: &str) -> Result<Option<Vec<u8>>, StateError> {
+        let read = self.access(self.database.begin_read())?;
+        let table = match read.open_table(table) {
+            Ok(table) => table,
+            Err(redb::TableError::TableDoesNotExist(_)) => return Ok(None),
+            Err(error) => return self.access(Err(error)),
+        };
+        Ok(self.access(table.get(key))?.map(|value| value.value().to_vec()))
+    }
+
+    fn get(&self, key: &str) -> Result<Option<Vec<u8>>, StateError> {
+        self.read(STATE, key)
+    }
+
+    fn decoded<T: Message + Default>(&self, what: &str, bytes: Option<Vec<u8>>) -> Result<Option<T>, StateError> {
+        let decoded = bytes.map(|bytes| T::decode(bytes.as_slice())).transpose();
+        decoded.map_err(|error| self.content(format!("{what}: {error}")))
+    }
+
+    /// Returns the last state; `None` for a new file.
+    pub(crate) fn current_state(&self) -> Result<(Option<Saved>, Option<proto::Camera>), StateError> {
+        let camera = self.decoded("the camera", self.get(CAMERA)?)?;
+        Ok((self.decoded("the scene", self.get(SHOWN)?)?, camera))
+    }
+
+    /// Writes the current state.
+    pub(crate) fn save(&self, saved: &Saved) -> Result<(), StateError> {
+        self.put(STATE, &[(SHOWN, &saved.encode_to_vec())])
+    }
+
+    /// Writes the current camera.
+    pub(crate) fn save_camera(&self, camera: &Camera) -> Result<(), StateError> {
+        self.put(STATE, &[(CAMERA, &camera::camera_to_pb(camera).encode_to_vec())])
+    }
+
+    /// Writes a snapshot, and replaces an existing one of that name.
+    pub(crate) fn save_snapshot(&self, name: &str, saved: &Saved) -> Result<(), StateError> {
+        let names = self.snapshots()?;
+        if names.len() as u64 >= MOST_SNAPSHOTS && names.iter().all(|known| known.name != name) {
+            return Err(StateError::Full);
+        }
+        self.put(SNAPSHOTS, &[(name, &saved.encode_to_vec())])
+    }
+
+    /// Returns a snapshot by name.
+    pub(crate) fn snapshot(&self, name: &str) -> Result<Option<Saved>, StateError> {
+        self.decoded("the snapshot", self.read(SNAPSHOTS, name)?)
+    }
+
+    /// Lists all snapshots by name.
+    pub(crate) fn snapshots(&self) -> Result<Vec<SnapshotName>, StateError> {
+        let read = self.access(self.database.begin_read())?;
+        let table = match read.open_table(SNAPSHOTS) {
+            Ok(table) => table,
+            Err(redb::TableError::TableDoesNotExist(_)) => return Ok(Vec::new()),
+            Err(error) => return self.access(Err(error)),
+        };
+        let mut names = Vec::new();
+        for entry in self.access(table.iter())? {
+            let (name, bytes) = self.access(entry)?;
+            let saved = Saved::decode(bytes.value()).map_err(|error| self.content(error.to_string()))?;
+            names.push(SnapshotName { name: name.value().to_owned(), time: saved.time });
+        }
+        Ok(names)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn other_files_are_refused_with_an_explanation() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("state.redb");
+        std::fs::write(&path, b"not a database, but long enough to be examined").unwrap();
+        let error = StateFile::open(&path).err().unwrap().to_string();
+        assert!(error.contains("server.state") && error.contains("state.redb"), "{error}");
+        std::fs::remove_file(&path).unwrap();
+        let file = StateFile::open(&path).unwrap();
+        assert!(StateFile::open(&path).is_err(), "the file is open already");
+        // A file of the previous version is upgraded; after that, an older program refuses it.
+        let mut file = file;
+        for older in OLDER {
+            file.put(STATE, &[(FORMAT, &[older])]).unwrap();
+            drop(file);
+            file = StateFile::open(&path).unwrap();
+            assert_eq!(file.get(FORMAT).unwrap().as_deref(), Some(&[VERSION][..]));
+        }
+        file.put(STATE, &[(FORMAT, &[VERSION + 1])]).unwrap();
+        drop(file);
+        let error = StateFile::open(&path).err().unwrap().to_string();
+        assert!(error.contains("this program supports 3"), "{error}");
+    }
+
+    #[test]
+    fn damaged_content_is_reported() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = StateFile::open(&folder.path().join("state.redb")).unwrap();
+        assert_eq!(file.current_state().unwrap(), (None, None));
+        file.save_camera(&Camera { revision: 7, ..Camera::default() }).unwrap();
+        assert_eq!(file.current_state().unwrap().1.unwrap().revision, 7);
+        file.put(STATE, &[(SHOWN, &[0xff, 0xff])]).unwrap();
+        assert!(file.current_state().unwrap_err().to_string().contains("the scene"));
+        for name in 0..MOST_SNAPSHOTS {
+            file.save_snapshot(&format!("s{name}"), &Saved::default()).unwrap();
+        }
+        assert!(matches!(file.save_snapshot("one more", &Saved::default()), Err(StateError::Full)));
+        file.save_snapshot("s3", &Saved::default()).unwrap();
+        assert!(file.snapshot("s9").unwrap().is_some() && file.snapshot("none").unwrap().is_none());
+    }
+}
