@@ -21,7 +21,7 @@ use steradian::{
     scene::{
         Camera, SceneObjects, SceneSnapshot,
         asteroids::{FieldParameters, FieldSpec, Placement, ShapeSource},
-        bodies::{ReflectionLaw, Body, SolarBody},
+        bodies::{Body, ReflectionLaw, SolarBody},
     },
     view::{
         Fov, Rig, View, ViewKind,

@@ -55,7 +55,9 @@ extern crate steradian_sky;
 pub use glam;
 
 pub use steradian_render::{gpu, metrics, plan, reference, render, scene, view};
-pub use steradian_sky::{catalogue, coordinates, ephemeris, observer, photometry, relativity, sky_pictures, solar_system, units};
+pub use steradian_sky::{
+    catalogue, coordinates, ephemeris, observer, photometry, relativity, sky_pictures, solar_system, units,
+};
 
 pub use self::{
     catalogue::chunks::StarSet,

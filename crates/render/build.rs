@@ -1,6 +1,12 @@
 //! Writes the table of all shader files.
 
-use std::{env, error::Error, fmt::Write, fs, path::{Path, PathBuf}};
+use std::{
+    env,
+    error::Error,
+    fmt::Write,
+    fs,
+    path::{Path, PathBuf},
+};
 
 /// Folder of the shaders, from the folder of this crate.
 const SHADERS: &str = "../../shaders";
@@ -10,7 +16,8 @@ fn shader_stems(folder: &Path, prefix: &str) -> Result<Vec<String>, Box<dyn Erro
     let mut stems = Vec::new();
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();
-        let wrong = || format!("{}: shaders/ must contain folders and .wgsl files with plain names only", path.display());
+        let wrong =
+            || format!("{}: shaders/ must contain folders and .wgsl files with plain names only", path.display());
         let stem = path.file_stem().and_then(|stem| stem.to_str()).ok_or_else(wrong)?;
         if path.is_dir() {
             stems.extend(shader_stems(&path, &format!("{prefix}{stem}/"))?);

@@ -1,17 +1,21 @@
-//! Proves that the modules of `src/` import each other in one direction only, that of the data flow of a frame.
+//! Proves that the modules of all crates import each other in one direction only, that of the data flow of a frame. Between crates the
+//! compiler checks it.
 //!
 //! Every file is split into tokens (without comments, strings and characters), and every path that starts at the
-//! crate's root is followed: `crate::`, `steradian::`, and as many `super::` as lead there, in groups as well as
+//! crate's root is followed: `crate::`, `steradian::`, `steradian_sky::`, `steradian_render::`, and as many `super::` as lead there, in groups as well as
 //! separately. The module that such a path names must be before the importer in [`LAYERS`].
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+/// Folders of the crates whose modules form the layers.
+const CRATES: [&str; 3] = ["crates/sky/src", "crates/render/src", "src"];
+
 /// Allowed imports: a module may import every module of the layers above its own, and within a layer only those
 /// listed in [`SIBLINGS`]. A new module must be added here, as far up as its imports permit.
 const LAYERS: &[&[&str]] = &[
     &["names"],
-    &["units", "polynomial", "solar_system", "coordinates", "sky_pictures", "files", "telemetry"],
+    &["units", "polynomial", "solar_system", "coordinates", "sky_pictures", "files"],
     &["photometry", "picture_file"],
     &["ephemeris", "relativity"],
     &["catalogue"],
@@ -258,7 +262,7 @@ fn root_paths(tokens: &[Token], module: &[&str]) -> Vec<Vec<String>> {
             }
             Token::Word(word) if tokens.get(i + 1) == Some(&Token::PathSeparator) => {
                 let start = match word.as_str() {
-                    "crate" | "steradian" => Some(Vec::new()),
+                    "crate" | "steradian" | "steradian_sky" | "steradian_render" => Some(Vec::new()),
                     "super" | "self" => {
                         let inline = braces.iter().flatten().map(String::as_str);
                         Some(module.iter().copied().chain(inline).map(str::to_owned).collect())
@@ -427,27 +431,33 @@ fn rust_files(root: &Path, folder: &Path, files: &mut Vec<PathBuf>) {
 
 #[test]
 fn modules_import_in_one_direction_only() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let mut files = Vec::new();
-    rust_files(&root, &root, &mut files);
-    files.sort();
-    assert!(files.contains(&PathBuf::from("units.rs")) && files.contains(&PathBuf::from("main.rs")), "{files:?}");
-    let modules: Vec<Vec<String>> = files.iter().map(|file| module_of(file)).collect();
-
     let mut report = Vec::new();
-    for (file, module) in files.iter().zip(&modules) {
-        // The library's root only declares the modules.
-        if module == &["lib"] {
-            continue;
+    let mut seen = BTreeSet::new();
+    for folder in CRATES {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+        let mut files = Vec::new();
+        rust_files(&root, &root, &mut files);
+        files.sort();
+        for file in &files {
+            let module = module_of(file);
+            seen.insert(module[0].clone());
+            // The root of a library only declares modules.
+            if module == ["lib"] {
+                continue;
+            }
+            if layer_of(&module[0]).is_none() {
+                report.push(format!("{folder}/{}: module `{}` is not in LAYERS", file.display(), module[0]));
+                continue;
+            }
+            let source = std::fs::read_to_string(root.join(file)).expect("source can be read");
+            let module: Vec<&str> = module.iter().map(String::as_str).collect();
+            let found = breaches(&module, &source);
+            report.extend(found.into_iter().map(|breach| format!("{folder}/{}: {breach}", file.display())));
         }
-        if layer_of(&module[0]).is_none() {
-            report.push(format!("{}: module `{}` is not in LAYERS", file.display(), module[0]));
-            continue;
-        }
-        let source = std::fs::read_to_string(root.join(file)).expect("source can be read");
-        let module: Vec<&str> = module.iter().map(String::as_str).collect();
-        report.extend(breaches(&module, &source).into_iter().map(|breach| format!("{}: {breach}", file.display())));
     }
+    let missing: Vec<&&str> =
+        LAYERS.iter().flat_map(|layer| layer.iter()).filter(|name| !seen.contains(**name)).collect();
+    assert!(missing.is_empty(), "modules of LAYERS that do not exist: {missing:?}");
     assert!(report.is_empty(), "imports violate the order of LAYERS:\n{}", report.join("\n"));
 }
 
@@ -478,7 +488,8 @@ fn without_counterpart(stems: &[String], others: &[String], excuses: &[(&str, &s
     };
     let excused = |stem: &str| excuses.iter().any(|(name, reason)| *name == stem && !reason.is_empty());
     let missing = stems.iter().filter(|stem| !has(stem) && !excused(stem));
-    let missing = missing.map(|stem| format!("crates/render/src/render/{stem} has no counterpart in {kind} and no excuse"));
+    let missing =
+        missing.map(|stem| format!("crates/render/src/render/{stem} has no counterpart in {kind} and no excuse"));
     let unneeded = excuses.iter().filter(|(name, _)| !stems.iter().any(|stem| stem == name) || has(name));
     missing.chain(unneeded.map(|(name, _)| format!("{name} needs no excuse for {kind}"))).collect()
 }
@@ -505,18 +516,20 @@ fn stems_below(folder: &Path, extension: &str) -> Vec<String> {
 fn every_stem_of_render_has_a_shader_and_a_twin_or_an_excuse() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut files = Vec::new();
-    rust_files(&root.join("src"), &root.join("src"), &mut files);
+    let sources = root.join("crates/render/src");
+    rust_files(&sources, &sources, &mut files);
     let stems = stems(&files);
     assert!(stems.iter().any(|stem| stem == "stars/splat"), "{stems:?}");
     let mut report = without_counterpart(&stems, &stems_below(&root.join("shaders"), "wgsl"), NO_SHADER, "shaders/");
-    let twins = stems_below(&root.join("src/reference"), "rs");
+    let twins = stems_below(&sources.join("reference"), "rs");
     report.extend(without_counterpart(&stems, &twins, NO_TWIN, "crates/render/src/reference/"));
     assert!(report.is_empty(), "{}", report.join("\n"));
 }
 
 #[test]
 fn the_sequence_stays_short() {
-    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/render/src/render/sequence.rs"));
+    let text =
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/render/src/render/sequence.rs"));
     let lines = text.expect("the sequence can be read").lines().count();
     assert!(lines < 100, "crates/render/src/render/sequence.rs has {lines} lines");
 }
@@ -599,7 +612,7 @@ mod the_check_itself {
             ),
             (&["service", "client", "scene"], "use crate::service::{proto, scene::state::SceneUpdate, wire};"),
             (&["service", "frames", "video"], "mod tests { use super::*; }"),
-            (&["main"], "use steradian::cli; fn main() { steradian::telemetry::start(); }"),
+            (&["main"], "use steradian::cli; fn main() { steradian::units::lux(); }"),
             (&["gpu"], "fn f<'a>(x: &'a str) -> std::result::Result<(), E> { other::crate_name::g() }"),
         ];
         for (module, source) in cases {

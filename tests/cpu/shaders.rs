@@ -189,6 +189,11 @@ fn files(folder: &str, extension: &str) -> BTreeMap<PathBuf, String> {
         .collect()
 }
 
+/// All Rust files of the crates.
+fn rust_files() -> BTreeMap<PathBuf, String> {
+    files("src", "rs").into_iter().chain(files("crates", "rs")).collect()
+}
+
 /// Names of the constants that a source declares, in Rust or in WGSL, without comments.
 fn constants(source: &str) -> BTreeSet<String> {
     let code = source.lines().filter_map(|line| line.split("//").next());
@@ -217,7 +222,7 @@ fn declared_twice(wgsl: &BTreeSet<String>, rust: &BTreeSet<String>, excused: &[(
 fn rust_constants() -> BTreeSet<String> {
     let tables = constant_tables();
     let shared = tables.iter().flat_map(|table| table.constants.iter().map(|(name, ..)| (*name).to_owned()));
-    files("src", "rs").values().flat_map(|source| constants(source)).chain(shared).collect()
+    rust_files().values().flat_map(|source| constants(source)).chain(shared).collect()
 }
 
 #[test]
@@ -308,7 +313,7 @@ fn named_shaders(source: &str) -> BTreeSet<String> {
 #[test]
 fn shaders_named_in_rust_exist_and_all_are_used() {
     let entries: BTreeSet<&str> = sources().iter().map(|(_, source)| source.name).collect();
-    let code = files("src", "rs");
+    let code = rust_files();
     for (path, source) in &code {
         for name in named_shaders(source) {
             assert!(entries.contains(name.as_str()), "{}: the shader `{name}` does not exist", path.display());

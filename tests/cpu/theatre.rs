@@ -7,8 +7,10 @@ use std::path::{Path, PathBuf};
 
 use steradian::{
     glam::{DVec2, DVec3},
-    theatre::{Axes, Calibration, Grid, Interpolation, Placement, ReadOptions, Region, RowOrder, TheatreError, read,
-        upright_and_mirrored_cells},
+    theatre::{
+        Axes, Calibration, Grid, Interpolation, Placement, ReadOptions, Region, RowOrder, TheatreError, read,
+        upright_and_mirrored_cells,
+    },
 };
 
 use crate::common::theatre::{
@@ -241,7 +243,10 @@ fn mpcdi_2d_and_3d_use_the_frustum() {
     let xml = set.xml(&all[..1]).into_bytes();
     let bytes = zipped(&[("mpcdi.xml", xml.clone()), ("p0.pfm", offsets)], true);
     let text = refusal(&bytes, &ReadOptions::default());
-    assert!(text.contains("lie outside of 0 to 1") && text.contains("not offsets") && text.contains("p0.pfm"), "{text}");
+    assert!(
+        text.contains("lie outside of 0 to 1") && text.contains("not offsets") && text.contains("p0.pfm"),
+        "{text}"
+    );
     // Unknown points and invalid ones are dark.
     let holes = set.pfm.bytes(|i, j| match (i, j) {
         (0, 0) => [f64::NAN; 3],

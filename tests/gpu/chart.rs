@@ -121,7 +121,10 @@ fn a_tiny_run_has_every_method_and_leaves_no_cell_wrong() {
             }
             assert!(row.error_value.is_some() || !row.notes.is_empty(), "an empty cell must say why: {row:?}");
             if !method.draws_catalogue() && row.error_value.is_some() {
-                assert!(row.notes.contains("stars of the sky itself") || row.error_metric == "order_bits_differ", "{row:?}");
+                assert!(
+                    row.notes.contains("stars of the sky itself") || row.error_metric == "order_bits_differ",
+                    "{row:?}"
+                );
             }
         }
     }

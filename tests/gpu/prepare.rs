@@ -2,9 +2,7 @@
 
 use std::{path::Path, sync::Arc};
 
-use steradian::{
-    Gpu, GpuOptions, Renderer, SceneSnapshot, Wanted, config::Config, scene::loader::load_stars,
-};
+use steradian::{Gpu, GpuOptions, Renderer, SceneSnapshot, Wanted, config::Config, scene::loader::load_stars};
 
 /// Number of pipelines that `prepare` creates for a configuration, and number that the first frame creates in
 /// addition.

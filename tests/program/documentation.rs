@@ -477,8 +477,7 @@ fn exists(path: &str, sources: &[PathBuf]) -> bool {
     let by_name = || {
         sources.iter().any(|file| {
             let below = file.parent().unwrap().strip_prefix(repository()).unwrap();
-            let in_folder =
-                folder.is_empty() || ROOTS.iter().any(|root| below == Path::new(root).join(folder));
+            let in_folder = folder.is_empty() || ROOTS.iter().any(|root| below == Path::new(root).join(folder));
             in_folder && matches(name, file.file_name().unwrap().to_str().unwrap())
         })
     };
@@ -541,7 +540,8 @@ fn paths_are_found_in_comments_alone() {
     let source = "//! Twin: crates/render/src/plan/none.rs. See `shaders/none/{a,b}.wgsl`,\n    // tiles.rs's and (plan/none.rs); x / y and a/b\n\
                   let path = \"src/other.rs\"; // src/after_code.rs\n/// `shaders/{name}.wgsl`, .wgsl";
     let paths = paths_in_comments(source);
-    let expected = ["crates/render/src/plan/none.rs", "shaders/none/a.wgsl", "shaders/none/b.wgsl", "tiles.rs", "plan/none.rs"];
+    let expected =
+        ["crates/render/src/plan/none.rs", "shaders/none/a.wgsl", "shaders/none/b.wgsl", "tiles.rs", "plan/none.rs"];
     assert_eq!(paths, expected);
     let sources = sources();
     let existing: Vec<_> = paths.iter().filter(|path| exists(path, &sources)).collect();
@@ -565,9 +565,14 @@ fn missing_paths_are_detected() {
                 ```\n`src/none.rs`\n```\n`SceneService/UpdateScene` `out/dome.png` `a.b` `L = E / A` `--set a.b=c`\n";
     let sources = sources();
     assert_eq!(missing_paths(good, &sources), Vec::<String>::new());
-    for wrong in
-        ["src/none.rs", "plan/none.rs", "none.wgsl", "passes/none/", "crates/render/src/plan/{tiles,none}.rs", "nowhere/at/all"]
-    {
+    for wrong in [
+        "src/none.rs",
+        "plan/none.rs",
+        "none.wgsl",
+        "passes/none/",
+        "crates/render/src/plan/{tiles,none}.rs",
+        "nowhere/at/all",
+    ] {
         assert_eq!(missing_paths(&format!("text `{wrong}` text"), &sources).len(), 1, "`{wrong}` passed");
     }
 }

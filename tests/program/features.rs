@@ -14,7 +14,19 @@ const FEATURE_CRATES: &[(&str, &[&str])] = &[
 /// Returns the names of all crates linked into the library with these features.
 fn crates(features: &str) -> Vec<String> {
     let output = Command::new(env!("CARGO"))
-        .args(["tree", "--offline", "--locked", "--edges", "normal", "--prefix", "none", "--format", "{lib}"])
+        .args([
+            "tree",
+            "--offline",
+            "--locked",
+            "--package",
+            "steradian",
+            "--edges",
+            "normal",
+            "--prefix",
+            "none",
+            "--format",
+            "{lib}",
+        ])
         .args(["--no-default-features", "--features", features])
         .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")))
         .output()

@@ -9,7 +9,7 @@ use steradian::{
     scene::{
         SceneObjects,
         asteroids::{FieldParameters, FieldSpec, Placement, ShapeSource, make_fields},
-        bodies::{ReflectionLaw, Body, SolarBody, Texture},
+        bodies::{Body, ReflectionLaw, SolarBody, Texture},
     },
     service::{BodyForm, Change, Client, ClientError, FieldForm, SceneUpdate, ServeOptions, ShapesForm},
 };

@@ -95,7 +95,10 @@ async fn invalid_changes_are_refused_and_keep_the_overlay() {
         ),
         (trajectories(vec![way("a"), way("a")]), &["overlay.trajectories", "unique"]),
         (labels(vec![label("l", "a\nb")]), &["overlay.labels.l", "text", "one line"]),
-        (labels(vec![Label { size_px: 1.0, ..label("l", "x") }]), &["overlay.labels.l", "size_px", "between 6 and 200"]),
+        (
+            labels(vec![Label { size_px: 1.0, ..label("l", "x") }]),
+            &["overlay.labels.l", "size_px", "between 6 and 200"],
+        ),
         (
             OverlayChange { labels: Change::remove("gone"), ..OverlayChange::default() },
             &["overlay.labels.gone", "the existing ones are: here"],

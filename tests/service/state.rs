@@ -5,7 +5,10 @@ use std::{path::Path, sync::Arc};
 use glam::DVec3;
 use steradian::{
     plan::settings::{ImpostorMethod, RenderSettings, StarMethod},
-    scene::{Camera, SceneSnapshot, bodies::{Body, SolarBody}},
+    scene::{
+        Camera, SceneSnapshot,
+        bodies::{Body, SolarBody},
+    },
     service::{
         BodyForm, CameraUpdate, Change, Client, HeadsetOptions, Lease, SceneForm, SceneUpdate, ServeOptions,
         TableChange, ViewForm, ViewUpdate, run,

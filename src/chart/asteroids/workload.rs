@@ -18,7 +18,7 @@ use crate::{
     scene::{
         Camera, SceneObjects, SceneSnapshot,
         asteroids::{FieldParameters, FieldSpec, MadeField, Placement, ShapeSource},
-        bodies::{ReflectionLaw, Body, SolarBody},
+        bodies::{Body, ReflectionLaw, SolarBody},
     },
 };
 

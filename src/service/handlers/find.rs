@@ -237,7 +237,8 @@ mod tests {
         let mut scene = scene();
         let mut objects = (*scene.objects).clone();
         let up = objects.observer.unwrap().epoch.icrs_from_horizon * horizontal_direction(1.0, 2_f64.to_radians());
-        let mars = |distance_m| Arc::new(Body::preset(SolarBody::Mars, "mars", scene.camera.position_m + up * distance_m));
+        let mars =
+            |distance_m| Arc::new(Body::preset(SolarBody::Mars, "mars", scene.camera.position_m + up * distance_m));
         let air = RefractingAir { pressure_hpa: 1010.0, temperature_c: 10.0 };
         objects.surroundings = Some(Arc::new(Surroundings { air: None, refraction: Some(air), ground: None }));
         let found_at = |scene: &SceneSnapshot| {

@@ -165,8 +165,10 @@ fn light_of_nearby_ellipsoids_and_textures_matches_the_plans_sum() {
 
 #[test]
 fn the_suns_disc_at_one_astronomical_unit_has_its_magnitude() {
-    let objects =
-        SceneObjects { bodies: vec![Arc::new(Body::preset(SolarBody::Sun, "sun", DVec3::ZERO))], ..SceneObjects::default() };
+    let objects = SceneObjects {
+        bodies: vec![Arc::new(Body::preset(SolarBody::Sun, "sun", DVec3::ZERO))],
+        ..SceneObjects::default()
+    };
     let lens = Perspective::symmetric([64, 64], f64::to_radians(0.6)).unwrap();
     let image = draw(&objects, DVec3::X * AU_M, looking(DVec3::NEG_X), &lens, 12);
     let found_lx = luminance(image.illuminance_lx(&lens));

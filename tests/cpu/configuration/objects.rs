@@ -10,7 +10,7 @@ use steradian::{
     plan::settings::ImpostorMethod,
     scene::{
         asteroids::{Placement, ShapeSource},
-        bodies::{Emission, ReflectionLaw, Body, SolarBody},
+        bodies::{Body, Emission, ReflectionLaw, SolarBody},
     },
 };
 

@@ -188,7 +188,10 @@ fn mistakes_in_the_scene() {
     refused("[scene.camera]\nposition_m = [0, 0]", &["scene.camera.position_m", "invalid length 2"]);
     refused("[scene.camera]\norientation = [0, 0, 0, 1.01]", &["scene.camera.orientation", "unit quaternion"]);
     refused("[scene.camera]\norientation = [0, 0, inf, 1]", &["scene.camera.orientation", "finite"]);
-    refused("[scene.camera]\nvelocity_c = [0.99991, 0, 0]", &["scene.camera.velocity_c", "0.99991", "between 0 and 0.9999"]);
+    refused(
+        "[scene.camera]\nvelocity_c = [0.99991, 0, 0]",
+        &["scene.camera.velocity_c", "0.99991", "between 0 and 0.9999"],
+    );
     refused("[scene.camera]\nvelocity_c = [0.6, 0.8, 0]", &["scene.camera.velocity_c", "from 0 to 0.9999"]);
     refused("[scene.camera]\nvelocity_c = [nan, 0, 0]", &["scene.camera.velocity_c", "finite"]);
     refused("[scene.camera]\nheading = 3", &["scene.camera.heading", "unknown key", "orientation"]);

@@ -12,7 +12,7 @@ use steradian::{
     render::{Frame, FrameRequest, Wanted},
     scene::{
         SceneObjects, SceneSnapshot,
-        bodies::{Emission, Body, SolarBody},
+        bodies::{Body, Emission, SolarBody},
     },
     units::illuminance_lx_from_magnitude,
     view::{Rig, View, ViewKind},

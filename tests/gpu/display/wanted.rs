@@ -56,7 +56,8 @@ fn a_view_that_nobody_wants_is_not_drawn() {
 fn a_lit_body_in_a_view_that_nobody_wants_is_planned_and_not_drawn() {
     let settings = settings(StarMethod::Auto);
     let sun = Body::preset(SolarBody::Sun, "sun", DVec3::X * 1.496e11);
-    let lit = Body { radii_m: DVec3::splat(2e6), ..Body::preset(SolarBody::Moon, "moon", DVec3::Y * 1e7 + DVec3::X * 2e6) };
+    let lit =
+        Body { radii_m: DVec3::splat(2e6), ..Body::preset(SolarBody::Moon, "moon", DVec3::Y * 1e7 + DVec3::X * 2e6) };
     let mut scene = scene();
     let bodies = vec![Arc::new(sun), Arc::new(lit)];
     scene.objects = Arc::new(SceneObjects { bodies, ..Default::default() });

@@ -14,7 +14,7 @@ use steradian::{
     plan::settings::{HeadsetSettings, ReferenceSpace, RenderSettings, SwapchainFormat, SwapchainLayout},
     scene::{
         SceneSnapshot,
-        bodies::{Emission, Body, SolarBody},
+        bodies::{Body, Emission, SolarBody},
         loader::load_stars,
     },
     view::{Eye, Fov, Rig, View, ViewKind, projection::PlaneMapping},
@@ -67,7 +67,8 @@ impl Assignment {
         let (stars, _) = load_stars(&config.star_sources(), &config.epoch(), &mut |_| {}).unwrap();
         let mut objects = config.objects().unwrap();
         for (index, sphere) in self.spheres.iter().enumerate() {
-            let mut body = Body::preset(SolarBody::Moon, &format!("sphere-{index}"), DVec3::from_array(sphere.position_m));
+            let mut body =
+                Body::preset(SolarBody::Moon, &format!("sphere-{index}"), DVec3::from_array(sphere.position_m));
             body.radii_m = DVec3::splat(sphere.radius_m);
             body.surface.geometric_albedo = [0.0; 3];
             body.surface.texture = None;

@@ -164,11 +164,7 @@ impl Gpu {
     ///
     /// `image` must belong to this device, match `descriptor`, be in the layout of colour attachments whenever it is drawn to, and outlive
     /// the texture and the work submitted with it.
-    pub unsafe fn adopt_image(
-        &self,
-        image: u64,
-        descriptor: &wgpu::TextureDescriptor<'_>,
-    ) -> Option<wgpu::Texture> {
+    pub unsafe fn adopt_image(&self, image: u64, descriptor: &wgpu::TextureDescriptor<'_>) -> Option<wgpu::Texture> {
         let hal_descriptor = hal::TextureDescriptor {
             label: descriptor.label,
             size: descriptor.size,

@@ -22,10 +22,10 @@ use glam::{DQuat, DVec3};
 
 pub(super) use self::check::{check_albedo, check_position};
 pub use self::{
-    preset::{SUN_ABSOLUTE_MAGNITUDE, SUN_LIMB_DARKENING},
     check::{
         BRIGHTEST_ALBEDO, BodyError, FARTHEST_M, MOST_BODIES, MOST_SUNS, RADII_M, check_name, check_names, check_suns,
     },
+    preset::{SUN_ABSOLUTE_MAGNITUDE, SUN_LIMB_DARKENING},
     seen::{Hit, SeenBody, hides},
     shadow::{Occluder, Shadow, hidden_share},
     suns::{Light, Sun, lights_on, mean_radius_m, reflected_lx, suns},

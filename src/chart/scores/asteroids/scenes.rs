@@ -162,8 +162,9 @@ impl AsteroidScenes {
         Ok(Self {
             backlit: scene(vec![Arc::clone(&behind)], dark),
             empty: scene(vec![behind], Vec::new()),
-            lit: directions
-                .map(|to_sun| scene(vec![Arc::new(Body::preset(SolarBody::Sun, "sun", to_sun * SUN_M))], bright.clone())),
+            lit: directions.map(|to_sun| {
+                scene(vec![Arc::new(Body::preset(SolarBody::Sun, "sun", to_sun * SUN_M))], bright.clone())
+            }),
             suns,
             cells,
             half_px: WINDOW_SHARE * cell_px,

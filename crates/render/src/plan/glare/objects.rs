@@ -211,7 +211,11 @@ mod tests {
     fn many_bodies_keep_the_bound() {
         let moons = (0..200).map(|i| {
             let angle = f64::from(i) * 0.1;
-            Body::preset(SolarBody::Moon, &format!("moon-{i}"), DVec3::new(angle.cos(), angle.sin(), f64::from(i) * 0.01) * 4e8)
+            Body::preset(
+                SolarBody::Moon,
+                &format!("moon-{i}"),
+                DVec3::new(angle.cos(), angle.sin(), f64::from(i) * 0.01) * 4e8,
+            )
         });
         let (objects, lights) = scene(moons.chain([Body::preset(SolarBody::Sun, "sun", DVec3::X * AU_M)]).collect());
         let sources = body_sources(&objects, DVec3::ZERO, &lights, &suns(&objects));

@@ -112,7 +112,9 @@ pub fn suns(objects: &SceneObjects) -> Vec<Sun> {
     let dark = objects.bodies.iter().filter(|body| body.emission.is_none()).cloned();
     let around = Around {
         occluders: body_occluders.chain(earth).collect(),
-        reflectors: dark.chain(objects.earth_m.map(|at_m| Arc::new(Body::preset(SolarBody::Earth, "", at_m)))).collect(),
+        reflectors: dark
+            .chain(objects.earth_m.map(|at_m| Arc::new(Body::preset(SolarBody::Earth, "", at_m))))
+            .collect(),
     };
     objects.bodies.iter().filter_map(|body| Some(Sun::from_body(body, body.emission.as_ref()?, &around))).collect()
 }
