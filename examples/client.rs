@@ -24,7 +24,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// Number of streamed frames to save.
 const KEPT_FRAMES: usize = 3;
 
-/// Moves the camera of a running daemon and saves what it sees.
+/// Moves the camera of a running daemon and saves pictures.
 #[derive(Debug, Parser)]
 struct Arguments {
     /// Address of the daemon, for example http://127.0.0.1:7143.

@@ -1,9 +1,9 @@
-// The geometry pass: what bodies and asteroids show in each pixel of a tile, and how far they cover it.
+// The geometry pass: light and coverage of bodies and asteroids in each pixel of a tile.
 //
-// Bodies are ellipsoids, met by a ray per pixel in every projection alike. Where the limb goes through a pixel, each of
-// its parts counts as far as it is covered, by the area that a straight limb leaves of it. Asteroids come from layers
-// of samples, drawn before: one of the picture itself, and one of cube faces where straight edges would not do. In
-// pixels with asteroids each sample takes what is nearest. The f64 twin is crates/render/src/reference/bodies/mod.rs.
+// Bodies are ellipsoids, intersected by one ray per pixel in every projection. If the limb crosses a pixel, the pixel is
+// divided into parts, each weighted by the area that a straight limb covers. Asteroids come from layers of samples that
+// were drawn before: a layer of the picture itself, or layers of cube faces if the projection bends straight edges. In
+// pixels with asteroids, each sample shows the nearest object. The f64 twin is crates/render/src/reference/bodies/mod.rs.
 
 #import constants/bodies
 #import constants/corona

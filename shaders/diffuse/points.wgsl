@@ -39,7 +39,7 @@ fn place_diffuse(@builtin(global_invocation_id) place: vec3<u32>) {
     let direction = picture_direction(arriving);
     let light = passed * diffuse_luminance(parameters.light, arriving, direction);
     var is_rough = parameters.air.present != 0u && dot(towards, parameters.air.zenith) < LEAST_SINE;
-    // The roughness of a block also covers its surroundings, as far as a cell extends from its corner.
+    // The roughness of a block also covers its surroundings, up to the extent of a cell from its corner.
     let map = parameters.light.map;
     let texel = vec2<u32>(max(0.5 * f32(map.side) + direction.offset * map.texels_per_rad, vec2(0.0)));
     let blocks = (map.side + ROUGHNESS_BLOCK - 1u) / ROUGHNESS_BLOCK;

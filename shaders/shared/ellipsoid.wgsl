@@ -1,8 +1,9 @@
 // Ellipsoids seen from an eye.
 //
-// A ray is c + e, c leading to the middle of the body and e what the ray is beside it: on a flat picture both are tangents, so that e
-// keeps its digits in the narrowest field; elsewhere both are unit vectors. In the axes of the body, measured in its semi-axes, the
-// body is the unit sphere and the ray passes its middle at the distance s.
+// A ray is c + e: c points to the centre of the body, and e is the offset of the ray from c. On a flat picture c + e has
+// unit depth (e is a difference of tangents), so that e is accurate in narrow fields; otherwise c and c + e are unit
+// vectors. In the axes of the body and in units of its semi-axes, the body is the unit sphere, and the ray passes its
+// centre at the distance s.
 
 #import structs/ViewBody
 

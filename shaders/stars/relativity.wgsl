@@ -1,6 +1,7 @@
-// What a moving observer sees of a star: place, Doppler factor, temperature and light. Formulas: crates/sky/src/relativity.rs; the table
-// and its size: crates/render/src/plan/stars/travel.rs. Whoever includes this declares `colours`, the table: colour, and in w the logarithm of
-// the luminance, one entry per temperature step. It starts at step 0; the steps below 0 stand at its end, in their order.
+// A star as seen by a moving observer: position, Doppler factor, temperature and light. Formulas:
+// crates/sky/src/relativity.rs; table and its size: crates/render/src/plan/stars/travel.rs. A file that imports this one
+// declares the table `colours`: colour, and in w the logarithm of the luminance, one entry per temperature step. The
+// table starts at step 0; the steps below 0 follow at its end, in ascending order.
 
 #import constants/shifted_temperatures
 #import structs/CameraMotion
@@ -15,7 +16,7 @@ fn apparent_place(camera_motion: CameraMotion, place: vec3<f32>) -> vec4<f32> {
     let distance = length(place);
     let along = dot(place, camera_motion.direction);
     let across = place - camera_motion.direction * along;
-    // 1 + cos a; behind, where the sum would cancel, as sin^2 a / (1 - cos a).
+    // 1 + cos a. Behind the camera the sum would cancel; sin^2 a / (1 - cos a) replaces it.
     let one_plus_cos = select(distance + along, dot(across, across) / (distance - along), along < 0.0) / distance;
     let seen_along = distance * (camera_motion.gamma * one_plus_cos - camera_motion.doppler_behind);
     return vec4(across + camera_motion.direction * seen_along,

@@ -160,18 +160,18 @@ fn reasons_against(audited: &AuditedScene<'_>) -> Vec<String> {
     }
     if objects.surroundings.is_some() {
         reasons.push(
-            "the ground and the air around an observer: what they cover and scatter has no per-pixel reference"
+            "the ground and the air around an observer: light that they hide or scatter has no per-pixel reference"
                 .to_owned(),
         );
     }
     let count = |count: usize, one: &str, many: &str| format!("{count} {}", if count == 1 { one } else { many });
     if !objects.bodies.is_empty() {
         let bodies = count(objects.bodies.len(), "body", "bodies");
-        reasons.push(format!("{bodies}: what they cover and scatter has no per-pixel reference"));
+        reasons.push(format!("{bodies}: light that they hide or scatter has no per-pixel reference"));
     }
     if !objects.fields.is_empty() {
         let fields = count(objects.fields.len(), "asteroid field", "asteroid fields");
-        reasons.push(format!("{fields}: what they cover and scatter has no per-pixel reference"));
+        reasons.push(format!("{fields}: light that they hide or scatter has no per-pixel reference"));
     }
     reasons
 }

@@ -1,4 +1,4 @@
-//! The summary: one line per method with its times and its most telling errors, as text and for the page.
+//! The summary: one line per method with its times and its most important errors, as text and for the page.
 
 use super::{
     AsteroidMetric, Axis, GlareMetric, Row,

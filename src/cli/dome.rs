@@ -206,7 +206,7 @@ fn print(report: &DomeReport) -> Result<(), CliError> {
         results::line(line)?;
     }
     for finding in findings {
-        let (subject, outcome) = (finding.of(), finding.outcome());
+        let (subject, outcome) = (finding.subject(), finding.outcome());
         results::line(format!("{:10} {outcome} {subject}: {}", finding.rule, finding.what))?;
     }
     Ok(())
@@ -272,7 +272,7 @@ fn page(report: &DomeReport) -> Result<String, CliError> {
 }
 
 fn finding_row(finding: &Finding) -> String {
-    let (subject, outcome) = (finding.of(), finding.outcome());
+    let (subject, outcome) = (finding.subject(), finding.outcome());
     format!("<tr class={outcome}><td>{}<td>{subject}<td>{outcome}<td>{}\n", finding.rule, escaped(&finding.what))
 }
 

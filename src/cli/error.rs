@@ -114,7 +114,7 @@ pub enum CliError {
     ReadManifest {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Description of the problem.
         problem: String,
     },
     /// A file differs from the one that a picture was made with.

@@ -45,8 +45,8 @@ pub fn scene(config: &Config, groups: &[FrameGroup], renderer: &mut Renderer) ->
     Ok(LoadedScene { stars, report, objects, prepared })
 }
 
-/// Warns from which distance on asteroids are correct in omni-directional stereo, where they are drawn from the
-/// midpoint between the eyes.
+/// Warns that asteroids in omni-directional stereo are drawn from the midpoint between the eyes, and reports the
+/// distance beyond which they are correct.
 fn warn_of_asteroids_between_eyes(config: &Config, groups: &[FrameGroup]) {
     if config.asteroid_fields.is_empty() {
         return;

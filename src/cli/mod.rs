@@ -66,7 +66,7 @@ pub struct Cli {
     /// Graphics adapter to use: part of its name, case-insensitive.
     #[arg(long, global = true, value_name = "NAME")]
     pub adapter: Option<String>,
-    /// What to log on standard error: a level (error, warn, info, debug, trace) or filters per module.
+    /// Log messages on standard error: a level (error, warn, info, debug, trace) or filters per module.
     /// Default: the environment variable STERADIAN_LOG, otherwise info.
     #[arg(long, global = true, value_name = "FILTER")]
     pub log: Option<String>,

@@ -1,5 +1,5 @@
 //! JPEG in bands: the rows of an image are encoded on all cores and joined into one file at restart markers (ITU-T
-//! T.81, annex E), where the code starts again.
+//! T.81, annex E), at which the coder starts again.
 
 use jpeg_encoder::{ColorType, EncodingError, QuantizationTableType, SamplingFactor};
 use rayon::prelude::*;

@@ -97,10 +97,10 @@ impl Mesh {
             return None;
         }
         let index = |value: f64, count: usize| {
-            let at = value * (count - 1) as f64;
-            let whole = at.round();
+            let position = value * (count - 1) as f64;
+            let whole = position.round();
             // Relative to the raster.
-            let off = (at - whole).abs() / (count - 1) as f64;
+            let off = (position - whole).abs() / (count - 1) as f64;
             (off <= LATTICE_WITHIN && (0.0..=(count - 1) as f64).contains(&whole)).then_some(whole as usize)
         };
         let mut order = vec![u32::MAX; self.nodes.len()];

@@ -72,7 +72,7 @@ fn mistake(name: &str, regions: &[Region]) -> (Vec<&'static str>, String) {
     let rules = failed(&report);
     let findings = report.findings.iter().filter(|finding| !finding.passed);
     let text: Vec<String> =
-        findings.map(|finding| format!("{}: {}: {}", finding.rule, finding.of(), finding.what)).collect();
+        findings.map(|finding| format!("{}: {}: {}", finding.rule, finding.subject(), finding.what)).collect();
     println!("{name}: {rules:?}");
     (rules, text.join("\n"))
 }

@@ -1,4 +1,5 @@
-//! The ground and the air around an observer: pixels against the twin in f64, stars by the light that the air leaves, and nothing from below the horizon.
+//! The ground and the air around an observer: pixels compared with the f64 reference, stars dimmed by extinction,
+//! refraction compared with a published formula, and no light from below the horizon.
 
 use std::{f64::consts::PI, sync::Arc};
 
@@ -27,7 +28,7 @@ use steradian::{
 
 const AU_M: f64 = 1.495_978_707e11;
 
-/// What is around an observer: hills in the south, and a glow of so many magnitudes per square arcsecond.
+/// Surroundings of an observer: hills in the south, and an airglow in magnitudes per square arcsecond.
 fn surroundings(glow_mag: f64) -> Surroundings {
     let hills = [[0.0, 0.0], [2.0, 0.02], [3.0, 0.12], [4.0, 0.05], [5.0, 0.0]];
     let ground = Ground { horizon: Horizon::new(hills.to_vec()), albedo: 0.2, landscape: None };
@@ -38,7 +39,8 @@ fn surroundings(glow_mag: f64) -> Surroundings {
     }
 }
 
-/// A camera on the ground that looks to the south, with the zenith up, stars at azimuths and altitudes in degrees, and a Sun, all told without air.
+/// A camera on the ground that looks south with the zenith up; stars at azimuths and altitudes in degrees, and a Sun.
+/// All positions are without refraction.
 fn scene(stars: &[([f64; 2], f32)], sun_deg: Option<[f64; 2]>, surroundings: Surroundings) -> SceneSnapshot {
     let place = Place { latitude_rad: 0.8, longitude_rad: 0.2, height_m: 500.0 };
     let observer = Observer::new(place, Clock::default(), 8.2e8);
@@ -66,7 +68,7 @@ fn local_sky(scene: &SceneSnapshot) -> LocalSky {
 }
 
 fn views() -> Rig {
-    // The dome looks up, the window to the south with the horizon a little below its middle.
+    // The dome looks up; the window looks south, with the horizon a little below its middle.
     let up = DQuat::from_rotation_x(PI / 2.0);
     let raised = DQuat::from_rotation_x(0.2);
     let dome = ViewKind::Fisheye { size: [96, 96], mapping: FisheyeMapping::Equidistant, fov_rad: 3.4 };
@@ -75,7 +77,8 @@ fn views() -> Rig {
     Rig::new(vec![view("dome", dome, up), view("south", window, raised)]).unwrap()
 }
 
-/// Largest relative error of a channel of the pixels that are not within `near_rad` of `except`, and how many pixels were compared.
+/// Returns the largest relative error of any channel, and the number of compared pixels. Pixels within `near_rad` of
+/// the direction `except` are skipped.
 fn worst_of(
     scene: &SceneSnapshot,
     settings: &RenderSettings,
@@ -94,11 +97,11 @@ fn worst_of(
                 let Some(expected) = pixel(twin, mapping, viewport.world_from_view, [x, y], [0.0; 3], 16) else {
                     continue;
                 };
-                let at = viewport.world_from_view
+                let towards = viewport.world_from_view
                     * mapping.direction_from_pixel(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)).unwrap();
-                // Where hill and sky meet in a pixel, both say how far it is covered in their own way.
-                let altitude = (twin.horizon_from_world * at).y;
-                if except.is_some_and(|(direction, near)| at.angle_between(direction) < near)
+                // Pixels on the outline of the hills are skipped: there the two estimate the covered share in different ways.
+                let altitude = (twin.horizon_from_world * towards).y;
+                if except.is_some_and(|(direction, near)| towards.angle_between(direction) < near)
                     || (-0.06..0.16).contains(&altitude)
                 {
                     continue;
@@ -115,7 +118,7 @@ fn worst_of(
 }
 
 #[test]
-fn pixels_of_sky_and_ground_are_those_of_the_twin() {
+fn pixels_of_sky_and_ground_equal_the_reference() {
     for (sun_deg, near_rad) in [([200.0, 40.0], 0.2), ([250.0, 2.0], 0.2), ([250.0, -5.0], 0.0), ([250.0, -14.0], 0.0)]
     {
         let scene = scene(&[], Some(sun_deg), surroundings(22.0));
@@ -124,7 +127,7 @@ fn pixels_of_sky_and_ground_are_those_of_the_twin() {
         let (worst, compared) = worst_of(&scene, &settings(StarMethod::Auto), &sky, Some((sun.normalize(), near_rad)));
         println!("Sun {sun_deg:?}: {compared} pixels, worst {worst:.1e}");
         assert!(worst < 3e-5 && compared > 10_000, "{sun_deg:?}: {worst} {compared}");
-        // A Sun a degree lower, or as many hills elsewhere, are told apart.
+        // The comparison distinguishes a Sun that is one degree lower.
         let lower = self::scene(&[], Some([sun_deg[0], sun_deg[1] - 1.0]), surroundings(22.0));
         assert!(
             worst_of(&scene, &settings(StarMethod::Auto), &local_sky(&lower), Some((sun.normalize(), 0.2))).0 > 0.01
@@ -133,7 +136,7 @@ fn pixels_of_sky_and_ground_are_those_of_the_twin() {
 }
 
 #[test]
-fn glare_leaves_the_light_of_an_even_sky_as_it_is() {
+fn glare_does_not_change_a_uniform_sky() {
     let scene = scene(&[], None, surroundings(18.0));
     let glare = GlareSettings { method: GlareMethod::SkyCube, fraction: 0.1, ..GlareSettings::default() };
     let settings = RenderSettings { glare, ..settings(StarMethod::Auto) };
@@ -141,7 +144,8 @@ fn glare_leaves_the_light_of_an_even_sky_as_it_is() {
     assert!(worst < 1e-4, "{worst}");
 }
 
-/// A panorama of a hilly line with windows in it, in soft colours: smooth within a few texels, as the twin has no levels.
+/// A panorama of hills with windows in it, in soft colours. It is smooth over a few texels, because the reference has
+/// no mipmap levels.
 fn panorama() -> Landscape {
     let size = [2048_u32, 1024];
     let texels = (0..size[0] * size[1]).map(|index| {
@@ -150,19 +154,19 @@ fn panorama() -> Landscape {
         let altitude = PI * (0.5 - (row + 0.5) / f64::from(size[1]));
         let hides = ((0.3 + 0.15 * (3.0 * azimuth).sin() - altitude) / 0.1 + 0.5).clamp(0.0, 1.0);
         let window = 1.0 - 0.7 * (-((altitude / 0.12).powi(2) + ((azimuth - 3.0) / 0.2).powi(2))).exp();
-        // With the digits that a file has: a bright sky behind a dark hill shows the last of them.
-        let held = |value: f64| ((value * 255.0).round() / 255.0) as f32;
-        let alpha = held(hides * window);
-        let [r, g, b] =
-            [0.4 + 0.3 * azimuth.sin(), 0.3, 0.2 + 0.1 * altitude].map(|c| held((c * f64::from(alpha)).sqrt()).powi(2));
+        // Rounded to 8 bits, as in a file: a bright sky behind a dark hill makes the last digit visible.
+        let rounded = |value: f64| ((value * 255.0).round() / 255.0) as f32;
+        let alpha = rounded(hides * window);
+        let [r, g, b] = [0.4 + 0.3 * azimuth.sin(), 0.3, 0.2 + 0.1 * altitude]
+            .map(|c| rounded((c * f64::from(alpha)).sqrt()).powi(2));
         [r, g, b, alpha]
     });
     Landscape::new(size, texels.collect(), 0.4)
 }
 
 #[test]
-fn a_panorama_stands_before_the_sky_in_the_light_that_falls_on_it() {
-    let with = |landscape: Landscape| {
+fn a_panorama_covers_the_sky_and_reflects_the_incident_light() {
+    let surroundings_with = |landscape: Landscape| {
         let ground = Ground { horizon: landscape.horizon(), albedo: 0.2, landscape: Some(Arc::new(landscape)) };
         Surroundings { ground: Some(ground), ..surroundings(21.0) }
     };
@@ -172,7 +176,7 @@ fn a_panorama_stands_before_the_sky_in_the_light_that_falls_on_it() {
         texels
     };
     for sun_deg in [[200.0, 40.0], [250.0, -6.0]] {
-        let scene = scene(&[], Some(sun_deg), with(panorama()));
+        let scene = scene(&[], Some(sun_deg), surroundings_with(panorama()));
         let rig = views();
         let frame = render_hdr(&mut renderer(), &scene, &rig, &settings(StarMethod::Auto));
         let errors = |twin: &LocalSky| {
@@ -180,36 +184,36 @@ fn a_panorama_stands_before_the_sky_in_the_light_that_falls_on_it() {
             for (image, viewport) in frame.images.iter().zip(&rig.viewports(scene.camera.world_from_camera)) {
                 let mapping = viewport.projection.mapping();
                 for (index, found) in image.hdr.as_ref().unwrap().iter().enumerate() {
-                    let at = [index as u32 % image.width, index as u32 / image.width];
-                    let Some(expected) = pixel(twin, mapping, viewport.world_from_view, at, [0.0; 3], 6) else {
+                    let xy = [index as u32 % image.width, index as u32 / image.width];
+                    let Some(expected) = pixel(twin, mapping, viewport.world_from_view, xy, [0.0; 3], 6) else {
                         continue;
                     };
                     let direction =
-                        mapping.direction_from_pixel(DVec2::new(f64::from(at[0]) + 0.5, f64::from(at[1]) + 0.5));
+                        mapping.direction_from_pixel(DVec2::new(f64::from(xy[0]) + 0.5, f64::from(xy[1]) + 0.5));
                     let towards = viewport.world_from_view * direction.unwrap();
                     let sun = scene.objects.bodies[0].position_m - scene.camera.position_m;
                     if towards.angle_between(sun) < 0.2 {
                         continue;
                     }
-                    // Of the sky behind it: beside a bright one a dark hill has little light of its own.
+                    // Relative to the sky behind the hill as well, because a dark hill in front of a bright sky has little own light.
                     let behind = twin.above_cd_m2(towards, [0.0; 3])[1];
-                    let off = (f64::from(found[1]) - expected[1]).abs() / expected[1].max(behind);
-                    (squares, worst, count) = (squares + off * off, worst.max(off), count + 1);
+                    let error = (f64::from(found[1]) - expected[1]).abs() / expected[1].max(behind);
+                    (squares, worst, count) = (squares + error * error, worst.max(error), count + 1);
                 }
             }
             ((squares / f64::from(count)).sqrt(), worst, count)
         };
         let (rms, worst, count) = errors(&local_sky(&scene));
         println!("Sun {sun_deg:?}: {count} pixels, rms {rms:.1e}, worst {worst:.1e}");
-        // Levels blur an edge by a part of a pixel.
+        // Mipmap levels blur an edge by a fraction of a pixel.
         assert!(rms < 0.02 && worst < 0.3 && count > 18_000, "{rms} {worst} {count}");
-        let other = self::scene(&[], Some(sun_deg), with(turned.clone()));
+        let other = self::scene(&[], Some(sun_deg), surroundings_with(turned.clone()));
         assert!(errors(&local_sky(&other)).0 > 0.1);
     }
 }
 
 #[test]
-fn hills_end_where_their_line_is() {
+fn hills_end_at_the_configured_horizon() {
     let scene = scene(&[], None, surroundings(18.0));
     let rig = views();
     let frame = render_hdr(&mut renderer(), &scene, &rig, &settings(StarMethod::Auto));
@@ -218,11 +222,11 @@ fn hills_end_where_their_line_is() {
     let mapping = viewport.projection.mapping();
     let hdr = image.hdr.as_ref().unwrap();
     for x in (0..image.width).step_by(7) {
-        // Solid angle of ground in a column: the horizon's place to a part of a pixel.
+        // The solid angle of ground in a column gives the altitude of the horizon to a fraction of a pixel.
         let (mut found, mut expected) = (0.0, 0.0);
         for y in 0..image.height {
-            let at = mapping.direction_from_pixel(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)).unwrap();
-            let above = sky.above_cd_m2(viewport.world_from_view * at, [0.0; 3]);
+            let direction = mapping.direction_from_pixel(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)).unwrap();
+            let above = sky.above_cd_m2(viewport.world_from_view * direction, [0.0; 3]);
             let share = |light: f64| (light - above[1]) / (sky.ground_cd_m2[1] - above[1]);
             found += share(f64::from(hdr[(y * image.width + x) as usize][1]));
             expected += share(pixel(&sky, mapping, viewport.world_from_view, [x, y], [0.0; 3], 32).unwrap()[1]);
@@ -232,7 +236,7 @@ fn hills_end_where_their_line_is() {
 }
 
 #[test]
-fn stars_have_the_light_that_the_air_leaves_and_none_shines_from_below() {
+fn stars_are_dimmed_by_extinction_and_hidden_below_the_horizon() {
     let magnitude = 1.0_f32;
     let window = |altitude_deg: f64| {
         let kind = ViewKind::Perspective { size: [64, 64], fov_y_rad: 0.05 };
@@ -247,7 +251,7 @@ fn stars_have_the_light_that_the_air_leaves_and_none_shines_from_below() {
         (3.0, StarMethod::Auto),
         (-5.0, StarMethod::Auto),
     ] {
-        // Without any glow, behind hills of 0.12 rad (6.9 degrees).
+        // Almost without airglow, behind hills of 0.12 rad (6.9 degrees).
         let scene = scene(&[([180.0, altitude_deg], magnitude)], None, surroundings(30.0));
         let rig = window(altitude_deg);
         let frame = render_hdr(&mut renderer(), &scene, &rig, &settings(method));
@@ -261,7 +265,7 @@ fn stars_have_the_light_that_the_air_leaves_and_none_shines_from_below() {
         let colour = rec709_in_gamut(5772.0);
         let expected =
             illuminance_lx_from_magnitude(f64::from(magnitude)) * luminance([0, 1, 2].map(|c| colour[c] * through[c]));
-        println!("{altitude_deg} degrees: {light:.3e} lx of {expected:.3e}");
+        println!("{altitude_deg} degrees: {light:.3e} lx, expected {expected:.3e}");
         assert!((light - expected).abs() < 2e-3 * expected + 1e-12, "{altitude_deg}: {light} {expected}");
     }
 }
@@ -271,7 +275,7 @@ fn scene_without_stars(scene: &SceneSnapshot) -> SceneSnapshot {
 }
 
 #[test]
-fn a_low_sun_is_red_and_one_below_the_horizon_gives_no_glare() {
+fn a_low_sun_is_red_and_a_sun_below_the_horizon_gives_no_glare() {
     let glare = GlareSettings { method: GlareMethod::SkyCube, fraction: 0.1, ..GlareSettings::default() };
     let settings = RenderSettings { glare, ..settings(StarMethod::Auto) };
     let without_air = |mut around: Surroundings| {
@@ -291,11 +295,11 @@ fn a_low_sun_is_red_and_one_below_the_horizon_gives_no_glare() {
                 .sum()
         })
     };
-    // Behind the ground, without air: there is no light at all.
+    // A Sun below the horizon, without air, gives no light.
     assert_eq!(light([180.0, -3.0], without_air(surroundings(22.0))), [0.0; 3]);
     let high = light([90.0, 60.0], without_air(surroundings(22.0)));
     assert!(high[1] > 1e5, "{high:?}");
-    // At 4 degrees in the east, without hills, half of the green and most of the blue are gone.
+    // At an altitude of 4 degrees in the east, without hills, more than 80 % of the green light is absorbed.
     let scene = scene(&[], Some([90.0, 4.0]), surroundings(22.0));
     let sky = local_sky(&scene);
     let towards = (scene.objects.bodies[0].position_m - scene.camera.position_m).normalize();
@@ -306,13 +310,15 @@ fn a_low_sun_is_red_and_one_below_the_horizon_gives_no_glare() {
     assert!(disc_and_sky < 0.5 && low[0] / low[2] > 1.5 * high[0] / high[2], "{low:?} {high:?}");
 }
 
-/// Refraction where something is seen, arcmin: G. G. Bennett, Journal of Navigation 35, 255, 1982, with its second term, in air of a density.
-fn bennett_arcmin(seen_deg: f64, density: f64) -> f64 {
-    let first = 1.0 / (seen_deg + 7.31 / (seen_deg + 4.4)).to_radians().tan();
+/// Refraction at an apparent altitude, arcmin, in air of a relative density: G. G. Bennett, Journal of Navigation 35,
+/// 255, 1982, with its second term.
+fn bennett_arcmin(apparent_deg: f64, density: f64) -> f64 {
+    let first = 1.0 / (apparent_deg + 7.31 / (apparent_deg + 4.4)).to_radians().tan();
     density * (first - 0.06 * (14.7 * first + 13.0).to_radians().sin())
 }
 
-/// Mean place of the light in an image of a camera that looks to the south, and its spread: degrees of altitude and of what is across.
+/// Mean position and standard deviation of the light in an image of a camera that looks south: degrees of altitude, and
+/// degrees across.
 fn place_of_light(frame: &Frame, rig: &Rig, without: Option<&Frame>) -> [[f64; 2]; 2] {
     let mapping = rig.views()[0].images[0].projection.mapping();
     let turned = rig.viewports(DQuat::IDENTITY)[0].world_from_view;
@@ -325,8 +331,10 @@ fn place_of_light(frame: &Frame, rig: &Rig, without: Option<&Frame>) -> [[f64; 2
             let index = (y * image.width + x) as usize;
             let behind = dark.map_or(0.0, |dark| f64::from(dark[index][1]));
             let light = (f64::from(hdr[index][1]) - behind) * mapping.solid_angle_sr(x, y);
-            let at = turned * mapping.direction_from_pixel(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)).unwrap();
-            let place = [at.y.asin().to_degrees(), at.x.atan2(-at.z).to_degrees() * at.y.asin().cos()];
+            let towards =
+                turned * mapping.direction_from_pixel(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)).unwrap();
+            let place =
+                [towards.y.asin().to_degrees(), towards.x.atan2(-towards.z).to_degrees() * towards.y.asin().cos()];
             sum += light;
             for axis in 0..2 {
                 first[axis] += light * place[axis];
@@ -343,22 +351,22 @@ fn without_ground(glow_mag: f64) -> Surroundings {
 }
 
 #[test]
-fn stars_and_planets_are_lifted_as_the_almanac_says() {
+fn refraction_of_stars_and_planets_equals_bennetts_formula() {
     let density = RefractingAir::at_height(500.0).density();
-    for seen_deg in [0.2, 1.0, 3.0, 8.0, 15.0, 30.0, 60.0] {
-        let lifted_deg = bennett_arcmin(seen_deg, density) / 60.0;
+    for apparent_deg in [0.2, 1.0, 3.0, 8.0, 15.0, 30.0, 60.0] {
+        let lifted_deg = bennett_arcmin(apparent_deg, density) / 60.0;
         let kind = ViewKind::Perspective { size: [64, 64], fov_y_rad: 0.01 };
-        let raised = DQuat::from_rotation_x(f64::to_radians(seen_deg));
+        let raised = DQuat::from_rotation_x(f64::to_radians(apparent_deg));
         let rig = Rig::new(vec![View::new("star", kind, raised, DVec3::ZERO).unwrap()]).unwrap();
         let settings = settings(StarMethod::Auto);
-        let scene = scene(&[([180.0, seen_deg - lifted_deg], -1.0)], None, without_ground(30.0));
+        let scene = scene(&[([180.0, apparent_deg - lifted_deg], -1.0)], None, without_ground(30.0));
         let draw = |scene: &SceneSnapshot| render_hdr(&mut renderer(), scene, &rig, &settings);
         let dark = draw(&scene_without_stars(&scene));
         let [[altitude_deg, _], _] = place_of_light(&draw(&scene), &rig, Some(&dark));
-        // A planet, which is a point there.
+        // A planet so distant that it is drawn as a point, at the same place.
         let towards = {
             let local = local_sky(&scene).horizon_from_world.transpose();
-            local * horizontal_direction(PI, f64::to_radians(seen_deg - lifted_deg))
+            local * horizontal_direction(PI, f64::to_radians(apparent_deg - lifted_deg))
         };
         let mut planet = Body::preset(SolarBody::Venus, "venus", scene.camera.position_m + towards * AU_M);
         planet.surface.phase_curve = None;
@@ -370,49 +378,50 @@ fn stars_and_planets_are_lifted_as_the_almanac_says() {
         let objects = SceneObjects { bodies: with_planet.objects.bodies[1..].to_vec(), ..(*scene.objects).clone() };
         let without = SceneSnapshot { objects: Arc::new(objects), ..with_planet.clone() };
         let [[of_planet_deg, _], _] = place_of_light(&draw(&with_planet), &rig, Some(&draw(&without)));
-        let off = [altitude_deg, of_planet_deg].map(|found| 3600.0 * (found - seen_deg));
+        let errors_arcsec = [altitude_deg, of_planet_deg].map(|found| 3600.0 * (found - apparent_deg));
         println!(
-            "{seen_deg} degrees: star {:.2}, planet {:.2} arcsec off of {:.1}",
-            off[0],
-            off[1],
+            "{apparent_deg} degrees: star {:.2}, planet {:.2} arcsec from the expected place, refraction {:.1}",
+            errors_arcsec[0],
+            errors_arcsec[1],
             3600.0 * lifted_deg
         );
-        let allowed = if seen_deg >= 15.0 { 1.5 } else { 4.0 };
-        assert!(off.iter().all(|off| off.abs() < allowed), "{seen_deg}: {off:?}");
+        let limit_arcsec = if apparent_deg >= 15.0 { 1.5 } else { 4.0 };
+        assert!(errors_arcsec.iter().all(|error| error.abs() < limit_arcsec), "{apparent_deg}: {errors_arcsec:?}");
     }
 }
 
 #[test]
-fn a_setting_sun_is_flat_and_stands_on_the_horizon_that_hid_it() {
+fn a_setting_sun_is_flattened_by_refraction() {
     let spread = |true_deg: f64| {
         let kind = ViewKind::Perspective { size: [96, 96], fov_y_rad: 0.02 };
         let lifted_rad = RefractingAir::at_height(500.0).refraction_rad(f64::to_radians(true_deg));
         let raised = DQuat::from_rotation_x(f64::to_radians(true_deg) + lifted_rad);
         let rig = Rig::new(vec![View::new("sun", kind, raised, DVec3::ZERO).unwrap()]).unwrap();
         let air = without_ground(30.0);
-        // Without extinction, which is stronger at the lower limb.
+        // Without extinction, which would dim the lower limb more.
         let air = Surroundings { air: Some(Air::new(1e-6, 500.0, [0.0; 3])), ..air };
         let scene = scene(&[], Some([180.0, true_deg]), air);
         place_of_light(&render_hdr(&mut renderer(), &scene, &rig, &settings(StarMethod::Auto)), &rig, None)
     };
-    // Half a degree below the horizon without air it is wholly above it with air, and by a sixth lower than wide.
+    // At -0.3 degrees without refraction, the disc is wholly above the horizon with refraction, and its height is about
+    // 5/6 of its width.
     let [[altitude_deg, _], [high, wide]] = spread(-0.3);
-    println!("at {altitude_deg:.4} degrees: {:.4} as high as wide", high / wide);
+    println!("at {altitude_deg:.4} degrees: height over width {:.4}", high / wide);
     let density = RefractingAir::at_height(500.0).density();
     let lifted_deg = bennett_arcmin(altitude_deg, density) / 60.0;
     assert!((altitude_deg - lifted_deg + 0.3).abs() < 0.01, "{altitude_deg} {lifted_deg}");
     let limb = |side: f64| {
         let true_deg = -0.3 + side * 0.267;
-        let seen = |seen_deg: f64| seen_deg - bennett_arcmin(seen_deg, density) / 60.0 - true_deg;
+        let error = |apparent_deg: f64| apparent_deg - bennett_arcmin(apparent_deg, density) / 60.0 - true_deg;
         let (mut low, mut above) = (-0.9, 2.0);
         for _ in 0..60 {
             let middle = 0.5 * (low + above);
-            if seen(middle) > 0.0 { above = middle } else { low = middle }
+            if error(middle) > 0.0 { above = middle } else { low = middle }
         }
         low
     };
     let expected = (limb(1.0) - limb(-1.0)) / (2.0 * 0.267);
-    println!("by the formula {expected:.4}");
+    println!("height over width by the formula {expected:.4}");
     assert!((high / wide - expected).abs() < 0.01, "{} {expected}", high / wide);
     let [_, [high, wide]] = spread(40.0);
     assert!((high / wide - 1.0).abs() < 2e-3, "{}", high / wide);

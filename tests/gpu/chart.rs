@@ -1,4 +1,4 @@
-//! The chart: a tiny run of the whole thing, and scores that must tell right from wrong.
+//! The chart: tiny runs of every axis, and scores that must tell correct methods from wrong ones.
 
 use std::{collections::BTreeSet, process::Command, time::Duration};
 
@@ -12,7 +12,7 @@ use steradian::{
 };
 use svg::{node::element::tag::Type, parser::Event};
 
-/// Far longer than any run here takes, on a busy machine too, so that no frame is left out for want of time.
+/// Far longer than any run here takes, even on a busy machine, so that no frame is skipped for lack of time.
 const AMPLE: Duration = Duration::from_secs(3600);
 
 fn tiny() -> Extent {
@@ -53,7 +53,7 @@ fn tiny() -> Extent {
     }
 }
 
-/// Still less: every frame once, and one number of asteroids.
+/// An even smaller extent: every frame once, and one number of asteroids.
 fn least() -> Extent {
     let tiny = tiny();
     let asteroids = AsteroidExtent { instances: vec![200], ratio_instances: 200, rounds: 1, ..tiny.asteroids };
@@ -69,7 +69,7 @@ fn about() -> About {
     About { adapter, driver, date: "2026-01-02 03:04 UTC".to_owned(), command: "steradian chart --out x".to_owned() }
 }
 
-/// Panics unless every element that opens is closed in its order.
+/// Returns the texts of an SVG file. Panics if an element is not closed in the right order.
 fn well_formed(text: &str) -> Vec<String> {
     let (mut open, mut texts) = (Vec::new(), Vec::new());
     for event in svg::read(text).unwrap() {
@@ -86,7 +86,7 @@ fn well_formed(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn a_tiny_run_has_every_method_and_leaves_no_cell_wrong() {
+fn a_tiny_run_has_every_method_and_fills_or_explains_every_cell() {
     let mut renderer = crate::common::renderer();
     let mut steps = Vec::new();
     let extent = tiny();
@@ -119,7 +119,10 @@ fn a_tiny_run_has_every_method_and_leaves_no_cell_wrong() {
                 [Some(min), Some(median), Some(max)] => assert!(0.0 < min && min <= median && median <= max, "{row:?}"),
                 _ => assert!(times == [None; 3] && row.error_value.is_none() && !row.notes.is_empty(), "{row:?}"),
             }
-            assert!(row.error_value.is_some() || !row.notes.is_empty(), "an empty cell must say why: {row:?}");
+            assert!(
+                row.error_value.is_some() || !row.notes.is_empty(),
+                "an empty cell needs a note with the reason: {row:?}"
+            );
             if !method.draws_catalogue() && row.error_value.is_some() {
                 assert!(
                     row.notes.contains("stars of the sky itself") || row.error_metric == "order_bits_differ",
@@ -133,7 +136,7 @@ fn a_tiny_run_has_every_method_and_leaves_no_cell_wrong() {
     let texts = well_formed(&read("stars.svg"));
     let html = read("index.html");
     for method in StarMethod::ALL {
-        assert!(texts.iter().any(|text| text.contains(method.name())), "{} is not in the picture", method.name());
+        assert!(texts.iter().any(|text| text.contains(method.name())), "{} is missing in the picture", method.name());
         assert!(html.contains(&format!("<td>{}</td>", method.name())));
     }
     for part in ["adapter &lt;&amp;&gt;", "2026-01-02 03:04 UTC", "steradian chart --out x", "<img src=\"stars.svg\""] {
@@ -141,9 +144,9 @@ fn a_tiny_run_has_every_method_and_leaves_no_cell_wrong() {
     }
 }
 
-/// The procedural sky is scored on its own stars: a cone of brightness that is sampled at pixel centres.
+/// The procedural sky is scored on its own stars, cones of brightness that are sampled at pixel centres.
 #[test]
-fn the_procedural_sky_has_the_errors_of_its_cones() {
+fn the_procedural_sky_has_the_expected_errors_of_cones() {
     let mut renderer = crate::common::renderer();
     let scores = score_method(&mut renderer, StarMethod::CellSky, tiny_scoring(), AMPLE).unwrap();
     for metric in Metric::ALL {
@@ -153,8 +156,8 @@ fn the_procedural_sky_has_the_errors_of_its_cones() {
     let value = |metric| scores.get(metric).and_then(|score| score.value);
     assert_eq!(value(Metric::OrderBitsDiffer), Some(0.0));
     assert_eq!([Metric::ColourUv, Metric::DynamicRange, Metric::Seam].map(value), [None; 3]);
-    // A cone of radius 1 px sampled at pixel centres: its sum over them is pi / 3 on average and varies from 0.83 (a
-    // corner) to 1 (a centre).
+    // The sum of a cone of radius 1 px over pixel centres is pi / 3 on average; it varies from 0.83 (star on a corner) to
+    // 1 (on a centre).
     let sum = |at: DVec2| -> f64 {
         let offsets = (-2..3).flat_map(|y| (-2..3).map(move |x| DVec2::new(f64::from(x), f64::from(y))));
         offsets.map(|offset| (1.0 - (offset - at).length()).max(0.0)).sum()
@@ -164,7 +167,7 @@ fn the_procedural_sky_has_the_errors_of_its_cones() {
         .collect();
     let mean = sums.iter().sum::<f64>() / 1e4;
     let std = (sums.iter().map(|sum| (sum - mean).powi(2)).sum::<f64>() / 1e4).sqrt();
-    println!("a cone of 1 px: mean of its sum {mean:.4}, std over mean {:.4}", std / mean);
+    println!("cone of 1 px: mean of the sum {mean:.4}, std over mean {:.4}", std / mean);
     let linear = value(Metric::FlickerLinear).unwrap();
     assert!((linear / (std / mean) - 1.0).abs() < 0.3, "{linear} {}", std / mean);
     let flux = value(Metric::FluxStarRms).unwrap();
@@ -173,20 +176,21 @@ fn the_procedural_sky_has_the_errors_of_its_cones() {
     assert!(ellipticity > 0.1 && ellipticity < 1.0, "{ellipticity}");
 }
 
-/// Straight into a projector's pixels stars keep their light, place and width; bent they do not.
+/// Drawn directly into the pixels of a projector, stars keep their light, place and width; resampled they do not.
 #[test]
 #[ignore = "long: make test-all"]
-fn a_tiny_run_of_projectors_tells_the_ways_apart() {
+fn a_tiny_run_of_projectors_shows_the_errors_of_resampling() {
     let mut renderer = crate::common::renderer();
     let rows = chart::run(&mut renderer, &[Axis::Projectors], &tiny(), &mut |_| {}).unwrap();
-    let of = |method: &str, metric: ProjectorMetric| {
+    let figure = |method: &str, metric: ProjectorMetric| {
         let row = rows.iter().find(|row| row.method == method && row.error_metric == metric.name()).unwrap();
         println!("{method} {}: {:?}, {:?} ms", metric.name(), row.error_value, row.gpu_ms_median);
         assert!(row.gpu_ms_median.is_some_and(|ms| ms > 0.0), "{row:?}");
         row.error_value.unwrap()
     };
     assert_eq!(rows.len(), 4 * ProjectorMetric::ALL.len());
-    let [direct, bent] = ["direct", "resampled"].map(|method| ProjectorMetric::ALL.map(|metric| of(method, metric)));
+    let [direct, bent] =
+        ["direct", "resampled"].map(|method| ProjectorMetric::ALL.map(|metric| figure(method, metric)));
     assert!(direct[0] < 1e-3 && direct[1] < 4e-3 && direct[2] < 2e-2, "{direct:?}");
     assert!(bent[0] > 10.0 * direct[0] && bent[3] > 1.02 * direct[3], "{bent:?}");
     let folder = tempfile::tempdir().unwrap();
@@ -198,27 +202,27 @@ fn a_tiny_run_of_projectors_tells_the_ways_apart() {
 
 #[test]
 #[ignore = "long: make test-all"]
-fn tiny_runs_of_the_other_axes_have_their_figures() {
-    other_axes_have_their_figures(&least());
+fn tiny_runs_of_views_and_scale_have_their_figures() {
+    assert_views_and_scale_have_their_figures(&least());
 }
 
 #[test]
 #[ignore = "long: make test-all"]
-fn the_other_axes_have_their_figures_over_several_rounds() {
-    other_axes_have_their_figures(&tiny());
+fn views_and_scale_have_their_figures_over_several_rounds() {
+    assert_views_and_scale_have_their_figures(&tiny());
 }
 
-/// The other axes: times, and one figure beside them.
-fn other_axes_have_their_figures(extent: &Extent) {
+/// Tests the axes without error metrics: times, and one derived figure.
+fn assert_views_and_scale_have_their_figures(extent: &Extent) {
     let mut renderer = crate::common::renderer();
     let rows = chart::run(&mut renderer, &[Axis::Views, Axis::Scale], extent, &mut |_| {}).unwrap();
-    let of = |axis: &str, workload: &str, method: &str| {
+    let figure = |axis: &str, workload: &str, method: &str| {
         let found = rows.iter().find(|row| (&*row.axis, &*row.workload, &*row.method) == (axis, workload, method));
         found.unwrap_or_else(|| panic!("no row {axis}, {workload}, {method}"))
     };
     for method in StarMethod::ALL.map(StarMethod::name) {
         for stars in ["200", "400"] {
-            let row = of("scale", stars, method);
+            let row = figure("scale", stars, method);
             assert_eq!(row.items.to_string(), stars);
             let per_star = row.gpu_ms_median.map(|ms| ms * 1e6 / row.items as f64);
             assert_eq!(row.error_value, per_star);
@@ -226,14 +230,14 @@ fn other_axes_have_their_figures(extent: &Extent) {
         }
         let mut apart = Some(0.0);
         for view in ["window", "stereo", "cubemap", "dome"] {
-            let row = of("views", view, method);
+            let row = figure("views", view, method);
             assert_eq!(row.error_value, None);
             apart = apart.zip(row.gpu_ms_median).map(|(sum, ms)| sum + ms);
         }
-        let together = of("views", "all together", method);
+        let together = figure("views", "all together", method);
         assert_eq!(together.error_value, together.gpu_ms_median.zip(apart).map(|(together, apart)| together / apart));
     }
-    assert!(of("scale", "400", "bspline").error_value.is_some());
+    assert!(figure("scale", "400", "bspline").error_value.is_some());
 
     let folder = tempfile::tempdir().unwrap();
     let files = chart::write(folder.path(), &rows, &about()).unwrap();
@@ -245,7 +249,7 @@ fn other_axes_have_their_figures(extent: &Extent) {
     }
 }
 
-/// Glare: ours is right in every projection, and the published pyramids have the flaws that they are known for.
+/// `sky_cube` is correct in every projection, and the published pyramids show their known flaws.
 #[test]
 #[ignore = "long: make test-all"]
 fn a_tiny_run_of_glare_has_the_figures_of_every_method() {
@@ -259,7 +263,7 @@ fn a_tiny_run_of_glare_has_the_figures_of_every_method() {
     let methods: BTreeSet<&str> = rows.iter().map(|row| row.method.as_str()).collect();
     assert!(GlareMethod::DRAWING.iter().all(|method| methods.contains(method.name())), "{methods:?}");
     assert_eq!(rows.len(), 7 * GlareMetric::ALL.len() * extent.glare.views.len());
-    let of = |method: &str, workload: &str, metric: GlareMetric| {
+    let figure = |method: &str, workload: &str, metric: GlareMetric| {
         let key = (method, workload, metric.name());
         let found = rows.iter().find(|row| (&*row.method, &*row.workload, &*row.error_metric) == key);
         found.unwrap_or_else(|| panic!("no row {key:?}"))
@@ -272,27 +276,30 @@ fn a_tiny_run_of_glare_has_the_figures_of_every_method() {
             [Some(min), Some(median), Some(max)] => assert!(0.0 < min && min <= median && median <= max, "{row:?}"),
             _ => assert!(times == [None; 3] && row.method == "none", "{row:?}"),
         }
-        assert!(row.error_value.is_some() || !row.notes.is_empty(), "an empty cell must say why: {row:?}");
+        assert!(
+            row.error_value.is_some() || !row.notes.is_empty(),
+            "an empty cell needs a note with the reason: {row:?}"
+        );
         assert_eq!(row.source == "smaller-than-pixels", row.method.contains("pyramid"));
         assert!(row.notes.contains("whole frame"), "{row:?}");
         assert_eq!(row.notes.contains("on the CPU"), row.method == "sky_cube_in_flight", "{row:?}");
     }
     for workload in workloads {
-        let ours = |metric| of("sky_cube", workload, metric).error_value;
+        let ours = |metric| figure("sky_cube", workload, metric).error_value;
         assert!(ours(GlareMetric::VeilRms).unwrap() < 0.03 && ours(GlareMetric::Roundness).unwrap() < 0.03);
         assert!((ours(GlareMetric::Slope).unwrap() + 2.0).abs() < 0.03);
         assert!((ours(GlareMetric::FluxKept).unwrap() - 1.0).abs() < 0.02);
-        assert!(of("none", workload, GlareMetric::VeilRms).error_value.is_none());
+        assert!(figure("none", workload, GlareMetric::VeilRms).error_value.is_none());
         for pyramid in ["screen_pyramid", "view_pyramid"] {
-            assert!(of(pyramid, workload, GlareMetric::VeilRms).error_value.unwrap() > 0.2, "{pyramid} {workload}");
+            assert!(figure(pyramid, workload, GlareMetric::VeilRms).error_value.unwrap() > 0.2, "{pyramid} {workload}");
         }
     }
     for workload in ["300 anticentre-90p", "300 dome-64"] {
-        let outside = |method| of(method, workload, GlareMetric::FromOutside).error_value.unwrap();
+        let outside = |method| figure(method, workload, GlareMetric::FromOutside).error_value.unwrap();
         assert!((outside("sky_cube") - 1.0).abs() < 0.02, "{}", outside("sky_cube"));
         assert_eq!([outside("screen_pyramid"), outside("view_pyramid_halved")], [0.0; 2]);
     }
-    let seam = |method| of(method, "300 cubemap-32", GlareMetric::Seam).error_value.unwrap();
+    let seam = |method| figure(method, "300 cubemap-32", GlareMetric::Seam).error_value.unwrap();
     assert!(seam("sky_cube") < 0.05 && seam("screen_pyramid") > 0.5, "{} {}", seam("sky_cube"), seam("screen_pyramid"));
 
     let folder = tempfile::tempdir().unwrap();
@@ -301,7 +308,7 @@ fn a_tiny_run_of_glare_has_the_figures_of_every_method() {
     assert_eq!(read_csv(&read("chart.csv")).unwrap(), rows);
     let (texts, html) = (well_formed(&read("glare.svg")), read("index.html"));
     for method in methods {
-        assert!(texts.iter().any(|text| text.contains(method)), "{method} is not in the picture");
+        assert!(texts.iter().any(|text| text.contains(method)), "{method} is missing in the picture");
         assert!(html.contains(&format!("<td>{method}</td>")));
     }
     for workload in workloads {
@@ -312,17 +319,18 @@ fn a_tiny_run_of_glare_has_the_figures_of_every_method() {
 #[test]
 #[ignore = "long: make test-all"]
 fn a_tiny_run_of_asteroids_has_the_figures_of_every_method() {
-    asteroids_have_the_figures_of_every_method(&least());
+    assert_asteroids_have_the_figures_of_every_method(&least());
 }
 
 #[test]
 #[ignore = "long: make test-all"]
-fn fields_of_several_sizes_have_the_figures_of_every_method() {
-    asteroids_have_the_figures_of_every_method(&tiny());
+fn asteroid_fields_of_several_sizes_have_the_figures_of_every_method() {
+    assert_asteroids_have_the_figures_of_every_method(&tiny());
 }
 
-/// Asteroids: every method is timed, ours keep to half a pixel, and what was published stands beside them as of other hardware.
-fn asteroids_have_the_figures_of_every_method(extent: &Extent) {
+/// Every method is timed, our own methods stay within the accuracy limits, and published times are marked as measured
+/// on other hardware.
+fn assert_asteroids_have_the_figures_of_every_method(extent: &Extent) {
     let mut renderer = crate::common::renderer();
     let mut steps = Vec::new();
     let rows = chart::run(&mut renderer, &[Axis::Asteroids], extent, &mut |step| steps.push(step.clone())).unwrap();
@@ -335,7 +343,7 @@ fn asteroids_have_the_figures_of_every_method(extent: &Extent) {
     let flat = extent.asteroids.instances.iter().map(|instances| format!("{instances} asteroids 90p"));
     let other = ["200 asteroids stereo-64", "200 asteroids dome-96"].map(str::to_owned);
     let workloads: Vec<String> = flat.chain(other).collect();
-    // Two ways of culling per ratio, six ways of drawing in every workload.
+    // Three ratios with two culling methods each; six drawing methods in every workload.
     assert_eq!(measured.len(), 3 * 2 + 6 * workloads.len() * AsteroidMetric::ALL.len());
     for row in &measured {
         println!(
@@ -346,7 +354,7 @@ fn asteroids_have_the_figures_of_every_method(extent: &Extent) {
         assert!(row.error_value.is_some() || row.notes.contains("does not apply"), "{row:?}");
         assert!(row.notes.contains("plan on the CPU") && row.notes.contains("drawn: meshes"), "{row:?}");
     }
-    let of = |method: &str, workload: &str, metric: AsteroidMetric| {
+    let figure = |method: &str, workload: &str, metric: AsteroidMetric| {
         let key = (method, workload, metric.name());
         let found = rows.iter().find(|row| (&*row.method, &*row.workload, &*row.error_metric) == key);
         found.unwrap_or_else(|| panic!("no row {key:?}")).error_value
@@ -360,20 +368,20 @@ fn asteroids_have_the_figures_of_every_method(extent: &Extent) {
             "gpu_culling_octahedral_blend",
             "gpu_culling_octahedral_splat",
         ] {
-            let iou = of(method, workload, AsteroidMetric::SilhouetteIou).unwrap();
-            let outline = of(method, workload, AsteroidMetric::OutlinePx).unwrap();
+            let iou = figure(method, workload, AsteroidMetric::SilhouetteIou).unwrap();
+            let outline = figure(method, workload, AsteroidMetric::OutlinePx).unwrap();
             assert!(iou > 0.6 && iou <= 1.0, "{method} {workload}: {iou}");
             assert!(outline < 1.0, "{method} {workload}: {outline}");
-            let disparity = of(method, workload, AsteroidMetric::DisparityPx);
+            let disparity = figure(method, workload, AsteroidMetric::DisparityPx);
             assert_eq!(disparity.is_some(), workload.contains("stereo"));
         }
-        let light = of("mesh_only", workload, AsteroidMetric::Light).unwrap();
+        let light = figure("mesh_only", workload, AsteroidMetric::Light).unwrap();
         assert!(light < 0.3, "{workload}: {light}");
-        let normals = of("mesh_only", workload, AsteroidMetric::NormalDeg).unwrap();
+        let normals = figure("mesh_only", workload, AsteroidMetric::NormalDeg).unwrap();
         assert!(normals < 10.0, "{workload}: {normals}");
-        // Culling on either side leads to the same pictures.
+        // Culling on the CPU and on the GPU gives the same pictures.
         let [cpu, gpu] = ["cpu_culling", "gpu_culling_euler_atlas"]
-            .map(|method| of(method, workload, AsteroidMetric::SilhouetteIou).unwrap());
+            .map(|method| figure(method, workload, AsteroidMetric::SilhouetteIou).unwrap());
         assert!((cpu - gpu).abs() < 1e-3, "{cpu} {gpu}");
     }
 
@@ -383,18 +391,18 @@ fn asteroids_have_the_figures_of_every_method(extent: &Extent) {
     assert_eq!(read_csv(&read("chart.csv")).unwrap(), rows);
     let (texts, html) = (well_formed(&read("asteroids.svg")), read("index.html"));
     for method in ["mesh_only", "gpu_culling_octahedral_blend", "published", "published_mesh_only"] {
-        assert!(texts.iter().any(|text| text.contains(method)), "{method} is not in the picture");
+        assert!(texts.iter().any(|text| text.contains(method)), "{method} is missing in the picture");
         assert!(html.contains(&format!("<td>{method}</td>")));
     }
     assert!(html.contains("outside_over_inside") && html.contains("published, other hardware"));
 }
 
-/// What the closed forms and the table of kernels say of the tent and the B-spline comes out of the chart's own scenes.
+/// The scenes of the chart reproduce the scores of tent and B-spline known from closed forms and from the design.
 #[test]
-fn scores_are_those_that_the_kernels_have() {
+fn scores_equal_the_known_values_of_the_kernels() {
     let mut renderer = crate::common::renderer();
     let size = ScoringSize { positions: 1000, image_px: 1024, ..tiny_scoring() };
-    let mut of = |method| {
+    let mut scores_of = |method| {
         let scores = score_method(&mut renderer, method, size, AMPLE).unwrap();
         let values: Vec<(&str, f64)> = Metric::ALL
             .into_iter()
@@ -404,18 +412,18 @@ fn scores_are_those_that_the_kernels_have() {
         println!("{}: {values:?}", method.name());
         move |metric: Metric| values.iter().find(|value| value.0 == metric.name()).unwrap().1
     };
-    let (tent, bspline) = (of(StarMethod::Tent), of(StarMethod::BSpline));
-    // Measured for the design over 3000 positions: 0.084 to 0.163 and 0.011, 0.038, 0.128.
+    let (tent, bspline) = (scores_of(StarMethod::Tent), scores_of(StarMethod::BSpline));
+    // Measured for the design with 3000 positions: tent 0.084 and 0.163, B-spline 0.011, 0.038 and 0.128.
     assert!((tent(Metric::FlickerK1) - 0.084).abs() < 0.003 && (bspline(Metric::FlickerK1) - 0.011).abs() < 0.001);
     assert!((tent(Metric::FlickerK10) - 0.163).abs() < 0.005 && (bspline(Metric::FlickerK10) - 0.038).abs() < 0.002);
     assert!((bspline(Metric::FlickerK100) - 0.128).abs() < 0.003);
-    // The width of the B-spline is constant, that of the tent is not.
+    // The width of the B-spline is constant, the width of the tent is not.
     assert!(bspline(Metric::WidthVariation) < 0.005 && tent(Metric::WidthVariation) > 0.1);
-    // What is round on a flat image plane is 1 - cos 45 degrees from round in the sky.
+    // At 45 degrees off axis, a circle on a flat image plane has an ellipticity of 1 - cos 45 degrees in the sky.
     assert!((bspline(Metric::EllipticityView45Deg) - (1.0 - 0.5_f64.sqrt())).abs() < 0.01);
     for scores in [&tent as &dyn Fn(Metric) -> f64, &bspline] {
         assert!(scores(Metric::FluxStarRms) < 1e-4 && scores(Metric::CentroidPx) < 0.005);
-        // The unit of the sums rounds a star's light by 1e-4 at the corners of a cube, largest against smallest.
+        // At the corners of a cube, the unit of the sums rounds the light of a star by 1e-4 between largest and smallest.
         assert!(scores(Metric::FlickerLinear) < 1e-4 && scores(Metric::Seam) < 5e-4);
         assert!(scores(Metric::ColourUv) < 0.003 && scores(Metric::DynamicRange) < 0.02);
         assert!(scores(Metric::OrderBitsDiffer) == 0.0 && (scores(Metric::Keeps20000Stars) - 1.0).abs() < 1e-3);
@@ -423,7 +431,7 @@ fn scores_are_those_that_the_kernels_have() {
 }
 
 #[test]
-fn a_figure_that_is_none_is_refused() {
+fn a_nan_figure_is_refused() {
     let mut row = Row { method: "tent".to_owned(), ..Row::default() };
     assert!(write_csv(&[row.clone()]).is_ok());
     row.error_value = Some(f64::NAN);
@@ -431,7 +439,7 @@ fn a_figure_that_is_none_is_refused() {
 }
 
 #[test]
-fn axes_that_do_not_exist_are_bad_usage() {
+fn unknown_axes_are_usage_errors() {
     let folder = tempfile::tempdir().unwrap();
     for axis in ["rings", "nothing"] {
         let output = Command::new(env!("CARGO_BIN_EXE_steradian"))
@@ -442,7 +450,8 @@ fn axes_that_do_not_exist_are_bad_usage() {
         let message = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(64), "{message}");
         assert!(
-            message.contains(axis) && message.contains("there is: stars, glare, asteroids, projectors, views, scale"),
+            message.contains(axis)
+                && message.contains("must be one of stars, glare, asteroids, projectors, views, scale"),
             "{message}"
         );
     }

@@ -1,4 +1,5 @@
-//! Light of no single star: pixels against the twin in f64, at rest, at half the speed of light, through air, behind a body and with glare.
+//! Unresolved starlight: pixels compared with the f64 reference, at rest, at relativistic speeds, through air, behind a
+//! body, and with glare.
 
 use std::{f64::consts::PI, sync::Arc};
 
@@ -24,7 +25,7 @@ use steradian::{
     view::{Rig, View, ViewKind, projection::FisheyeMapping},
 };
 
-/// A sky with a band around the axis of the world's z, brighter towards x, of three colours.
+/// A coloured band of light in the plane z = 0 of the world, brighter towards x.
 fn band() -> Arc<DiffuseSky> {
     Arc::new(DiffuseSky::new(0.01, |towards| {
         let band = (-0.5 * (towards.z / 0.15).powi(2)).exp() * (1.0 + 0.8 * towards.x) + 0.1;
@@ -32,7 +33,7 @@ fn band() -> Arc<DiffuseSky> {
     }))
 }
 
-/// A band alone, without a star.
+/// The band alone, without stars.
 fn scene(camera: Camera) -> SceneSnapshot {
     let mut scene = snapshot(Vec::new());
     scene.stars = Arc::new((*scene.stars).clone().with_unresolved(Some(band())));
@@ -49,7 +50,7 @@ fn views() -> Rig {
     Rig::new(kinds.map(|(name, kind, turned)| View::new(name, kind, turned, DVec3::ZERO).unwrap()).to_vec()).unwrap()
 }
 
-/// Largest relative error of a channel of the pixels in a direction that is wanted, and how many these are.
+/// Returns the largest relative error of any channel of the pixels whose direction passes `wanted`, and their number.
 fn worst_of(
     scene: &SceneSnapshot,
     settings: &RenderSettings,
@@ -71,7 +72,7 @@ fn worst_of(
             }
             let expected = expected(towards);
             for c in 0..3 {
-                // Light that a moving eye has behind it ends where f32 does.
+                // Light from behind a moving observer can be too small for f32.
                 worst = worst.max((f64::from(found[c]) - expected[c]).abs() / expected[c].max(1e-20));
             }
             compared += 1;
@@ -81,7 +82,7 @@ fn worst_of(
 }
 
 #[test]
-fn pixels_have_the_light_of_their_direction() {
+fn pixels_equal_the_reference_at_every_speed() {
     let sky = band();
     for velocity_c in [DVec3::ZERO, DVec3::new(0.3, 0.4, 0.0), DVec3::new(-1e-4, 0.0, 0.0), DVec3::new(0.0, 0.0, 0.99)]
     {
@@ -91,14 +92,14 @@ fn pixels_have_the_light_of_their_direction() {
         let (worst, compared) = worst_of(&scene(camera), &settings, &twin, &|_| true);
         println!("velocity {velocity_c}: {compared} pixels, worst {worst:.1e}");
         assert!(worst < 2e-4 && compared > 25_000, "{velocity_c}: {worst} {compared}");
-        // Another velocity is another sky.
+        // A slightly different velocity fails the comparison.
         let wrong = |towards| luminance_cd_m2(&sky, towards, velocity_c + DVec3::new(0.0, 2e-3, 0.0), None);
         assert!(worst_of(&scene(camera), &settings, &wrong, &|_| true).0 > 1e-3, "{velocity_c}");
     }
 }
 
 #[test]
-fn glare_leaves_as_much_light_of_a_smooth_sky_as_there_is() {
+fn glare_does_not_change_a_smooth_sky() {
     let sky = band();
     let glare = GlareSettings { method: GlareMethod::SkyCube, fraction: 0.1, ..GlareSettings::default() };
     let settings = RenderSettings { glare, ..settings(StarMethod::Auto) };
@@ -108,7 +109,7 @@ fn glare_leaves_as_much_light_of_a_smooth_sky_as_there_is() {
 }
 
 #[test]
-fn a_display_image_alone_shows_what_one_with_light_beside_it_shows() {
+fn display_images_are_equal_with_and_without_an_hdr_image() {
     let glare = GlareSettings { method: GlareMethod::SkyCube, ..GlareSettings::default() };
     let exposure = ExposureSettings { mode: ExposureMode::Manual, ev100: -8.0, ..ExposureSettings::default() };
     let mut settings = RenderSettings { glare, exposure, ..settings(StarMethod::Auto) };
@@ -120,22 +121,23 @@ fn a_display_image_alone_shows_what_one_with_light_beside_it_shows() {
         frame.images.into_iter().flat_map(|image| image.display.unwrap()).collect::<Vec<u8>>()
     };
     let alone = codes(&mut renderer, Wanted { display: true, ..Wanted::default() });
-    let beside = codes(&mut renderer, Wanted { display: true, hdr: true, ..Wanted::default() });
+    let with_hdr = codes(&mut renderer, Wanted { display: true, hdr: true, ..Wanted::default() });
     assert!(alone.iter().max() > Some(&60), "{:?}", alone.iter().max());
-    let worst = alone.iter().zip(&beside).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+    let worst = alone.iter().zip(&with_hdr).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
     assert!(worst <= 1, "{worst} codes");
 }
 
-/// Codes of two pictures' channels that differ: their share by more than one, the largest, and the brightest code.
+/// Compares the colour channels of two pictures: share that differs by more than one code, largest difference, and the
+/// brightest code.
 fn differing(a: &[u8], b: &[u8]) -> (f64, u8, u8) {
     let colours = || a.iter().zip(b).enumerate().filter(|(index, _)| index % 4 < 3).map(|(_, both)| both);
-    let off: Vec<u8> = colours().map(|(a, b)| a.abs_diff(*b)).collect();
-    let share = off.iter().filter(|off| **off > 1).count() as f64 / off.len() as f64;
-    (share, off.into_iter().max().unwrap(), colours().map(|(a, _)| *a).max().unwrap())
+    let differences: Vec<u8> = colours().map(|(a, b)| a.abs_diff(*b)).collect();
+    let share = differences.iter().filter(|difference| **difference > 1).count() as f64 / differences.len() as f64;
+    (share, differences.into_iter().max().unwrap(), colours().map(|(a, _)| *a).max().unwrap())
 }
 
 #[test]
-fn light_is_read_between_points_where_that_is_within_the_budget() {
+fn light_is_interpolated_between_points_within_the_budget() {
     let parameters = GalaxyParameters { stars: 10, seed: 1, fainter_than: Some(6.5), unresolved_light: true };
     let galaxy = Arc::new(generate(&parameters).unwrap().unresolved.unwrap());
     let place = Place { latitude_rad: -0.4, longitude_rad: 0.2, height_m: 500.0 };
@@ -179,19 +181,19 @@ fn light_is_read_between_points_where_that_is_within_the_budget() {
         for (view, exact) in exact.iter().enumerate() {
             let (share, most, brightest) = differing(exact, &within[view]);
             println!(
-                "{name}, view {view}: {share:.1e} of the colours differ by more than a code, {most} at most, of {brightest}"
+                "{name}, view {view}: {share:.1e} of the channels differ by more than one code, at most by {most}; brightest code {brightest}"
             );
             assert!(share < 1e-5 && most <= 2 && brightest > 40, "{name} {view}: {share} {most} {brightest}");
-            // A larger budget is seen.
+            // A larger budget makes visible differences.
             let (share, most, _) = differing(exact, &far[view]);
-            println!("    with a budget of 8 codes {share:.1e}, {most} at most");
+            println!("    with a budget of 8 codes {share:.1e}, at most {most}");
             assert!(share > 3e-4 && most >= 3, "{name} {view}: {share} {most}");
         }
     }
 }
 
 #[test]
-fn air_takes_its_part_and_a_body_hides_all() {
+fn air_absorbs_light_and_a_body_hides_it() {
     let sky = band();
     let place = Place { latitude_rad: 0.8, longitude_rad: 0.2, height_m: 500.0 };
     let observer = Observer::new(place, Clock::default(), 8.2e8);
@@ -216,18 +218,18 @@ fn air_takes_its_part_and_a_body_hides_all() {
         let above = |towards: DVec3| local.as_ref().is_none_or(|local| (local.horizon_from_world * towards).y > 0.02);
         let twin = |towards| luminance_cd_m2(&sky, towards, DVec3::ZERO, local.as_ref());
         let settings = settings(StarMethod::Auto);
-        let beside = |towards: DVec3| above(towards) && towards.angle_between(moon_at) > radius_rad + 0.06;
-        let (worst, compared) = worst_of(&scene, &settings, &twin, &beside);
+        let outside = |towards: DVec3| above(towards) && towards.angle_between(moon_at) > radius_rad + 0.06;
+        let (worst, compared) = worst_of(&scene, &settings, &twin, &outside);
         println!("air {}: {compared} pixels, worst {worst:.1e}", local.is_some());
         assert!(worst < 2e-4 && compared > 9_000, "{worst} {compared}");
-        // The disc is dark: no Sun shines on it.
+        // The disc is dark, because no Sun lights it.
         let none = |_| [1.0; 3];
         let on_disc = |towards: DVec3| towards.angle_between(moon_at) < radius_rad - 0.04;
         let frame = render_hdr(&mut renderer(), &scene, &views(), &settings);
         let viewport = &views().viewports(camera.world_from_camera)[0];
         let hidden = frame.images[0].hdr.as_ref().unwrap().iter().enumerate().filter(|(index, _)| {
-            let at = DVec2::new((index % 96) as f64 + 0.5, (index / 96) as f64 + 0.5);
-            let direction = viewport.projection.mapping().direction_from_pixel(at);
+            let centre = DVec2::new((index % 96) as f64 + 0.5, (index / 96) as f64 + 0.5);
+            let direction = viewport.projection.mapping().direction_from_pixel(centre);
             direction.is_some_and(|direction| on_disc(viewport.world_from_view * direction))
         });
         for (index, pixel) in hidden {

@@ -1,41 +1,41 @@
-//! How far display images are from exact frames, before rounding.
+//! Errors of display images against exact frames, before rounding.
 
 use steradian::{photometry::exposure::white_luminance_cd_m2, plan::settings::RenderSettings, render::Frame};
 
-/// Display values of the HDR images of a frame less those of an exact one, with whose exposure both are shown: codes of 8 bits before rounding, by
-/// image, pixel and channel.
-pub fn code_errors(exact: &Frame, shown: &Frame, settings: &RenderSettings) -> Vec<Vec<[f64; 3]>> {
+/// Display values of the HDR images of a frame minus those of an exact one, both with the exposure of the exact one:
+/// codes of 8 bits before rounding, by image, pixel and channel.
+pub fn code_errors(exact: &Frame, drawn: &Frame, settings: &RenderSettings) -> Vec<Vec<[f64; 3]>> {
     let white = white_luminance_cd_m2(exact.exposure_ev100);
     let code = |[r, g, b, _]: &[f32; 4]| {
         settings.tone_map.display_rgb([*r, *g, *b].map(f64::from), white).map(|value| 255.0 * value)
     };
-    let of_images = exact.images.iter().zip(&shown.images);
+    let of_images = exact.images.iter().zip(&drawn.images);
     of_images
-        .map(|(exact, shown)| {
-            let pixels = exact.hdr.as_ref().unwrap().iter().zip(shown.hdr.as_ref().unwrap());
-            let of_pixel = |(exact, shown): (&[f32; 4], &[f32; 4])| {
-                let (exact, shown) = (code(exact), code(shown));
-                std::array::from_fn(|channel| shown[channel] - exact[channel])
+        .map(|(exact, drawn)| {
+            let pixels = exact.hdr.as_ref().unwrap().iter().zip(drawn.hdr.as_ref().unwrap());
+            let of_pixel = |(exact, drawn): (&[f32; 4], &[f32; 4])| {
+                let (exact, drawn) = (code(exact), code(drawn));
+                std::array::from_fn(|channel| drawn[channel] - exact[channel])
             };
             pixels.map(of_pixel).collect()
         })
         .collect()
 }
 
-/// Errors of display values against an exact frame, codes of 8 bits before rounding.
+/// Errors of display values against an exact frame, in codes of 8 bits before rounding.
 pub struct Errors {
-    /// Of all channels of all pixels, ascending.
+    /// Absolute errors of all channels of all pixels, ascending.
     codes: Vec<f64>,
     /// Image, column and row of the largest one.
     pub worst: [usize; 3],
 }
 
 impl Errors {
-    /// Those inside of the pictures.
-    pub fn of(exact: &Frame, shown: &Frame, settings: &RenderSettings) -> Self {
+    /// Compares two frames, in the pixels inside of the pictures.
+    pub fn between(exact: &Frame, drawn: &Frame, settings: &RenderSettings) -> Self {
         let mut codes: Vec<f64> = Vec::new();
         let (mut worst, mut largest) = ([0; 3], 0.0);
-        for (image, (exact, errors)) in exact.images.iter().zip(code_errors(exact, shown, settings)).enumerate() {
+        for (image, (exact, errors)) in exact.images.iter().zip(code_errors(exact, drawn, settings)).enumerate() {
             let width = exact.width as usize;
             let pixels = exact.hdr.as_ref().unwrap().iter().zip(errors).enumerate();
             for (index, (_, errors)) in pixels.filter(|(_, (exact, _))| exact[3] > 0.0) {

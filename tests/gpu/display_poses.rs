@@ -1,4 +1,5 @@
-//! Display images against exact ones over many poses, by kind of place, and the light of the brightest stars.
+//! Errors of display images against exact ones over many poses, by kind of place, and of the light of the brightest
+//! stars.
 
 use std::f64::consts::{PI, TAU};
 
@@ -20,20 +21,21 @@ use crate::{
     display_errors::code_errors,
 };
 
-/// The budget, codes.
+/// Error budget, codes.
 const BUDGET: f64 = 0.5;
-/// Above this code a pixel is one of a star or of the Milky Way.
+/// A pixel above this code belongs to a star or to the Milky Way.
 const LIT_CODE: f64 = 8.0;
-/// From this code on a pixel is a bright star's; pixels within [`NEAR_PX`] of it are near one.
+/// A pixel above this code belongs to a bright star; pixels within [`NEAR_PX`] of it count as near a bright star.
 const BRIGHT_CODE: f64 = 150.0;
 const NEAR_PX: i64 = 6;
 /// Half the width of the Milky Way, rad.
 const MILKY_WAY_RAD: f64 = 0.14;
-/// Bright stars whose light is compared, and half the side of the square that it is summed in, pixels: that of the B-spline.
+/// Number of bright stars whose light is compared, and half the side of the square that it is summed over, pixels: that
+/// of the B-spline.
 const BRIGHTEST: usize = 500;
 const SQUARE_PX: i64 = 1;
 
-/// What a pixel is one of. Every pixel is in `ALL`.
+/// Kinds of places. Every pixel belongs to the first one.
 const PLACES: [&str; 7] = ["all", "above code 8", "dark sky", "near a bright star", "Milky Way", "edge", "pole"];
 
 /// Errors of all channels by place, and the worst relative error of the light of bright stars.
@@ -44,14 +46,14 @@ struct Found {
 }
 
 impl Found {
-    /// Errors that `share` of the channels at a place do not exceed; `None` without any.
+    /// The given quantile of the errors at a place; `None` if there are none.
     fn quantile(&mut self, place: usize, share: f64) -> Option<f64> {
         let errors = &mut self.errors[place];
         let index = (errors.len().checked_sub(1)? as f64 * share) as usize;
         Some(f64::from(*errors.select_nth_unstable_by(index, f32::total_cmp).1))
     }
 
-    fn add(&mut self, exact: &Frame, shown: &Frame, settings: &RenderSettings, viewport: &Viewport, stars: &[DVec3]) {
+    fn add(&mut self, exact: &Frame, drawn: &Frame, settings: &RenderSettings, viewport: &Viewport, stars: &[DVec3]) {
         let mapping = viewport.projection.mapping();
         let [width, height] = mapping.size();
         let white = steradian::photometry::exposure::white_luminance_cd_m2(exact.exposure_ev100);
@@ -64,8 +66,8 @@ impl Found {
         let codes: Vec<f64> = pixels
             .iter()
             .map(|[r, g, b, _]| {
-                let shown = settings.tone_map.display_rgb([*r, *g, *b].map(f64::from), white);
-                255.0 * shown.into_iter().fold(0.0, f64::max)
+                let rgb = settings.tone_map.display_rgb([*r, *g, *b].map(f64::from), white);
+                255.0 * rgb.into_iter().fold(0.0, f64::max)
             })
             .collect();
         let mut near = vec![false; codes.len()];
@@ -78,7 +80,7 @@ impl Found {
             }
         }
         let galactic = galactic_from_icrs();
-        let [errors] = &code_errors(exact, shown, settings)[..] else { panic!("there is one image") };
+        let [errors] = &code_errors(exact, drawn, settings)[..] else { panic!("there is one image") };
         let equirectangular = width == 2 * height;
         for (index, errors) in errors.iter().enumerate() {
             let (x, y) = (index as i64 % i64::from(width), index as i64 / i64::from(width));
@@ -103,8 +105,8 @@ impl Found {
                 errors_there.extend(errors.map(|error| error.abs() as f32));
             }
         }
-        // Of the brightest stars in the picture the light in a square around each.
-        let shown = shown.images[0].hdr.as_ref().unwrap();
+        // The light of the brightest stars in the picture, in a square around each.
+        let drawn_pixels = drawn.images[0].hdr.as_ref().unwrap();
         for direction in stars {
             let Some(pixel) = mapping.pixel_from_direction(viewport.world_from_view.inverse() * *direction) else {
                 continue;
@@ -116,18 +118,18 @@ impl Found {
             if !square.iter().all(|(x, y)| inside(*x, *y)) {
                 continue;
             }
-            // Weighted by the profile of its image, as photometry does it: the sky of the square's corners, which may err by half a code, would
-            // be a hundredth of the fainter stars.
-            let light = |of: &[[f32; 4]]| -> f64 {
+            // Weighted by the profile of the star's image, as in photometry. Otherwise the sky in the corners of the square, with
+            // an error of up to half a code, would contribute a hundredth of the light of the fainter stars.
+            let light = |image: &[[f32; 4]]| -> f64 {
                 let places = square.iter().map(|(x, y)| (y * i64::from(width) + x) as usize);
-                places.map(|at| f64::from(pixels[at][1]) * f64::from(of[at][1]) * f64::from(of[at][3])).sum()
+                places.map(|at| f64::from(pixels[at][1]) * f64::from(image[at][1]) * f64::from(image[at][3])).sum()
             };
-            self.worst_light = self.worst_light.max((light(shown) / light(pixels) - 1.0).abs());
+            self.worst_light = self.worst_light.max((light(drawn_pixels) / light(pixels) - 1.0).abs());
         }
     }
 }
 
-/// Camera orientations, spread over all turns.
+/// Camera orientations, distributed over all rotations.
 fn poses(count: u32) -> impl Iterator<Item = DQuat> {
     (0..count).map(|i| {
         let [u, v, w] =
@@ -150,27 +152,21 @@ fn views() -> [(&'static str, Rig); 3] {
 
 /// Directions of the brightest stars as seen from the barycentre.
 fn brightest(stars: &StarSet) -> Vec<DVec3> {
-    let seen = stars.iter().map(|(place_pc, at_infinity, star)| {
+    let lights = stars.iter().map(|(place_pc, at_infinity, star)| {
         let distance_squared = if at_infinity { 1.0 } else { place_pc.length_squared() };
         (star.illuminance_at_1_pc_lx() / distance_squared, place_pc.normalize())
     });
-    let mut seen: Vec<(f64, DVec3)> = seen.collect();
-    seen.sort_by(|a, b| b.0.total_cmp(&a.0));
-    seen.into_iter().take(BRIGHTEST).map(|(_, direction)| direction).collect()
+    let mut lights: Vec<(f64, DVec3)> = lights.collect();
+    lights.sort_by(|a, b| b.0.total_cmp(&a.0));
+    lights.into_iter().take(BRIGHTEST).map(|(_, direction)| direction).collect()
 }
 
-fn drawn(
-    renderer: &mut Renderer,
-    scene: &SceneSnapshot,
-    rig: &Rig,
-    settings: &RenderSettings,
-    output: Output,
-) -> Frame {
+fn draw(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, settings: &RenderSettings, output: Output) -> Frame {
     renderer.render(FrameRequest::new(scene, rig).settings(settings).wanted(Wanted::hdr()).drawn_for(output)).unwrap()
 }
 
-/// Of `count` poses: [`Found`] per exposure and view.
-fn measured(count: u32, check: impl Fn(f64, &str, &mut Found)) {
+/// Measures the errors of `count` poses, and passes [`Found`] to `check` for each exposure and view.
+fn measure(count: u32, check: impl Fn(f64, &str, &mut Found)) {
     let galaxy =
         "scene.catalogues=[\"builtin:bright\", { galaxy = { stars = 1200000, seed = 1, fainter_than = 6.5 } }]";
     let mut renderer = renderer();
@@ -182,19 +178,19 @@ fn measured(count: u32, check: impl Fn(f64, &str, &mut Found)) {
             let mut found = Found::default();
             for pose in poses(count) {
                 scene.camera.world_from_camera = pose;
-                let [exact, shown] =
-                    [Output::Hdr, Output::Display].map(|output| drawn(&mut renderer, &scene, &rig, &settings, output));
+                let [exact, display] =
+                    [Output::Hdr, Output::Display].map(|output| draw(&mut renderer, &scene, &rig, &settings, output));
                 let viewport = &rig.viewports(pose)[0];
-                found.add(&exact, &shown, &settings, viewport, &brightest);
+                found.add(&exact, &display, &settings, viewport, &brightest);
             }
             println!(
-                "ev100 {ev100}, {name}, {count} poses: light of the {BRIGHTEST} brightest stars {:.2e}",
+                "ev100 {ev100}, {name}, {count} poses: largest relative error of the light of the {BRIGHTEST} brightest stars {:.2e}",
                 found.worst_light
             );
-            for (place, what) in PLACES.iter().enumerate() {
+            for (place, kind) in PLACES.iter().enumerate() {
                 let channels = found.errors[place].len();
                 if let (Some(most), Some(largest)) = (found.quantile(place, 0.999), found.quantile(place, 1.0)) {
-                    println!("  {what:20} {channels:10} channels, 99.9 % {most:.3}, largest {largest:.3} codes");
+                    println!("  {kind:20} {channels:10} channels, 99.9 % {most:.3}, largest {largest:.3} codes");
                 }
             }
             check(ev100, name, &mut found);
@@ -202,7 +198,7 @@ fn measured(count: u32, check: impl Fn(f64, &str, &mut Found)) {
     }
 }
 
-fn keeps_its_budget(ev100: f64, name: &str, found: &mut Found) {
+fn assert_budget(ev100: f64, name: &str, found: &mut Found) {
     for place in [0, 1] {
         let (most, largest) = (found.quantile(place, 0.999).unwrap(), found.quantile(place, 1.0).unwrap());
         assert!(most <= BUDGET && largest <= 4.0 * BUDGET, "{ev100} {name} {}: {most} {largest}", PLACES[place]);
@@ -212,11 +208,11 @@ fn keeps_its_budget(ev100: f64, name: &str, found: &mut Found) {
 
 #[test]
 fn display_images_keep_their_budget_in_every_place() {
-    measured(2, keeps_its_budget);
+    measure(2, assert_budget);
 }
 
 #[test]
 #[ignore = "long: make test-all"]
 fn display_images_keep_their_budget_in_fifty_poses() {
-    measured(50, keeps_its_budget);
+    measure(50, assert_budget);
 }

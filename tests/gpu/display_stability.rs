@@ -1,4 +1,4 @@
-//! The error of display images against exact ones must not jump from frame to frame: what a viewer would see as flicker.
+//! The error of display images against exact ones must not jump between frames: a jump would be visible as flicker.
 
 use glam::{DQuat, DVec3};
 use steradian::{
@@ -14,7 +14,7 @@ use crate::{
     display_errors::code_errors,
 };
 
-/// The budget of display images, codes.
+/// Error budget of display images, codes.
 const BUDGET: f64 = 0.5;
 
 fn fisheye(fov_deg: f64, size: u32) -> Rig {
@@ -31,19 +31,19 @@ fn scene_and_settings(stars: u32) -> (SceneSnapshot, RenderSettings) {
     (scene, settings)
 }
 
-/// Errors of display values, in the order of pixels and channels.
+/// Errors of display values, in the order of pixels and channels, and the number of stars in the map.
 fn errors(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, settings: &RenderSettings) -> (Vec<f32>, u64) {
     let mut draw = |output: Output| -> Frame {
         let request = FrameRequest::new(scene, rig).settings(settings).wanted(Wanted::hdr());
         renderer.render(request.drawn_for(output)).unwrap()
     };
-    let (exact, shown) = (draw(Output::Hdr), draw(Output::Display));
-    let [errors] = &code_errors(&exact, &shown, settings)[..] else { panic!("there is one image") };
-    (errors.iter().flatten().map(|error| *error as f32).collect(), shown.views[0].stars_in_map)
+    let (exact, display) = (draw(Output::Hdr), draw(Output::Display));
+    let [errors] = &code_errors(&exact, &display, settings)[..] else { panic!("there is one image") };
+    (errors.iter().flatten().map(|error| *error as f32).collect(), display.views[0].stars_in_map)
 }
 
-/// Changes of the error between neighbouring frames: the largest of the quantiles of 99.9 %, the largest of all, and the least number of stars in a
-/// map.
+/// Changes of the error between consecutive frames: the largest 99.9 % quantile and the largest change, and the smallest
+/// number of stars in the map.
 fn changes(frames: impl Iterator<Item = (Vec<f32>, u64)>) -> ([f64; 2], u64) {
     let mut before: Option<Vec<f32>> = None;
     let (mut most, mut least_in_map) = ([0.0_f64; 2], u64::MAX);
@@ -62,13 +62,13 @@ fn changes(frames: impl Iterator<Item = (Vec<f32>, u64)>) -> ([f64; 2], u64) {
 
 fn check(name: &str, (most, in_map): ([f64; 2], u64)) {
     println!(
-        "{name}: change of the error 99.9 % {:.3}, largest {:.3}; at least {in_map} stars in a map",
+        "{name}: change of the error 99.9 % {:.3}, largest {:.3}; at least {in_map} stars in the map",
         most[0], most[1]
     );
     assert!(most[0] <= 2.0 * BUDGET && most[1] <= 4.0 * BUDGET, "{name}: {most:?}");
 }
 
-/// Pixels of 0.7 degrees: the widest that have a budget of their own.
+/// Pixels of 0.7 degrees: the widest with an error budget.
 fn a_turn(frames: u32) {
     let ((mut scene, settings), rig) = (scene_and_settings(300_000), fisheye(90.0, 128));
     let from = scene.camera.world_from_camera;
@@ -79,7 +79,7 @@ fn a_turn(frames: u32) {
         errors(&mut renderer, &scene, &rig, &settings)
     });
     let changes = changes(turned);
-    assert!(changes.1 > 100_000, "all frames read a map: {changes:?}");
+    assert!(changes.1 > 100_000, "all frames use the map: {changes:?}");
     check("turn", changes);
 }
 
@@ -116,20 +116,20 @@ fn the_error_does_not_jump_in_600_frames_of_a_turn_a_flight_and_a_zoom() {
     a_zoom(600);
 }
 
-/// An error that grows with the light from one frame to the next is found.
+/// An error that changes with the light between two frames must be detected.
 #[test]
-fn a_jump_is_found() {
+fn an_error_that_jumps_is_detected() {
     let ((mut scene, settings), rig) = (scene_and_settings(50_000), fisheye(180.0, 128));
     let mut renderer = renderer();
     let steady = errors(&mut renderer, &scene, &rig, &settings);
-    let mut off = steady.clone();
+    let mut jumped = steady.clone();
     scene.camera.world_from_camera *= DQuat::from_rotation_y(0.01);
     let exact = |renderer: &mut Renderer, scene: &SceneSnapshot| {
         let request = FrameRequest::new(scene, &rig).settings(&settings).wanted(Wanted::hdr());
         renderer.render(request).unwrap().images[0].hdr.clone().unwrap()
     };
     let turned = exact(&mut renderer, &scene);
-    off.0.iter_mut().zip(turned.iter().flatten()).for_each(|(error, light)| *error += 1e3 * light);
-    let (most, _) = changes([steady, off].into_iter());
+    jumped.0.iter_mut().zip(turned.iter().flatten()).for_each(|(error, light)| *error += 1e3 * light);
+    let (most, _) = changes([steady, jumped].into_iter());
     assert!(most[1] > 4.0 * BUDGET, "{most:?}");
 }

@@ -1,5 +1,5 @@
-//! The renderer on an adapter, one folder per technique: `cargo test --release --test gpu glare::` runs those of glare.
-#![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+//! Tests of the renderer on an adapter, one folder per technique. `cargo test --release --test gpu glare::` runs those of glare.
+#![allow(clippy::unwrap_used, reason = "a test fails by a panic")]
 
 use testkit as common;
 

@@ -1,5 +1,5 @@
-//! Overlays on the adapter: the codes of the twin, lines where their directions are and as wide as they should be in every projection,
-//! hidden behind bodies; and nothing of them in light.
+//! Overlays on the adapter: display codes equal the CPU reference; lines have their position and width in every
+//! projection; bodies hide what is behind them; HDR images contain no overlays.
 
 use std::{
     f64::consts::{FRAC_PI_2, PI},
@@ -50,7 +50,7 @@ fn rig_of(views: Vec<(&str, ViewKind)>) -> Rig {
     Rig::new(views.into_iter().map(view).collect()).unwrap()
 }
 
-/// A few stars, and a camera that looks somewhere.
+/// A few stars, and a rotated camera.
 fn scene(overlay: Overlay, bodies: Vec<Body>) -> SceneSnapshot {
     let objects = SceneObjects {
         bodies: bodies.into_iter().map(Arc::new).collect(),
@@ -110,7 +110,7 @@ fn everything() -> Overlay {
     }
 }
 
-/// The twin's picture of a viewport, over the display image of a frame without overlays.
+/// The CPU reference of a viewport: the overlay drawn over the display image of a frame without overlays.
 fn twin(plan: &OverlayPlan, rig: &Rig, scene: &SceneSnapshot, index: usize, below: &FrameImage) -> Vec<u8> {
     let viewport = &rig.viewports(scene.camera.world_from_camera)[index];
     let mut codes = below.display.clone().unwrap();
@@ -121,7 +121,7 @@ fn twin(plan: &OverlayPlan, rig: &Rig, scene: &SceneSnapshot, index: usize, belo
     codes
 }
 
-/// Largest difference of codes, and how many codes differ at all.
+/// Returns the largest difference of codes, and the number of different codes.
 fn difference(a: &[u8], b: &[u8]) -> (u8, usize) {
     assert_eq!(a.len(), b.len());
     let differences = a.iter().zip(b).map(|(a, b)| a.abs_diff(*b));
@@ -129,14 +129,14 @@ fn difference(a: &[u8], b: &[u8]) -> (u8, usize) {
 }
 
 #[test]
-fn display_images_are_those_of_the_twin_and_light_is_untouched() {
+fn display_codes_equal_the_reference_and_hdr_is_unchanged() {
     let rig = rig_of(views());
     let (plain, drawn) = (scene(Overlay::default(), vec![]), scene(everything(), vec![]));
     let mut renderer = renderer();
     let before = render(&mut renderer, &plain, &rig);
     let after = render(&mut renderer, &drawn, &rig);
     let plan = plan_of(&drawn, &rig);
-    // Lines that are a quarter of a pixel wider than they should be.
+    // Lines that are a quarter of a pixel too wide.
     let mut wider = (*plan).clone();
     for item in &mut wider.items {
         if let Shape::Line { half_width_px, .. } = &mut item.shape {
@@ -148,20 +148,20 @@ fn display_images_are_those_of_the_twin_and_light_is_untouched() {
         let bits = |image: &FrameImage| -> Vec<[u32; 4]> {
             image.hdr.as_ref().unwrap().iter().map(|pixel| pixel.map(f32::to_bits)).collect()
         };
-        assert!(bits(below) == bits(image), "{name}: light has changed");
-        let seen = image.display.as_ref().unwrap();
-        assert!(difference(seen, below.display.as_ref().unwrap()).1 > 1000, "{name}: nothing is drawn");
+        assert!(bits(below) == bits(image), "{name}: the HDR image has changed");
+        let codes = image.display.as_ref().unwrap();
+        assert!(difference(codes, below.display.as_ref().unwrap()).1 > 1000, "{name}: nothing is drawn");
         let expected = twin(&plan, &rig, &drawn, index, below);
-        let (most, count) = difference(seen, &expected);
-        println!("{name}: at most {most} codes, {count} of {} differ", seen.len());
+        let (most, count) = difference(codes, &expected);
+        println!("{name}: at most {most} codes, {count} of {} differ", codes.len());
         assert!(most <= 1, "{name}: {most} codes");
-        assert!(count * 200 < seen.len(), "{name}: {count} codes differ");
-        // A wrong picture is found.
-        let (most, _) = difference(seen, &twin(&wider, &rig, &drawn, index, below));
+        assert!(count * 200 < codes.len(), "{name}: {count} codes differ");
+        // A wrong picture must fail the comparison.
+        let (most, _) = difference(codes, &twin(&wider, &rig, &drawn, index, below));
         assert!(most > 5, "{name}: wider lines make {most} codes");
     }
     assert_eq!(after.exposure_ev100.to_bits(), before.exposure_ev100.to_bits());
-    // Without overlays again, everything is as it was.
+    // Without overlays, the display images are the same as before.
     let again = render(&mut renderer, &plain, &rig);
     for (a, b) in again.images.iter().zip(&before.images) {
         assert!(a.display == b.display, "the display image without overlays has changed");
@@ -169,7 +169,7 @@ fn display_images_are_those_of_the_twin_and_light_is_untouched() {
 }
 
 #[test]
-fn a_test_pattern_of_one_view_leaves_the_others() {
+fn a_test_pattern_appears_only_in_its_view() {
     let rig = rig_of(vec![
         ("a", ViewKind::Perspective { size: [96, 64], fov_y_rad: 1.0 }),
         ("b", ViewKind::Equirectangular { size: [96, 48] }),
@@ -180,27 +180,27 @@ fn a_test_pattern_of_one_view_leaves_the_others() {
     let after = render(&mut renderer, &scene(overlay, vec![]), &rig);
     assert!(before.images[0].display == after.images[0].display);
     assert!(before.images[1].display != after.images[1].display);
-    // The outermost pixels are white all around.
-    let seen = after.images[1].display.as_ref().unwrap();
+    // The outermost pixels are white on all sides.
+    let codes = after.images[1].display.as_ref().unwrap();
     for x in 0..96 {
-        assert_eq!((seen[4 * x], seen[4 * (47 * 96 + x)]), (255, 255));
+        assert_eq!((codes[4 * x], codes[4 * (47 * 96 + x)]), (255, 255));
     }
 }
 
-/// Coverage of every pixel by white lines before a black sky.
+/// Coverage of every pixel by white lines on a black sky.
 fn coverage(image: &FrameImage) -> Vec<f64> {
     let codes = image.display.as_ref().unwrap();
     codes.chunks(4).map(|pixel| linear_from_srgb(f64::from(pixel[1]) / 255.0)).collect()
 }
 
-/// A dark sky with white lines.
+/// A black sky with white lines.
 fn dark_sky(overlay: Overlay) -> SceneSnapshot {
     let lit = scene(overlay, vec![]);
     SceneSnapshot { stars: snapshot(vec![]).stars, ..lit }
 }
 
 #[test]
-fn lines_go_through_their_directions_and_have_one_width_in_every_projection() {
+fn lines_have_their_position_and_width_in_every_projection() {
     let rig = rig_of(views());
     const SIGMA_PX: f64 = 1.5;
     let width_px = 2.5;
@@ -208,7 +208,7 @@ fn lines_go_through_their_directions_and_have_one_width_in_every_projection() {
     let sky = dark_sky(Overlay { grids: vec![grid(GridKind::Galactic)], ..Overlay::default() });
     let frame = render(&mut renderer(), &sky, &rig);
     let viewports = rig.viewports(sky.camera.world_from_camera);
-    // The equator and four meridians of the galaxy.
+    // The galactic equator and four meridians.
     let galactic = steradian::coordinates::icrs_from_galactic();
     let circle = |index: usize, angle: f64| match index {
         0 => galactic * direction_from_lon_lat(angle, 0.0),
@@ -222,7 +222,7 @@ fn lines_go_through_their_directions_and_have_one_width_in_every_projection() {
         let mapping = viewport.projection.mapping();
         let covered = coverage(image);
         let [width, height] = viewport.size();
-        let at = |index: usize, angle: f64| {
+        let pixel_at = |index: usize, angle: f64| {
             let direction = viewport.world_from_view.inverse() * circle(index, angle);
             mapping.pixel_from_direction(direction)
         };
@@ -230,9 +230,9 @@ fn lines_go_through_their_directions_and_have_one_width_in_every_projection() {
         for index in 0..5 {
             for step in 0..90 {
                 let angle = f64::from(step) * PI / 45.0 + 0.011;
-                let Some(pixel) = at(index, angle) else { continue };
-                // Where the line is nearly straight and alone, and inside of the picture.
-                let ends = [at(index, angle - 0.01), at(index, angle + 0.01)];
+                let Some(pixel) = pixel_at(index, angle) else { continue };
+                // Only places where the line is nearly straight, away from other lines, and inside of the picture.
+                let ends = [pixel_at(index, angle - 0.01), pixel_at(index, angle + 0.01)];
                 let [Some(before), Some(after)] = ends else { continue };
                 let reach = 7.0;
                 let inside = pixel.min_element() > reach
@@ -241,7 +241,7 @@ fn lines_go_through_their_directions_and_have_one_width_in_every_projection() {
                 let bend = ((before + after) / 2.0).distance(pixel) / before.distance_squared(after).max(1e-9);
                 let others = (0..5).filter(|other| *other != index).any(|other| {
                     (0..720)
-                        .filter_map(|k| at(other, f64::from(k) * PI / 360.0))
+                        .filter_map(|k| pixel_at(other, f64::from(k) * PI / 360.0))
                         .any(|near| near.distance(pixel) < 14.0)
                 });
                 if !inside || bend > 0.0005 || others || !(0.5..20.0).contains(&before.distance(after)) {
@@ -249,7 +249,7 @@ fn lines_go_through_their_directions_and_have_one_width_in_every_projection() {
                 }
                 let normal = (after - before).normalize().perp();
                 let tangent = (after - before).normalize();
-                // Across the line everything counts, along it a Gaussian: the sum over pixels is the integral then.
+                // Weighted by a Gaussian along the line and equally across it, the sum over pixels approximates the integral.
                 let (mut sum, mut moment) = (0.0, 0.0);
                 let mut rim = false;
                 for dy in -7..=7 {
@@ -273,14 +273,14 @@ fn lines_go_through_their_directions_and_have_one_width_in_every_projection() {
                 let (off_px, measured) = (moment / sum, sum);
                 worst_off_px = worst_off_px.max(off_px.abs());
                 worst_width = worst_width.max((measured / width_px - 1.0).abs());
-                assert!(off_px.abs() < 0.1, "{name}: {off_px} px beside the line at {pixel}");
+                assert!(off_px.abs() < 0.1, "{name}: line {off_px} px off at {pixel}");
                 assert!((measured / width_px - 1.0).abs() < 0.06, "{name}: {measured} px wide at {pixel}");
             }
         }
         println!("{name}: {of_image} places");
         points += of_image;
     }
-    println!("{points} places: at most {worst_off_px} px off, width off by {worst_width}");
+    println!("{points} places: largest offset {worst_off_px} px, largest relative error of the width {worst_width}");
     assert!(points > 200, "{points} places");
 }
 
@@ -288,7 +288,7 @@ fn lines_go_through_their_directions_and_have_one_width_in_every_projection() {
 fn bodies_hide_what_is_behind_them() {
     let rig = rig_of(vec![("flat", ViewKind::Perspective { size: [200, 200], fov_y_rad: 0.8 })]);
     let camera = Camera::default();
-    // A dark ball of 20 pixels, straight ahead, and a line before it and one behind.
+    // A black ball with a radius of about 24 pixels, straight ahead, with one line in front of it and one behind.
     let mut ball = Body::preset(SolarBody::Moon, "ball", DVec3::NEG_Z * 1e8);
     ball.radii_m = DVec3::splat(1e7);
     ball.surface.geometric_albedo = [0.0; 3];
@@ -322,15 +322,15 @@ fn bodies_hide_what_is_behind_them() {
         labels: vec![label("own", Anchor::Point(DVec3::NEG_Z * 1e8 + DVec3::Y * 6e6))],
         ..Overlay::default()
     };
-    let with = |overlay: Overlay, bodies| SceneSnapshot { camera, ..scene(overlay, bodies) };
+    let scene_with = |overlay: Overlay, bodies| SceneSnapshot { camera, ..scene(overlay, bodies) };
     let mut renderer = renderer();
-    let open = render(&mut renderer, &with(overlay.clone(), vec![]), &rig);
-    let hidden = render(&mut renderer, &with(overlay, vec![ball]), &rig);
+    let open = render(&mut renderer, &scene_with(overlay.clone(), vec![]), &rig);
+    let hidden = render(&mut renderer, &scene_with(overlay, vec![ball]), &rig);
     let [open, hidden] = [&open.images[0], &hidden.images[0]];
     for (x, y, name) in [(0.0, 0.03, "before"), (0.0, -0.03, "behind"), (0.05, 0.0, "grid")] {
         let (inside, outside) = (centre_px(x, y), centre_px(x + 0.15, y));
         assert!(inside.distance(DVec2::splat(100.0)) < radius_px - 3.0);
-        assert_eq!(code(open, outside), code(hidden, outside), "{name} beside the ball");
+        assert_eq!(code(open, outside), code(hidden, outside), "{name} next to the ball");
         assert_ne!(code(open, inside), [0; 3], "{name} without the ball");
         if name == "before" {
             assert_eq!(code(hidden, inside), code(open, inside), "{name}");
@@ -338,12 +338,12 @@ fn bodies_hide_what_is_behind_them() {
             assert_eq!(code(hidden, inside), [0; 3], "{name}");
         }
     }
-    // The label of the ball stands before it: inside of the disc, right of and above its point.
+    // The label of the ball is drawn in front of it: inside of the disc, to the right of its point and above.
     assert_eq!(code(hidden, centre_px(0.0, 0.06) + DVec2::new(6.0, -6.0)), [255, 255, 0]);
 }
 
 #[test]
-fn the_limb_of_a_body_hides_as_much_of_a_line_as_it_covers() {
+fn the_limb_of_a_body_hides_lines_by_pixel_coverage() {
     let rig = rig_of(vec![("flat", ViewKind::Perspective { size: [200, 200], fov_y_rad: 0.8 })]);
     let mut ball = Body::preset(SolarBody::Moon, "ball", DVec3::NEG_Z * 1e8);
     ball.radii_m = DVec3::splat(1e7);
@@ -354,24 +354,24 @@ fn the_limb_of_a_body_hides_as_much_of_a_line_as_it_covers() {
     let sky = SceneSnapshot { camera: Camera::default(), stars: snapshot(vec![]).stars, ..scene(overlay, vec![ball]) };
     let frame = render(&mut renderer(), &sky, &rig);
     let open = coverage(&frame.images[0]);
-    // Share of a pixel outside of a disc of a radius around the middle of the image.
+    // Share of a pixel outside of a disc around the centre of the image.
     let outside = |x: usize, y: usize, radius_px: f64| {
-        let at = |corner: usize, part: usize| corner as f64 + (part as f64 + 0.5) / 32.0 - 100.0;
+        let offset_px = |corner: usize, part: usize| corner as f64 + (part as f64 + 0.5) / 32.0 - 100.0;
         let parts = (0..32).flat_map(|j| (0..32).map(move |i| (i, j)));
-        parts.filter(|(i, j)| at(x, *i).hypot(at(y, *j)) > radius_px).count() as f64 / 1024.0
+        parts.filter(|(i, j)| offset_px(x, *i).hypot(offset_px(y, *j)) > radius_px).count() as f64 / 1024.0
     };
     let error = |radius_px: f64| {
         let pixels = (88..112).flat_map(|y| (60..140).map(move |x| (x, y)));
         pixels.map(|(x, y)| (open[y * 200 + x] - outside(x, y, radius_px)).abs()).fold(0.0, f64::max)
     };
-    println!("radius {radius_px} px: share off by {}", error(radius_px));
+    println!("radius {radius_px} px: largest error of the coverage {}", error(radius_px));
     assert!(error(radius_px) < 0.06, "{}", error(radius_px));
-    // A disc that is a quarter of a pixel larger is another one.
+    // A disc that is a quarter of a pixel larger fails the comparison.
     assert!(error(radius_px + 0.25) > 0.15, "{}", error(radius_px + 0.25));
 }
 
 #[test]
-fn lines_cross_the_seam_of_an_equirectangular_image_and_the_edges_of_a_cube_without_a_gap() {
+fn lines_have_no_gap_at_seams_and_cube_edges() {
     let rig = rig_of(vec![
         ("sphere", ViewKind::Equirectangular { size: [240, 120] }),
         ("cube", ViewKind::Cubemap { face_size: 96, faces: Face::ALL.to_vec() }),
@@ -379,17 +379,23 @@ fn lines_cross_the_seam_of_an_equirectangular_image_and_the_edges_of_a_cube_with
     let grid = Grid { kind: GridKind::Altitude, divisions: 3, numbers: false, style: style([255; 3], 3.0, 1.0) };
     let sky = dark_sky(Overlay { grids: vec![grid], ..Overlay::default() });
     let frame = render(&mut renderer(), &sky, &rig);
-    // The horizon goes through every column at the same height, and the meridian behind lies on the seam: half on each side.
+    // The horizon crosses every column at the same height. The meridian behind the camera lies on the seam, half of it on
+    // each side.
     let sphere = coverage(&frame.images[0]);
     for x in 0..240 {
         assert!(sphere[60 * 240 + x] > 0.99 && sphere[59 * 240 + x] > 0.99, "a gap in the horizon at {x}");
     }
     for y in [45, 50, 70] {
-        let at = |x: usize| sphere[y * 240 + x];
-        assert!(at(0) > 0.99 && at(239) > 0.99, "row {y}: {} {}", at(0), at(239));
-        assert!((at(1) - at(238)).abs() < 0.01 && at(1) > 0.4, "row {y}: {} {}", at(1), at(238));
+        let coverage_at = |x: usize| sphere[y * 240 + x];
+        assert!(coverage_at(0) > 0.99 && coverage_at(239) > 0.99, "row {y}: {} {}", coverage_at(0), coverage_at(239));
+        assert!(
+            (coverage_at(1) - coverage_at(238)).abs() < 0.01 && coverage_at(1) > 0.4,
+            "row {y}: {} {}",
+            coverage_at(1),
+            coverage_at(238)
+        );
     }
-    // A line of constant altitude leaves the front face where it enters the right one.
+    // A line of constant altitude continues from the front face to the right face.
     let [front, right] = [1, 2].map(|index| coverage(&frame.images[index]));
     let column = |face: &[f64], x: usize| -> f64 {
         let rows = (0..96).map(|y| (face[y * 96 + x], y as f64 + 0.5)).filter(|(_, y)| (8.0..40.0).contains(y));
@@ -397,6 +403,6 @@ fn lines_cross_the_seam_of_an_equirectangular_image_and_the_edges_of_a_cube_with
         moment / sum
     };
     let [left, right] = [column(&front, 95), column(&right, 0)];
-    // Half a pixel on each side of the edge, where the line bends.
+    // The two columns are half a pixel from the edge, on either side of a bend of the line.
     assert!((left - right).abs() < 0.1, "{left} {right}");
 }

@@ -4,8 +4,8 @@ use std::{path::Path, sync::Arc};
 
 use steradian::{Gpu, GpuOptions, Renderer, SceneSnapshot, Wanted, config::Config, scene::loader::load_stars};
 
-/// Number of pipelines that `prepare` creates for a configuration, and number that the first frame creates in
-/// addition.
+/// Number of pipelines that `prepare` creates for a configuration, and number of further ones that the first frame
+/// creates.
 fn made(file: &str, set: &[&str]) -> [u64; 2] {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(file);
     let small = ["scene.catalogues=[\"builtin:bright\"]"];

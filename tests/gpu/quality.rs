@@ -1,4 +1,4 @@
-//! What display images gain in time by what they give up: figures, no assertion.
+//! Times of display images at several quality levels. This prints figures and asserts nothing.
 
 use std::time::Instant;
 
@@ -12,7 +12,7 @@ use crate::common::{configured, renderer};
 
 #[test]
 #[ignore = "measures: cargo test --release --test gpu quality:: -- --ignored --nocapture"]
-fn what_levels_save() {
+fn times_of_quality_levels() {
     let set = [
         "scene.catalogues=[\"builtin:bright\", { galaxy = { stars = 3000000, seed = 1, fainter_than = 6.5 } }]",
         "views.dome.size=[1024,1024]",

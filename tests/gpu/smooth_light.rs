@@ -1,4 +1,4 @@
-//! Display images that read the map of faint light, against exact frames that draw every star.
+//! Display images that use the map of faint stars, compared with exact frames that draw every star.
 
 use std::{f64::consts::PI, sync::OnceLock};
 
@@ -19,7 +19,7 @@ use crate::{
     display_errors::Errors,
 };
 
-/// Of the 1.2 million stars more than a third belong to the map at this exposure and in such a dome.
+/// At this exposure and in a dome of 512 pixels, the map contains more than a third of the 1.2 million stars.
 const EV100: f64 = -5.4;
 
 /// Scene and settings, loaded once.
@@ -53,50 +53,50 @@ fn draw(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, output: Outpu
     renderer.render(request.drawn_for(output).sky_map(sky_map)).unwrap()
 }
 
-/// Light of a frame, lx.
+/// Sum of the light of a frame, lx.
 fn light_lx(frame: &Frame) -> f64 {
     let pixels = frame.images.iter().flat_map(|image| image.hdr.as_ref().unwrap());
     pixels.map(|pixel| f64::from(pixel[1]) * f64::from(pixel[3])).sum()
 }
 
-/// Towards faces, edges and corners of the map's pictures.
+/// Directions of the view towards faces, edges and corners of the map.
 fn directions() -> [DQuat; 4] {
     [DVec3::Z, DVec3::new(1.0, 1.0, 0.0), DVec3::new(-1.0, -1.0, 1.0), DVec3::new(0.3, -2.0, 0.7)]
         .map(|towards| DQuat::from_rotation_arc(DVec3::NEG_Z, towards.normalize()))
 }
 
 #[test]
-fn a_dome_keeps_its_budget_and_its_light() {
+fn the_map_keeps_the_error_budget_and_the_light_of_a_dome() {
     let rig = rig(vec![dome(512)]);
     let mut renderer = renderer();
     for (case, towards) in directions().into_iter().enumerate() {
         let scene = scene(towards);
         let exact = draw(&mut renderer, &scene, &rig, Output::Hdr, SkyMapUse::Wait);
-        let shown = draw(&mut renderer, &scene, &rig, Output::Display, SkyMapUse::Wait);
+        let display = draw(&mut renderer, &scene, &rig, Output::Display, SkyMapUse::Wait);
         let star_by_star = draw(&mut renderer, &scene, &rig, Output::Display, SkyMapUse::Off);
-        let (in_map, drawn) = (shown.views[0].stars_in_map, shown.views[0].stars_drawn);
+        let (in_map, drawn) = (display.views[0].stars_in_map, display.views[0].stars_drawn);
         assert!(in_map > 200_000 && drawn < exact.views[0].stars_drawn - 50_000, "{in_map} {drawn}");
         assert_eq!([exact.views[0].stars_in_map, star_by_star.views[0].stars_in_map], [0, 0]);
         let settings = settings();
-        let [with_map, without] = [&shown, &star_by_star].map(|frame| Errors::of(&exact, frame, &settings));
-        let of_map = Errors::of(&star_by_star, &shown, &settings);
-        let of = |errors: &Errors| [errors.rms(), errors.quantile(0.999), errors.quantile(1.0)];
-        let light = light_lx(&shown) / light_lx(&star_by_star) - 1.0;
+        let [with_map, without] = [&display, &star_by_star].map(|frame| Errors::between(&exact, frame, &settings));
+        let of_map = Errors::between(&star_by_star, &display, &settings);
+        let statistics = |errors: &Errors| [errors.rms(), errors.quantile(0.999), errors.quantile(1.0)];
+        let light = light_lx(&display) / light_lx(&star_by_star) - 1.0;
         println!(
-            "{case}: {in_map} stars in the map, {drawn} drawn of {}: rms, 99.9 %, largest {:.3?}, without a map {:.3?}, of the map alone {:.3?}; light {light:.1e}",
+            "{case}: {in_map} stars in the map, {drawn} drawn of {}: rms, 99.9 %, largest {:.3?}, without the map {:.3?}, of the map alone {:.3?}; relative error of the light {light:.1e}",
             exact.views[0].stars_drawn,
-            of(&with_map),
-            of(&without),
-            of(&of_map)
+            statistics(&with_map),
+            statistics(&without),
+            statistics(&of_map)
         );
         assert!(of_map.quantile(0.999) < LIMITS[0] && of_map.quantile(1.0) < LIMITS[1], "{case}: {:?}", of_map.worst);
         assert!(light.abs() < 1e-4, "{case}: {light:.1e}");
     }
 }
 
-/// Without glare the map is read as with it, in the frame that is drawn for its display image alone.
+/// Without glare, display images also use the map of faint stars.
 #[test]
-fn a_dome_without_glare_reads_the_map_too() {
+fn a_dome_without_glare_also_uses_the_map() {
     let rig = rig(vec![dome(512)]);
     let mut renderer = renderer();
     let scene = scene(directions()[0]);
@@ -106,9 +106,9 @@ fn a_dome_without_glare_reads_the_map_too() {
         let request = FrameRequest::new(&scene, &rig).settings(settings).wanted(Wanted::hdr()).drawn_for(output);
         renderer.render(request).unwrap()
     };
-    let (exact, shown) = (frame(&settings, Output::Hdr), frame(&settings, Output::Display));
-    assert!(shown.views[0].stars_in_map > 200_000 && exact.views[0].stars_in_map == 0);
-    let errors = Errors::of(&exact, &shown, &settings);
+    let (exact, display) = (frame(&settings, Output::Hdr), frame(&settings, Output::Display));
+    assert!(display.views[0].stars_in_map > 200_000 && exact.views[0].stars_in_map == 0);
+    let errors = Errors::between(&exact, &display, &settings);
     let [most, largest] = [0.999, 1.0].map(|share| errors.quantile(share));
     println!("99.9 % {most:.3}, largest {largest:.3}");
     assert!(most < LIMITS[0] && largest < LIMITS[1], "{most} {largest} {:?}", errors.worst);
@@ -116,24 +116,24 @@ fn a_dome_without_glare_reads_the_map_too() {
     assert_eq!(frame(&settings, Output::Display).views[0].stars_in_map, 0);
 }
 
-/// About twice what was measured, codes: 99.9 % and largest.
+/// Limits of the 99.9 % quantile and of the largest error, codes: about twice the measured values.
 const LIMITS: [f64; 2] = [0.8, 2.0];
 
-/// The comparison tells a map that lies elsewhere.
+/// A rotation by one texel of the map must fail the comparison.
 #[test]
 fn a_sky_turned_by_a_texel_fails() {
     let rig = rig(vec![dome(512)]);
     let mut renderer = renderer();
     let [towards, ..] = directions();
-    let shown = draw(&mut renderer, &scene(towards), &rig, Output::Display, SkyMapUse::Wait);
+    let display = draw(&mut renderer, &scene(towards), &rig, Output::Display, SkyMapUse::Wait);
     let turned = scene(towards * DQuat::from_rotation_z(0.0061));
     let exact = draw(&mut renderer, &turned, &rig, Output::Hdr, SkyMapUse::Wait);
-    let errors = Errors::of(&exact, &shown, &settings());
+    let errors = Errors::between(&exact, &display, &settings());
     assert!(errors.quantile(0.999) > 10.0 * LIMITS[0], "{}", errors.quantile(0.999));
 }
 
 #[test]
-fn a_map_made_in_turn_is_the_same() {
+fn a_map_built_over_several_frames_is_the_same() {
     let rig = rig(vec![dome(512)]);
     let [towards, away, ..] = directions();
     let images = |frame: Frame| frame.images.into_iter().map(|image| image.hdr.unwrap()).collect::<Vec<_>>();
@@ -153,9 +153,9 @@ fn a_map_made_in_turn_is_the_same() {
     }
 }
 
-/// A camera that has travelled sees the sky of where it is.
+/// The map depends on the position of the camera.
 #[test]
-fn another_place_has_another_map() {
+fn another_camera_position_has_another_map() {
     let rig = rig(vec![dome(512)]);
     let mut renderer = renderer();
     let [towards, ..] = directions();
@@ -163,16 +163,16 @@ fn another_place_has_another_map() {
     let mut elsewhere = scene(towards);
     elsewhere.camera.position_m = DVec3::new(20.0, -5.0, 3.0) * PARSEC_M;
     let exact = draw(&mut renderer, &elsewhere, &rig, Output::Hdr, SkyMapUse::Wait);
-    let shown = draw(&mut renderer, &elsewhere, &rig, Output::Display, SkyMapUse::Wait);
-    assert!(shown.views[0].stars_in_map > 200_000);
-    let errors = Errors::of(&exact, &shown, &settings());
+    let display = draw(&mut renderer, &elsewhere, &rig, Output::Display, SkyMapUse::Wait);
+    assert!(display.views[0].stars_in_map > 200_000);
+    let errors = Errors::between(&exact, &display, &settings());
     let [most, largest] = [0.999, 1.0].map(|share| errors.quantile(share));
     println!("99.9 % {most:.3}, largest {largest:.3}");
     assert!(most < LIMITS[0] && largest < LIMITS[1], "{most} {largest} {:?}", errors.worst);
 }
 
 #[test]
-fn views_that_a_map_does_not_fit_have_none() {
+fn views_unsuitable_for_a_map_use_none() {
     let mut renderer = renderer();
     let scene = scene(directions()[0]);
     let sky = ("sky", ViewKind::Equirectangular { size: [512, 256] });

@@ -1,4 +1,5 @@
-//! The solid angle of pixels: against independent values, against each other, and on the adapter against f64.
+//! Solid angles of pixels: f64 and the adapter compared with an independent table, with each other, and with closed
+//! forms.
 
 use std::{f64::consts::PI, sync::LazyLock};
 
@@ -13,7 +14,7 @@ use steradian::{
     },
 };
 
-/// One device for the tests here.
+/// The device of all tests in this file.
 static GPU: LazyLock<Gpu> = LazyLock::new(|| Gpu::open(&GpuOptions::default()).unwrap());
 
 /// The projection of a row of the reference table.
@@ -73,7 +74,7 @@ fn references() -> Vec<Reference> {
     rows
 }
 
-/// Of f64 against the table, of which the worst is 3.1e-9: it has so many digits.
+/// Limit for f64 against the table. The worst error is 3.1e-9, because the table has a limited number of digits.
 const F64_LIMIT: f64 = 1.3e-8;
 
 #[test]
@@ -91,8 +92,8 @@ fn f64_agrees_with_the_reference_table() {
 }
 
 #[test]
-fn a_wrong_solid_angle_is_found() {
-    // The distortion-free pixel of a flat view, and a fisheye of the wrong field of view, must miss the table.
+fn a_wrong_solid_angle_fails_the_comparison() {
+    // The central pixel of a flat view, and a fisheye with a wrong field of view, must not match the table.
     let rows = references();
     let flat = rows.iter().filter(|row| row.name.starts_with("perspective"));
     assert!(flat.clone().any(|row| {
@@ -122,7 +123,7 @@ fn all_projections(size: u32) -> Vec<(String, Projection)> {
     solid_angle::all_projections(size).expect("valid sizes")
 }
 
-/// At 16384 pixels a side f32 has few digits to spare.
+/// At 16384 pixels per side, f32 has hardly more digits than needed.
 #[test]
 fn the_adapter_agrees_with_f64_at_16k_and_at_256() {
     let mut worst_at_16k = figures::SOLID_ANGLE_16K.worst();
@@ -137,7 +138,7 @@ fn the_adapter_agrees_with_f64_at_16k_and_at_256() {
                 let [x, y] = *pixel;
                 let exact = mapping.solid_angle_sr(x, y);
                 if exact == 0.0 {
-                    assert_eq!(probed.solid_angle_sr, 0.0, "{name} {size}: {pixel:?} lies outside of the picture");
+                    assert_eq!(probed.solid_angle_sr, 0.0, "{name} {size}: {pixel:?} is outside of the picture");
                     continue;
                 }
                 let error = (f64::from(probed.solid_angle_sr) / exact - 1.0).abs();
@@ -153,8 +154,8 @@ fn the_adapter_agrees_with_f64_at_16k_and_at_256() {
                 }
             }
             println!("{name} {size}: solid angle {worst:.1e}, direction {worst_direction:.1e} rad");
-            // At the antipode of the equisolid full sphere and at the orthographic rim a pixel is a hundred times as high as
-            // in the middle, and f32 resolves its radius no better.
+            // At the antipode of the equisolid full sphere and at the orthographic rim, pixels are about a hundred times as high as
+            // in the centre, and the precision of f32 limits their radius accordingly.
             let stretched = name == "equisolid 360" || name == "orthographic 180";
             let limit = if stretched { 1e-5 } else { 1.4e-6 };
             assert!(worst_direction < limit, "{name} {size}: direction {worst_direction}");
@@ -164,7 +165,7 @@ fn the_adapter_agrees_with_f64_at_16k_and_at_256() {
 }
 
 #[test]
-fn directions_land_on_the_same_pixel_on_the_adapter_and_in_f64() {
+fn directions_map_to_the_same_pixel_on_the_adapter_and_in_f64() {
     for (name, projection) in all_projections(4096) {
         let mapping = projection.mapping();
         let probes: Vec<Probe> = crate::common::spiral(4000)
@@ -190,14 +191,15 @@ fn directions_land_on_the_same_pixel_on_the_adapter_and_in_f64() {
 }
 
 #[test]
-fn pixels_sum_to_the_picture() {
+fn pixels_sum_to_the_closed_form() {
     for (name, projection) in all_projections(1024) {
         let mapping = projection.mapping();
         let [width, height] = mapping.size();
         let sum: f64 = (0..height).map(|y| (0..width).map(|x| mapping.solid_angle_sr(x, y)).sum::<f64>()).sum();
         let error = (sum / projection.picture_solid_angle_sr() - 1.0).abs();
-        println!("{name}: sum over pixels {error:.1e} from closed form");
-        // A circle of 1024 pixels has up to 5e-5 more or less area than its pixels; at the orthographic rim that counts more.
+        println!("{name}: relative error of the sum over pixels {error:.1e}");
+        // The area of a circle 1024 pixels wide differs from the area of its pixels by up to 5e-5, which matters more at the
+        // orthographic rim.
         let limit = match &projection {
             Projection::Fisheye(f) if f.mapping == FisheyeMapping::Orthographic => 1e-3,
             Projection::Fisheye(_) => 1e-4,
@@ -207,9 +209,9 @@ fn pixels_sum_to_the_picture() {
     }
 }
 
-/// The failure test at 4096 pixels: full spheres, caps and rectangles in closed form.
+/// The same at 4096 pixels, for fisheyes.
 #[test]
-fn pixels_sum_to_the_picture_at_4k() {
+fn pixels_of_fisheyes_sum_to_the_closed_form_at_4k() {
     for (name, projection, limit) in [
         ("equidistant 180", Fisheye::new([4096; 2], FisheyeMapping::Equidistant, PI), 1e-6),
         ("equidistant 360", Fisheye::new([4096; 2], FisheyeMapping::Equidistant, 2.0 * PI), 1e-6),
@@ -218,7 +220,7 @@ fn pixels_sum_to_the_picture_at_4k() {
         ("orthographic 180", Fisheye::new([4096; 2], FisheyeMapping::Orthographic, PI), 1e-3),
     ] {
         let fisheye = projection.unwrap();
-        // One quadrant is enough: the picture is symmetric.
+        // One quadrant is enough, because the picture is symmetric.
         let sum: f64 = (0..2048).map(|y| (0..2048).map(|x| fisheye.solid_angle_sr(x, y)).sum::<f64>()).sum();
         let error = (4.0 * sum / Projection::Fisheye(fisheye).picture_solid_angle_sr() - 1.0).abs();
         println!("{name} at 4096: {error:.1e}");

@@ -1,4 +1,4 @@
-//! A steady state makes nothing: frames like the last one use its buffers, bind groups and pipelines again.
+//! In a steady state no GPU objects are created: frames reuse the buffers, bind groups and pipelines of earlier ones.
 
 use std::collections::VecDeque;
 
@@ -10,17 +10,17 @@ use steradian::{
 
 use crate::common::{configured, renderer_with};
 
-/// Frames until everything is there: a view may turn to where its tiles have more items.
+/// Frames until all objects exist. A rotated view can need more objects, because its tiles contain more items.
 const WARM_FRAMES: usize = 4;
 
-/// Frames of a configuration while the camera turns, `in_flight` at a time. Pictures are 96 pixels wide at most.
+/// Draws frames of a configuration while the camera turns, `in_flight` at a time.
 fn drawn(renderer: &mut Renderer, file: &str, overrides: &[&str], frames: usize, in_flight: usize) -> Vec<Frame> {
     let (mut scene, rig, settings) = configured(file, overrides);
     let from = scene.camera.world_from_camera;
     let mut submitted = VecDeque::new();
     let mut drawn = Vec::new();
     for frame in 0..frames {
-        // To and fro, so that what is seen does not grow.
+        // Back and forth, so that the contents of the views do not grow.
         let angle_rad = [0.0, 1e-3][frame % 2];
         scene.camera.world_from_camera = from * DQuat::from_rotation_y(angle_rad);
         submitted.push_back(renderer.submit(FrameRequest::new(&scene, &rig).settings(&settings)).unwrap());
@@ -32,7 +32,7 @@ fn drawn(renderer: &mut Renderer, file: &str, overrides: &[&str], frames: usize,
     drawn
 }
 
-/// Objects that each frame makes.
+/// Number of GPU objects that each frame creates.
 fn made(frames: &[Frame]) -> Vec<u64> {
     frames.iter().map(|frame| frame.times.objects_made).collect()
 }
@@ -41,35 +41,40 @@ const DOME: &str = "views.dome.size=[96,96]";
 const FACE: &str = "views.0.face_size=48";
 const FEW_STARS: &str = "scene.catalogues=[\"builtin:bright\"]";
 
-/// A frame has the same passes, counts and, where two runs are the same at all, bits, whether it was drawn alone or beside another one.
-fn assert_same(one: &Frame, two: &Frame, what: &str) {
+/// Asserts equal passes, counts and display images of two frames. Bits are not compared for the method that is not
+/// deterministic.
+fn assert_same(one: &Frame, two: &Frame, case: &str) {
     let counts = |frame: &Frame| -> Vec<_> {
         frame.views.iter().map(|view| (view.stars_drawn, view.asteroids.clone())).collect()
     };
-    assert_eq!(counts(one), counts(two), "{what}");
+    assert_eq!(counts(one), counts(two), "{case}");
     let passes = |frame: &Frame| -> Vec<_> { frame.times.passes_ms.iter().map(|(name, _)| *name).collect() };
-    assert_eq!(passes(one), passes(two), "{what}");
-    // Which stars this method loses depends on the order in which threads get there.
-    if what.contains("packed_cas") {
+    assert_eq!(passes(one), passes(two), "{case}");
+    // This method loses different stars depending on the order of the threads.
+    if case.contains("packed_cas") {
         return;
     }
-    assert_eq!(one.exposure_ev100, two.exposure_ev100, "{what}");
+    assert_eq!(one.exposure_ev100, two.exposure_ev100, "{case}");
     let same = one.images.iter().zip(&two.images).all(|(one, two)| one.display == two.display);
-    assert!(same && !one.images.is_empty() && one.images.len() == two.images.len(), "{what}");
+    assert!(same && !one.images.is_empty() && one.images.len() == two.images.len(), "{case}");
 }
 
-/// That two renderers, one of which has two frames under way, make nothing after `WARM_FRAMES` and draw the same pictures.
+/// Asserts that two renderers, one with two frames in flight, create nothing after `WARM_FRAMES` frames and draw the same
+/// pictures.
 fn assert_steady(cases: &[(&str, &[&str])]) {
     for (file, overrides) in cases {
-        // Strips, so that there are several tiles and batches.
+        // A small binding limit, so that there are several tiles and batches.
         let options = GpuOptions { binding_limit_bytes: Some(1 << 20), ..GpuOptions::default() };
         let frames = [1, 2].map(|in_flight| {
             let mut renderer = renderer_with(&options);
             let frames = drawn(&mut renderer, file, overrides, WARM_FRAMES + 4, in_flight);
             let made = made(&frames);
             println!("{file} {overrides:?}, {in_flight} at a time: {made:?}");
-            let known = in_flight == 2;
-            assert!(known || made[0] > 0, "{file} {overrides:?}: the first frame makes what it needs: {made:?}");
+            let has_earlier_objects = in_flight == 2;
+            assert!(
+                has_earlier_objects || made[0] > 0,
+                "{file} {overrides:?}: the first frame creates objects: {made:?}"
+            );
             assert!(made[WARM_FRAMES..].iter().all(|made| *made == 0), "{file} {overrides:?}: {made:?}");
             frames
         });
@@ -80,7 +85,7 @@ fn assert_steady(cases: &[(&str, &[&str])]) {
 }
 
 #[test]
-fn a_steady_frame_makes_no_buffer_bind_group_or_pipeline() {
+fn a_steady_frame_creates_no_gpu_objects() {
     assert_steady(&[
         ("dome.toml", &[DOME, FEW_STARS]),
         ("dome.toml", &[DOME, FEW_STARS, "glare.method=none", "exposure.mode=manual"]),
@@ -91,11 +96,11 @@ fn a_steady_frame_makes_no_buffer_bind_group_or_pipeline() {
 
 #[test]
 #[ignore = "long: make test-all"]
-fn a_steady_frame_of_any_method_makes_no_buffer_bind_group_or_pipeline() {
+fn a_steady_frame_of_any_method_creates_no_gpu_objects() {
     assert_steady(&[
         ("dome.toml", &[DOME, FEW_STARS, "glare.method=view_pyramid"]),
         ("dome.toml", &[DOME, FEW_STARS, "stars.method=packed_cas"]),
-        // Views of unlike sizes share one texture that is blended into, which is made anew for each: here they are alike.
+        // Views of different sizes share one blending texture, which is recreated for each; so the views have equal sizes here.
         ("cubemap.toml", &[FEW_STARS, FACE, "views.1.face_size=48", "stars.method=psf_texture", "glare.method=none"]),
         ("dome.toml", &[DOME, FEW_STARS, "stars.method=cell_sky", "glare.method=none"]),
         ("perspective.toml", &[FEW_STARS]),
@@ -103,7 +108,7 @@ fn a_steady_frame_of_any_method_makes_no_buffer_bind_group_or_pipeline() {
 }
 
 #[test]
-fn another_size_is_noticed() {
+fn another_view_size_creates_gpu_objects() {
     let mut renderer = renderer_with(&GpuOptions::default());
     let steady = drawn(&mut renderer, "dome.toml", &[DOME, FEW_STARS], WARM_FRAMES + 1, 1);
     assert_eq!(made(&steady)[WARM_FRAMES], 0);
@@ -111,9 +116,9 @@ fn another_size_is_noticed() {
     assert!(made(&other)[0] > 0);
 }
 
-/// A device that is lost in the midst of frames is an error that says so, and the renderer that is made anew draws the same pictures.
+/// A lost device is reported as an error, and the reopened renderer draws the same picture.
 #[test]
-fn a_renderer_that_has_lost_its_device_is_made_anew() {
+fn a_renderer_recovers_from_a_lost_device() {
     let (scene, rig, settings) = configured("dome.toml", &[FEW_STARS, DOME, "views.lens.size=[96,96]"]);
     let mut renderer = renderer_with(&GpuOptions::default());
     let draw = |renderer: &mut Renderer| renderer.render(FrameRequest::new(&scene, &rig).settings(&settings));
@@ -125,6 +130,6 @@ fn a_renderer_that_has_lost_its_device_is_made_anew() {
         renderer.reopen().unwrap();
         let after = draw(&mut renderer).unwrap();
         assert!(after.number > before.number, "{number}: {} {}", after.number, before.number);
-        assert_same(&before, &after, "made anew");
+        assert_same(&before, &after, "reopened renderer");
     }
 }

@@ -1,5 +1,5 @@
-//! Tabulated pictures on the adapter: a table of a projection that the adapter knows in closed form shows what the closed form
-//! shows, in every technique; a map that it does not know agrees with the f64 twin and keeps the light of all stars.
+//! Tabulated projections on the adapter. A table of a projection that has a closed form gives the same picture as the
+//! closed form, in every technique; a map without closed form agrees with the f64 reference and keeps the light of all stars.
 
 use std::{f64::consts::PI, sync::Arc};
 
@@ -34,7 +34,7 @@ fn tabulated(mapping: &Arc<TabulatedMapping>) -> ViewKind {
     ViewKind::Tabulated { mapping: Arc::clone(mapping) }
 }
 
-/// A closed form, and the table of it.
+/// Projections as closed form and as table.
 fn pairs() -> Vec<(&'static str, ViewKind, Arc<TabulatedMapping>)> {
     let [flat, round] = [[120, 90], [128, 128]];
     let fisheye = Fisheye::new(round, FisheyeMapping::Equidistant, PI).unwrap();
@@ -52,7 +52,7 @@ fn pairs() -> Vec<(&'static str, ViewKind, Arc<TabulatedMapping>)> {
     ]
 }
 
-/// Centre of the light of an image, pixels.
+/// Centroid of the light of an image, pixels.
 fn centroid(image: &FrameImage) -> DVec2 {
     let (mut sum, mut weighted) = (0.0, DVec2::ZERO);
     for (index, [r, g, b, omega]) in image.hdr.as_ref().unwrap().iter().enumerate() {
@@ -65,7 +65,7 @@ fn centroid(image: &FrameImage) -> DVec2 {
 }
 
 #[test]
-fn stars_stand_where_the_closed_form_has_them_with_their_light() {
+fn stars_of_tables_have_the_position_and_light_of_closed_forms() {
     let mut renderer = renderer();
     let (mut worst_px, mut worst_light) = (0.0_f64, 0.0_f64);
     for (name, closed, table) in pairs() {
@@ -85,14 +85,14 @@ fn stars_stand_where_the_closed_form_has_them_with_their_light() {
     assert!(worst_px < 8e-5 && worst_light < 1e-6, "{worst_px} px, {worst_light}");
 }
 
-/// Stars that each view of a rig shows, of one straight ahead.
+/// Number of stars that each view of a rig draws, for one star near the view axis.
 fn frame_counts(renderer: &mut Renderer, rig: &Rig) -> Vec<u64> {
     let sky = snapshot(vec![star(DVec3::new(0.1, 0.05, -1.0), 3.0)]);
     let frame = render_hdr(renderer, &sky, rig, &settings(StarMethod::BSpline));
     frame.views.iter().map(|view| view.stars_drawn).collect()
 }
 
-/// Sum of the differences between two images of one size over the sum of the first.
+/// Sum of the differences between two images over the sum of the first.
 fn difference(closed: &FrameImage, other: &FrameImage) -> f64 {
     let [closed, other] = [closed, other].map(|image| image.hdr.as_ref().unwrap());
     let light = |pixel: &[f32; 4]| f64::from(pixel[0] + pixel[1] + pixel[2]);
@@ -100,7 +100,7 @@ fn difference(closed: &FrameImage, other: &FrameImage) -> f64 {
     apart / closed.iter().map(light).sum::<f64>()
 }
 
-/// Greatest difference of a code between two display images, and the share of codes that differ by more than one.
+/// Largest difference of a code between two display images, and the share of codes that differ by more than one.
 fn code_difference(closed: &FrameImage, other: &FrameImage) -> (u8, f64) {
     let [closed, other] = [closed, other].map(|image| image.display.as_ref().unwrap());
     let apart: Vec<u8> = closed.iter().zip(other).map(|(a, b)| a.abs_diff(*b)).collect();
@@ -120,12 +120,12 @@ fn scene_of(file: &str, set: &[&str]) -> (SceneSnapshot, RenderSettings) {
 }
 
 #[test]
-fn every_technique_draws_a_table_as_the_closed_form() {
+fn tables_equal_closed_forms_in_every_technique() {
     let mut renderer = renderer();
-    // Bounds are four times what was measured.
+    // Bounds are four times the measured values.
     let methods = [
         (StarMethod::Auto, GlareMethod::SkyCube, 7e-5),
-        // At the rim its texels lie on the corners of pixels, of which the table knows less than the closed form.
+        // At the rim, its texels lie on the corners of pixels, where the table is less accurate than the closed form.
         (StarMethod::BSpline, GlareMethod::ViewPyramid, 8e-3),
         (StarMethod::Tent, GlareMethod::ScreenPyramid, 9e-5),
         (StarMethod::PixelGaussian, GlareMethod::None, 1.4e-4),
@@ -145,17 +145,23 @@ fn every_technique_draws_a_table_as_the_closed_form() {
             let frame = frame(&mut renderer, &sky, &rig, &settings);
             let apart = difference(&frame.images[0], &frame.images[1]);
             let (codes, beyond) = code_difference(&frame.images[0], &frame.images[1]);
-            println!("{name} {stars:?} {glare:?}: light {apart:.1e}, codes up to {codes}, {beyond:.1e} beyond 1");
+            println!(
+                "{name} {stars:?} {glare:?}: light {apart:.1e}, largest difference {codes} codes, {beyond:.1e} of them above 1"
+            );
             assert!(apart < bound && beyond < 4.0 * bound, "{name} {stars:?} {glare:?}: {apart} {codes} {beyond}");
             let [of_closed, of_table] = [0, 1].map(|view: usize| frame.views[view].stars_drawn);
-            assert!(of_closed.abs_diff(of_table) <= 2, "{stars:?}: {of_closed} stars, {of_table} by the table");
+            assert!(
+                of_closed.abs_diff(of_table) <= 2,
+                "{stars:?}: {of_closed} stars by the closed form, {of_table} by the table"
+            );
         }
     }
 }
 
-/// Display images alone have the veil of bright stars in their sums and the rest of it between the points of a grid, some of which lie where a round picture has none.
+/// If only display images are requested, the veil of bright stars is in the sums, and the rest is interpolated on a grid,
+/// some points of which are outside of a round picture.
 #[test]
-fn veils_of_display_images_are_those_of_the_closed_form() {
+fn veils_of_tables_equal_closed_forms_in_display_images() {
     let mut renderer = renderer();
     let sky = snapshot(spiral(600).enumerate().map(|(i, at)| star(at, (i % 9) as f32 - 2.0)).collect());
     for (name, closed, table) in pairs() {
@@ -171,13 +177,13 @@ fn veils_of_display_images_are_those_of_the_closed_form() {
         let bare = display(&settings);
         let (codes, beyond) = code_difference(&glaring.images[0], &glaring.images[1]);
         let (_, glare) = code_difference(&glaring.images[1], &bare.images[1]);
-        println!("{name}: codes up to {codes}, {beyond:.1e} beyond 1; glare is {glare:.1e} of them");
+        println!("{name}: largest difference {codes} codes, {beyond:.1e} of them above 1; glare changes {glare:.1e}");
         assert!(glare > 0.2 && beyond < 1e-3, "{name}: {codes} {beyond} {glare}");
     }
 }
 
 #[test]
-fn overlays_are_those_of_the_closed_form() {
+fn overlays_of_tables_equal_closed_forms() {
     let (scene, settings) = scene_of("overlay.toml", &[]);
     let mut renderer = renderer();
     for (name, closed, table) in pairs() {
@@ -187,13 +193,15 @@ fn overlays_are_those_of_the_closed_form() {
         let bare = SceneSnapshot { objects: Default::default(), ..scene.clone() };
         let bare = frame(&mut renderer, &bare, &rig, &settings);
         let (_, drawn) = code_difference(&with_overlay.images[1], &bare.images[1]);
-        println!("{name}: codes up to {codes}, {beyond:.1e} beyond 1; the overlay is {drawn:.1e} of them");
+        println!(
+            "{name}: largest difference {codes} codes, {beyond:.1e} of them above 1; the overlay changes {drawn:.1e}"
+        );
         assert!(drawn > 0.01 && beyond < 0.01 * drawn, "{name}: {codes} {beyond} {drawn}");
     }
 }
 
 #[test]
-fn bodies_and_asteroids_are_those_of_the_closed_form() {
+fn bodies_and_asteroids_of_tables_equal_closed_forms() {
     let (mut scene, settings) = scene_of("asteroids.toml", &[]);
     scene.camera.world_from_camera *= DQuat::from_rotation_x(0.2);
     let mut renderer = renderer();
@@ -201,18 +209,18 @@ fn bodies_and_asteroids_are_those_of_the_closed_form() {
         let rig = rig(vec![("closed", closed), ("table", tabulated(&table))]);
         let frame = frame(&mut renderer, &scene, &rig, &settings);
         let apart = difference(&frame.images[0], &frame.images[1]);
-        println!("{name}: light {apart:.1e} apart");
-        // The closed form draws small asteroids without the faces of a cube: their edges lie a fraction of a sample elsewhere.
+        println!("{name}: relative difference {apart:.1e}");
+        // The closed form draws small asteroids without cube faces, so their edges differ by a fraction of a sample.
         assert!(apart < 0.02, "{name}: {apart}");
     }
 }
 
 const HEIGHT: u32 = 96;
-/// Four times the greatest difference of a pixel that was measured, relative to its surroundings.
+/// Four times the largest measured difference of a pixel, relative to its surroundings.
 const TWIN_BOUND: f64 = 0.0125;
 
 #[test]
-fn a_map_that_the_adapter_does_not_know_agrees_with_f64() {
+fn a_table_without_closed_form_equals_the_reference() {
     let table = table(Hammer(HEIGHT));
     let rig = rig(vec![("hammer", tabulated(&table))]);
     // Away from the poles, where the mapping has no derivative.
@@ -221,9 +229,9 @@ fn a_map_that_the_adapter_does_not_know_agrees_with_f64() {
     let frame = render_hdr(&mut renderer(), &sky, &rig, &settings(StarMethod::BSpline));
     let twin = |mapping: &dyn PlaneMapping| draw(&sky.stars, Eye::default(), mapping, |_| Some(SplatKernel::BSpline));
     let apart = difference_from_twin(&frame.images[0], &twin(&*table), &*table);
-    println!("pixels {apart:.1e} apart");
+    println!("relative difference of pixels {apart:.1e}");
     assert!(apart < TWIN_BOUND, "{apart}");
-    // What is turned by half a pixel is not taken for the same.
+    // A rotation by half a pixel fails the comparison.
     let turned =
         Eye { world_from_view: DQuat::from_rotation_y(0.5 * 2.0 * PI / f64::from(2 * HEIGHT)), ..Eye::default() };
     let wrong = draw(&sky.stars, turned, &*table, |_| Some(SplatKernel::BSpline));
@@ -231,12 +239,12 @@ fn a_map_that_the_adapter_does_not_know_agrees_with_f64() {
 }
 
 #[test]
-fn a_map_of_the_sphere_keeps_the_light_of_all_stars() {
+fn a_tabulated_whole_sphere_keeps_the_light_of_all_stars() {
     let table = table(Hammer(HEIGHT));
     let rig = rig(vec![("hammer", tabulated(&table))]);
     let mut renderer = renderer();
     let all: Vec<_> = spiral(20_000).map(|at| star(at, 5.0)).collect();
-    // On the cut behind, and as near to it as f32 tells, from pole to pole.
+    // On the cut behind the eye and within the precision of f32 of it, from pole to pole.
     let on_cut = |angle: f64, side: f64| DVec3::new(side, angle.sin(), angle.cos());
     let at_cut = [0.0, 1e-7, -1e-7, 1e-3, -1e-3, 0.02, -0.02]
         .into_iter()
@@ -256,10 +264,10 @@ fn a_map_of_the_sphere_keeps_the_light_of_all_stars() {
 }
 
 #[test]
-fn the_adapter_finds_directions_where_f64_does() {
+fn the_search_on_the_adapter_equals_the_f64_search() {
     let gpu = Gpu::open(&GpuOptions::default()).unwrap();
     let fisheye = Fisheye::new([256, 256], FisheyeMapping::Equisolid, 3.5).unwrap();
-    // Bounds in pixels, four times what was measured: of the search in f32 against that in f64, and against the mapping.
+    // Bounds in pixels, four times the measured values: f32 search against f64 search, and against the mapping.
     for (table, bounds_px) in [(table(fisheye), [1.2e-4, 1.5e-4]), (table(Hammer(256)), [5e-4, 7e-3])] {
         let projection = Projection::Tabulated(Arc::clone(&table));
         let viewport = Viewport {
@@ -273,8 +281,8 @@ fn the_adapter_finds_directions_where_f64_does() {
         let [width, height] = table.size();
         let inside = |direction: &DVec3| {
             let image = table.pixel_from_direction(*direction).unwrap();
-            let held = image.x >= 0.0 && image.y >= 0.0 && table.contains(image.x as u32, image.y as u32);
-            held && direction.y.abs() < 0.98
+            let in_picture = image.x >= 0.0 && image.y >= 0.0 && table.contains(image.x as u32, image.y as u32);
+            in_picture && direction.y.abs() < 0.98
         };
         let directions: Vec<DVec3> = spiral(40_000).filter(inside).collect();
         let pixel = |i: usize| [(i as u32 * 7919) % width, (i as u32 * 104_729) % height];
@@ -303,7 +311,7 @@ fn the_adapter_finds_directions_where_f64_does() {
             }
         }
         println!(
-            "{table:?}: {} directions, {to_search:.1e} px to the search in f64, {to_mapping:.1e} px to the mapping, solid angle {omega:.1e}, direction {to_direction:.1e}",
+            "{table:?}: {} directions, {to_search:.1e} px from the f64 search, {to_mapping:.1e} px from the mapping, solid angle {omega:.1e}, direction {to_direction:.1e}",
             probes.len()
         );
         assert!(to_search < bounds_px[0] && to_mapping < bounds_px[1], "{table:?}: {to_search} {to_mapping}");
@@ -312,7 +320,7 @@ fn the_adapter_finds_directions_where_f64_does() {
 }
 
 #[test]
-fn other_rigs_are_drawn_as_by_a_renderer_that_has_seen_no_table() {
+fn tables_do_not_affect_later_frames_of_other_rigs() {
     let plain = rig(vec![("sky", ViewKind::Equirectangular { size: [96, 48] })]);
     let with_table = rig(vec![("hammer", tabulated(&table(Hammer(64))))]);
     let sky = snapshot(spiral(500).map(|at| star(at, 2.0)).collect());
@@ -325,14 +333,14 @@ fn other_rigs_are_drawn_as_by_a_renderer_that_has_seen_no_table() {
     assert_eq!(before.images[0].display, after.images[0].display);
     let again = frame(&mut renderer, &sky, &with_table, &settings);
     assert_eq!(first.images[0].display, again.images[0].display);
-    // Another table of the same size takes the first one's place; frames like the last one make nothing.
+    // Another table of the same size replaces the first one; from then on, frames create no objects.
     let other = rig(vec![("hammer", tabulated(&table(Hammer(64))))]);
     let made: Vec<u64> = (0..6).map(|_| frame(&mut renderer, &sky, &other, &settings).times.objects_made).collect();
     assert!(made[0] > 0 && made[4..] == [0, 0], "{made:?}");
 }
 
 #[test]
-fn what_cannot_be_drawn_through_a_table_is_refused_by_name() {
+fn views_that_tables_do_not_support_are_refused_by_name() {
     let hammer = rig(vec![("map", tabulated(&table(Hammer(64))))]);
     let sky = snapshot(vec![star(DVec3::NEG_Z, 3.0)]);
     let mut renderer = renderer();
@@ -353,9 +361,10 @@ fn what_cannot_be_drawn_through_a_table_is_refused_by_name() {
     assert!(error.contains("view `window`") && error.contains("of at most 65536"), "{error}");
 }
 
-/// Six tables of half a megabyte with bindings of less than two: each view shows its star where its own table has it.
+/// Six tables of half a megabyte with bindings of less than two megabytes: each view shows its star at the position that
+/// its own table has for it.
 #[test]
-fn tables_that_no_binding_holds_together_are_spread_over_several() {
+fn tables_too_large_for_one_binding_use_several() {
     let limit_bytes = 7 << 18;
     let options = GpuOptions { binding_limit_bytes: Some(limit_bytes), ..GpuOptions::default() };
     let mut renderer = common::renderer_with(&options);

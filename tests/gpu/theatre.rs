@@ -1,6 +1,6 @@
-//! The light of stars through six projectors that overlap, in each way that they are delivered and drawn.
+//! The light of stars through six overlapping projectors, for each way of delivering and drawing their calibration.
 //!
-//! Light is weighed with solid angles of the closed form, not with those that the program has from the files.
+//! Light is weighted with solid angles of the closed form, not with those that the program derives from the files.
 
 use std::{fmt::Write as _, fs, path::Path, sync::Arc};
 
@@ -21,16 +21,16 @@ use crate::common::{
 
 const SIZE: [u32; 2] = [320, 200];
 const STARS: usize = 200;
-/// Around a star, pixels: beyond is no light of it.
+/// Radius around a star that contains all its light, pixels.
 const PATCH_PX: i64 = 5;
 
-/// A star that the six show.
+/// A star that is visible on the dome.
 struct Star {
     direction: DVec3,
     light_lx: f64,
 }
 
-/// Directions over the dome that some projector shows well within its raster.
+/// Stars in directions on the dome that are well inside of the raster of at least one projector.
 fn stars(projectors: &[Projector]) -> Vec<Star> {
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     let lattice = (0..400).map(|index| {
@@ -53,20 +53,20 @@ fn stars(projectors: &[Projector]) -> Vec<Star> {
 fn catalogue(stars: &[Star]) -> String {
     let mut text = "x,y,z,v_mag,teff_k\n".to_owned();
     for (index, star) in stars.iter().enumerate() {
-        let at = star.direction * 1e4;
+        let position = star.direction * 1e4;
         let magnitude = 4.0 * (index as f64 * 2.0_f64.sqrt()).fract();
-        writeln!(text, "{},{},{},{magnitude},6500", at.x, at.y, at.z).unwrap();
+        writeln!(text, "{},{},{},{magnitude},6500", position.x, position.y, position.z).unwrap();
     }
     text
 }
 
-/// What is measured of the stars of one way of delivery.
+/// Measurements of all stars for one way of delivery.
 struct Measured {
-    /// Light over that of the catalogue, of each star.
+    /// Light of each star over that of the catalogue.
     light: Vec<f64>,
-    /// The same if every pixel had the share that the masks tell by the closed form.
-    told: Vec<f64>,
-    /// From the star to the middle of its light, and the root of the mean square of the angle around the middle; where its projector has the largest share; pixels there.
+    /// The same if every pixel had the share that the masks encode, from the closed form.
+    encoded: Vec<f64>,
+    /// Distance from the star to the centroid of its light, and root mean square of the angle from the centroid, in pixels of the projector with the largest share.
     centroids_px: Vec<f64>,
     widths_px: Vec<f64>,
 }
@@ -77,11 +77,12 @@ impl Measured {
         stars.iter().zip(&self.light).map(|(star, light)| star.light_lx * light).sum::<f64>() / sum
     }
 
-    /// Largest error of a star's light against the catalogue, and against what the masks tell.
+    /// Largest relative error of the light of a star, against the catalogue and against the shares that the masks encode.
     fn worst_light(&self) -> [f64; 2] {
-        let off =
-            |of: &dyn Fn(usize) -> f64| (0..self.light.len()).map(|star| (of(star) - 1.0).abs()).fold(0.0, f64::max);
-        [off(&|star| self.light[star]), off(&|star| self.light[star] / self.told[star])]
+        let worst = |ratio: &dyn Fn(usize) -> f64| {
+            (0..self.light.len()).map(|star| (ratio(star) - 1.0).abs()).fold(0.0, f64::max)
+        };
+        [worst(&|star| self.light[star]), worst(&|star| self.light[star] / self.encoded[star])]
     }
 }
 
@@ -97,7 +98,7 @@ fn measured(
     views: &str,
     projectors: &[Projector],
     stars: &[Star],
-    told: &dyn Fn(f64) -> f64,
+    encoded: &dyn Fn(f64) -> f64,
 ) -> Measured {
     let text = format!(
         "[scene]\ncatalogues = ['stars.csv']\n[glare]\nmethod = 'none'\n[exposure]\nmode = 'manual'\nev100 = -3.0\n{views}"
@@ -114,39 +115,40 @@ fn measured(
     let frame = renderer().render(FrameRequest::new(&scene, &rig).settings(&settings).wanted(Wanted::hdr())).unwrap();
     let images = &frame.images;
     assert_eq!(images.len(), projectors.len());
-    let mut result = Measured { light: Vec::new(), told: Vec::new(), centroids_px: Vec::new(), widths_px: Vec::new() };
+    let mut result =
+        Measured { light: Vec::new(), encoded: Vec::new(), centroids_px: Vec::new(), widths_px: Vec::new() };
     for star in stars {
-        let seen: Vec<Seen> = (0..projectors.len())
-            .filter_map(|own| Seen::of(projectors, own, &images[own], star.direction, told))
+        let on_projectors: Vec<OnProjector> = (0..projectors.len())
+            .filter_map(|own| OnProjector::measure(projectors, own, &images[own], star.direction, encoded))
             .collect();
-        let sum = |of: fn(&Seen) -> f64| seen.iter().map(of).sum::<f64>() / star.light_lx;
-        result.light.push(sum(|seen| seen.shared_lx));
-        result.told.push(sum(|seen| seen.told_lx));
-        let largest = seen.iter().max_by(|a, b| a.share.total_cmp(&b.share)).unwrap();
+        let sum = |light: fn(&OnProjector) -> f64| on_projectors.iter().map(light).sum::<f64>() / star.light_lx;
+        result.light.push(sum(|star| star.shared_lx));
+        result.encoded.push(sum(|star| star.encoded_lx));
+        let largest = on_projectors.iter().max_by(|a, b| a.share.total_cmp(&b.share)).unwrap();
         result.centroids_px.push(largest.centroid_px);
         result.widths_px.push(largest.width_px);
     }
     result
 }
 
-/// A star on one projector.
-struct Seen {
-    /// Its light times the projector's share.
+/// Measurements of a star on one projector.
+struct OnProjector {
+    /// Light times the share of the projector.
     shared_lx: f64,
-    /// Its light times what the masks tell.
-    told_lx: f64,
+    /// Light times the share that the masks encode.
+    encoded_lx: f64,
     share: f64,
     centroid_px: f64,
     width_px: f64,
 }
 
-impl Seen {
-    fn of(
+impl OnProjector {
+    fn measure(
         projectors: &[Projector],
         own: usize,
         image: &FrameImage,
         star: DVec3,
-        told: &dyn Fn(f64) -> f64,
+        encoded: &dyn Fn(f64) -> f64,
     ) -> Option<Self> {
         let projector = &projectors[own];
         let place = projector.place(star)?;
@@ -155,7 +157,7 @@ impl Seen {
         let blend = image.projector.as_ref().and_then(|output| output.blend());
         let share = |index: usize| blend.map_or(1.0, |blend: &Blend| f64::from(blend.weights()[index][0]));
         let hdr = image.hdr.as_ref().unwrap();
-        let (mut shared_lx, mut told_lx, mut sum_lx, mut weighted) = (0.0, 0.0, 0.0, DVec3::ZERO);
+        let (mut shared_lx, mut encoded_lx, mut sum_lx, mut weighted) = (0.0, 0.0, 0.0, DVec3::ZERO);
         let mut pixels = Vec::new();
         for y in (middle[1] - PATCH_PX).max(0)..=(middle[1] + PATCH_PX).min(height - 1) {
             for x in (middle[0] - PATCH_PX).max(0)..=(middle[0] + PATCH_PX).min(width - 1) {
@@ -165,7 +167,7 @@ impl Seen {
                 if light > 0.0 {
                     let (x, y) = ((x as f64 + 0.5) / width as f64, (y as f64 + 0.5) / height as f64);
                     let direction = projector.direction(x, y);
-                    told_lx += light * told(crate::common::theatre::share(projectors, own, x, y));
+                    encoded_lx += light * encoded(crate::common::theatre::share(projectors, own, x, y));
                     shared_lx += light * share(index);
                     sum_lx += light;
                     weighted += direction * light;
@@ -179,7 +181,7 @@ impl Seen {
         let square: f64 = pixels.iter().map(|(direction, light)| light * direction.angle_between(centre).powi(2)).sum();
         Some(Self {
             shared_lx,
-            told_lx,
+            encoded_lx,
             share: share((y.min(SIZE[1] - 1) * SIZE[0] + x.min(SIZE[0] - 1)) as usize),
             centroid_px: centre.angle_between(star) / pixel_rad,
             width_px: (square / sum_lx).sqrt() / pixel_rad,
@@ -187,10 +189,11 @@ impl Seen {
     }
 }
 
-/// Name, keys of the views, what masks tell for an exact share, and how far a star's light may be from the catalogue's and from what the masks tell.
+/// Name, keys of the views, share that the masks encode for an exact share, and largest relative errors of the light:
+/// against the catalogue, and against the encoded shares.
 type Way<'a> = (&'a str, &'a str, &'a dyn Fn(f64) -> f64, [f64; 2]);
 
-/// `[[views]]` of the six; `{name}` stands for the name of each.
+/// `[[views]]` of all projectors; `{name}` in the keys is replaced by the name of each.
 fn views(projectors: &[Projector], keys: &str) -> String {
     projectors
         .iter()
@@ -203,7 +206,7 @@ fn views(projectors: &[Projector], keys: &str) -> String {
 
 #[test]
 #[ignore = "long: make test-all"]
-fn stars_have_their_light_through_the_blends_of_six_projectors() {
+fn stars_keep_their_light_through_the_blends_of_six_projectors() {
     let projectors = projectors_of(SIZE);
     let stars = stars(&projectors);
     let folder = tempfile::tempdir().unwrap();
@@ -220,7 +223,7 @@ fn stars_have_their_light_through_the_blends_of_six_projectors() {
     write("sl.mpcdi", &sl.bytes(&projectors));
     for (own, projector) in projectors.iter().enumerate() {
         let name = &projector.name;
-        // Such programs multiply the codes of the display: its gamma is 2.2.
+        // Such programs multiply the codes of the display, whose gamma is 2.2.
         let intensity = |column: usize, row: usize| {
             share(&projectors, own, column as f64 / 128.0, row as f64 / 128.0).powf(1.0 / 2.2)
         };
@@ -233,7 +236,7 @@ fn stars_have_their_light_through_the_blends_of_six_projectors() {
         write(&format!("{name}.json"), sgct(SIZE, fisheye, &more).as_bytes());
     }
     let exact = |share: f64| share;
-    let eight = |share: f64| coarse.told(share);
+    let eight = |share: f64| coarse.quantized(share);
     let sets: [Way<'_>; 7] = [
         ("MPCDI a3, alpha of 16 bits", "file = 'fine.mpcdi'\nregion = '{name}'", &exact, [4e-4, 8e-5]),
         (
@@ -248,15 +251,15 @@ fn stars_have_their_light_through_the_blends_of_six_projectors() {
         ("Paul Bourke's mesh", "file = '{name}.data'\nsize = [320, 200]", &exact, [2e-3, 2e-3]),
         ("MPCDI a3, resampled", "file = 'fine.mpcdi'\nregion = '{name}'\nmethod = 'resampled'", &exact, [0.8, 1e-4]),
     ];
-    for (what, keys, told, most) in sets {
-        let found = measured(folder.path(), &views(&projectors, keys), &projectors, &stars, told);
+    for (name, keys, encoded, most) in sets {
+        let found = measured(folder.path(), &views(&projectors, keys), &projectors, &stars, encoded);
         let (all, worst) = (found.light_of_all(&stars) - 1.0, found.worst_light());
         let [centroid, width] =
-            [&found.centroids_px, &found.widths_px].map(|of| [0.5, 1.0].map(|share| percentile(of, share)));
+            [&found.centroids_px, &found.widths_px].map(|values| [0.5, 1.0].map(|share| percentile(values, share)));
         println!(
-            "{what}: light of {STARS} stars {all:+.1e}, worst {:.1e}, against what masks tell {:.1e}; centroid {:.4} px off, at most {:.4}; width {:.3} px, at most {:.3}",
+            "{name}: relative error of the light of {STARS} stars {all:+.1e}, largest {:.1e}, against the masks {:.1e}; centroid error {:.4} px, largest {:.4}; width {:.3} px, largest {:.3}",
             worst[0], worst[1], centroid[0], centroid[1], width[0], width[1]
         );
-        assert!(worst[0] < most[0] && worst[1] < most[1], "{what}: {worst:?}");
+        assert!(worst[0] < most[0] && worst[1] < most[1], "{name}: {worst:?}");
     }
 }

@@ -223,6 +223,6 @@ fn tests_are_found_by_attribute_or_list() {
     assert!(test_in(source, "b", "(\"ab\", ab)").is_err(), "`b` is not listed as a test");
     assert!(test_in(source, "c", "\"c\"").is_err(), "`c` does not exist");
     assert!(test_by_path("gpu::stars::light::no_such_test").is_err());
-    assert!(test_by_path("gpu::no_such_file::every_magnitude_has_its_light_in_every_projection").is_err());
+    assert!(test_by_path("gpu::no_such_file::every_magnitude_has_its_illuminance_in_every_projection").is_err());
     assert!(test_by_path("gpu").is_err());
 }

@@ -49,9 +49,9 @@ figures! {
     SOLID_ANGLE_16K: "solid angle of a pixel in images of 16384 pixels a side, relative",
         4.6e-6, 1e-5, "gpu::solid_angle::the_adapter_agrees_with_f64_at_16k_and_at_256";
     STAR_FLUX: "flux of a star, 50 directions × 17 magnitudes × 12 projections, relative",
-        1.8e-5, 7e-5, "gpu::stars::light::every_magnitude_has_its_light_in_every_projection";
+        1.8e-5, 7e-5, "gpu::stars::light::every_magnitude_has_its_illuminance_in_every_projection";
     STAR_FLUX_AT_EDGES: "flux of a star on cube edges and corners, poles and date line, relative",
-        1.2e-5, 4.8e-5, "gpu::stars::light::light_is_whole_on_every_edge_corner_pole_and_date_line";
+        1.2e-5, 4.8e-5, "gpu::stars::light::stars_keep_their_light_on_edges_corners_poles_and_date_line";
     CENTROID: "centroid of a star (`bspline`), pixels",
         2.1e-6, 8e-6, "gpu::stars::light::sub_pixel_sweep_keeps_centroid_and_width";
     WIDTH: "width of a star (`bspline`), relative",
@@ -59,11 +59,11 @@ figures! {
     MILLION_FAINT_STARS: "flux of a million stars of magnitude 20 in one pixel, relative",
         1.2e-5, 5e-5, "gpu::stars::sums::a_million_faint_stars_in_one_pixel_add_up";
     SIRIUS: "flux of Sirius beside a star of magnitude 21, relative",
-        9.1e-6, 3.6e-5, "gpu::stars::sums::sirius_and_a_star_of_magnitude_21_are_both_right";
+        9.1e-6, 3.6e-5, "gpu::stars::sums::sirius_and_a_star_of_magnitude_21_both_keep_their_light";
     STAR_BESIDE_SIRIUS: "flux of a star of magnitude 21 beside Sirius, relative",
-        2.0e-5, 8e-5, "gpu::stars::sums::sirius_and_a_star_of_magnitude_21_are_both_right";
+        2.0e-5, 8e-5, "gpu::stars::sums::sirius_and_a_star_of_magnitude_21_both_keep_their_light";
     STAR_BESIDE_THE_SUN: "flux of a star of magnitude 21 beside Sirius with the Sun in the view, relative",
-        3.3e-3, 1.3e-2, "gpu::stars::sums::sirius_and_a_star_of_magnitude_21_are_both_right";
+        3.3e-3, 1.3e-2, "gpu::stars::sums::sirius_and_a_star_of_magnitude_21_both_keep_their_light";
     HEADSET_FLUX: "flux of stars in images of a headset, half floats, relative",
         3.1e-4, 1e-3, "headset::pixels::light::stars_have_the_light_of_the_catalogue";
     HEADSET_PIXELS: "images of a headset against `render`, 8 bits and half floats, share of differing channels",
@@ -75,12 +75,12 @@ figures! {
     HEADSET_VEIL: "veil of Sirius, left eye against right eye, relative",
         4.9e-3, 1e-2, "headset::pixels::shared_light::glare_is_the_same_around_a_star_for_both_eyes";
     BODY_FLUX: "flux of a body from 0.01 to 100 pixels, relative",
-        6.7e-3, 0.01, "gpu::bodies::light::the_light_of_a_body_is_its_illuminance_at_every_size",
+        6.7e-3, 0.01, "gpu::bodies::light::a_body_has_its_illuminance_at_every_size",
         "the contract's limit is 0.01, and bodies of a few pixels come near it";
     VEIL_OF_ONE_STAR: "veil of one star (`sky_cube`) against f64, rms, relative",
-        2.6e-3, 1e-2, "gpu::verify::glare::glare_on_the_sky_passes_every_check";
+        2.6e-3, 1e-2, "gpu::verify::glare::sky_cube_glare_passes_every_check";
     VEIL_OF_9000_STARS: "veil of 9000 stars (`sky_cube`) against f64, rms, relative",
-        9.6e-3, 0.02, "gpu::verify::glare::glare_on_the_sky_passes_every_check";
+        9.6e-3, 0.02, "gpu::verify::glare::sky_cube_glare_passes_every_check";
 }
 
 impl Figure {

@@ -2,7 +2,7 @@
 //! drawing of most tests, so a test borrows an idle renderer with the same options that another test has returned.
 //!
 //! A borrowed renderer has the settings of a new one. Its pictures also equal those of a new one, which is a guarantee
-//! of the renderer that tests check (`nothing_of_a_frame_is_left_in_the_next` and others, with [`open`]); only its
+//! of the renderer that tests check (`a_frame_does_not_depend_on_the_previous_frame` and others, with [`open`]); only its
 //! frame numbers continue. A renderer held by a failed test is closed.
 
 use std::{

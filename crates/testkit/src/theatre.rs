@@ -232,7 +232,7 @@ pub struct Alpha {
 
 impl Alpha {
     /// Returns the share that the codes of a map represent if `exact` is written.
-    pub fn told(&self, exact: f64) -> f64 {
+    pub fn quantized(&self, exact: f64) -> f64 {
         let most = f64::from((1_u32 << self.bits) - 1);
         ((exact.powf(1.0 / self.gamma) * most).round() / most).powf(self.gamma)
     }

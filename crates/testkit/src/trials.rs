@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
 
-/// A test, which fails by a panic. A returned error names what is missing to run it.
+/// A test, which fails by a panic. It returns an error if it cannot run, which names the missing prerequisite.
 pub type Test = (&'static str, fn() -> Result<(), String>);
 
 fn complete(run: fn() -> Result<(), String>, variable: &str) -> Result<Completion, Failed> {

@@ -1,6 +1,6 @@
 // Splats impostors. Each thread of a workgroup computes the footprint of one impostor; then teams of eight threads
 // process the samples of one footprint after the other. Lanes first look for their next relevant sample and then read
-// tiles together, because on a software driver all lanes execute what one of them does.
+// tiles together, because on a software driver all lanes execute the instructions of each one.
 
 #import asteroids/impostors/footprint
 #import constants/impostors

@@ -49,7 +49,7 @@ impl Parts {
         self.plan_ms + self.cull_ms + self.layers_ms + self.geometry_ms + self.points_ms
     }
 
-    /// Time to decide what is drawn and how: planning and culling.
+    /// Time of planning and culling.
     pub fn culling_ms(&self) -> f64 {
         self.plan_ms + self.cull_ms
     }

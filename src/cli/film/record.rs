@@ -160,8 +160,7 @@ async fn exposure(client: &mut Client, view: Option<&str>) -> Result<ExposureKey
     let Some(form) = chosen else {
         let names: Vec<&str> = views.iter().map(|form| form.name.as_str()).collect();
         let allowed = if names.is_empty() { "the daemon has no views".to_owned() } else { names.join(", ") };
-        let request =
-            view.map_or("a view is needed".to_owned(), |name| format!("there is no view `{name}`, valid names"));
+        let request = view.map_or("a view is needed".to_owned(), |name| format!("no view `{name}`, valid names"));
         return Err(CliError::Usage(format!("--view: {request}: {allowed}")));
     };
     let number = |key: &str| form.exposure.get(key).and_then(toml::Value::as_float);

@@ -2,7 +2,7 @@
 //!
 //! The moments are evenly spaced and symmetric around the frame's own moment, so that an object in uniform motion keeps
 //! its position. Light is added in linear luminance, in f32 and in the order of the moments, so the sum is
-//! deterministic. Luminance is what a sensor accumulates; if the field of view changes, so does the solid angle of
+//! deterministic. A sensor accumulates luminance; if the field of view changes, so does the solid angle of
 //! pixels, and its mean is taken too.
 
 use rayon::prelude::*;

@@ -71,7 +71,7 @@ impl Finding {
     }
 
     /// The projector, or `all`.
-    pub fn of(&self) -> &str {
+    pub fn subject(&self) -> &str {
         self.projector.as_deref().unwrap_or("all")
     }
 }
@@ -157,7 +157,7 @@ impl Projector<'_> {
         if !inside || !self.mapping.contains(pixel.x as u32, pixel.y as u32) {
             return None;
         }
-        let [share, black] = self.blend.map_or([1.0, 0.0], |blend| blend.at(pixel));
+        let [share, black] = self.blend.map_or([1.0, 0.0], |blend| blend.weights_at(pixel));
         let longer_rad = self.mapping.pixel_extent_rad(direction)?[0];
         Some(Hit { pixel, share: share / self.dimmed_to, black, longer_rad })
     }

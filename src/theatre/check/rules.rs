@@ -169,9 +169,11 @@ pub(super) fn black_level(samples: &DomeSamples<'_>) -> Option<Finding> {
     let counts = samples.counts.iter().copied().filter(|count| *count > 0);
     let (fewest, most) = (counts.clone().min()?, counts.max()?);
     let lift = |wanted: usize| {
-        let at = (0..samples.directions.len()).filter(|at| samples.counts[*at] == wanted);
-        let levels: Vec<f64> =
-            at.flat_map(|at| samples.hits.iter().filter_map(move |hits| hits[at])).map(|hit| hit.black).collect();
+        let indices = (0..samples.directions.len()).filter(|index| samples.counts[*index] == wanted);
+        let levels: Vec<f64> = indices
+            .flat_map(|index| samples.hits.iter().filter_map(move |hits| hits[index]))
+            .map(|hit| hit.black)
+            .collect();
         levels.iter().sum::<f64>() / levels.len().max(1) as f64
     };
     let [few, many] = [fewest, most].map(lift);
@@ -252,14 +254,14 @@ pub(super) fn screen(projectors: &[Projector<'_>]) -> Vec<Finding> {
     let radius_m = sphere.radius_m;
     let (off_m, most_m) = (sphere.centre_m.length(), MOST_OFF_CENTRE * radius_m);
     let [x, y, z] = (-sphere.centre_m).to_array();
-    let at = if off_m < 0.005 {
+    let position = if off_m < 0.005 {
         "in the centre".to_owned()
     } else {
         format!("at [{x:.2}, {y:.2}, {z:.2}] m from the centre")
     };
     let centred = off_m <= most_m;
     let eye = format!(
-        "the eye is {at} of the screen, whose radius is {radius_m:.2} m; the distance must be at most {most_m:.2} m"
+        "the eye is {position} of the screen, whose radius is {radius_m:.2} m; the distance must be at most {most_m:.2} m"
     );
     let [least, most] = RADII_M;
     let sized = (least..=most).contains(&radius_m);
@@ -273,9 +275,9 @@ pub(super) fn screen(projectors: &[Projector<'_>]) -> Vec<Finding> {
 /// Points over a raster that have a direction, with that direction: at most `side` x `side`.
 fn places(mapping: &dyn PlaneMapping, side: u32) -> Vec<(DVec2, DVec3)> {
     let [width, height] = mapping.size();
-    let at = |index: u32, size: u32| (2 * index + 1) * size / (2 * side);
+    let coordinate = |index: u32, size: u32| (2 * index + 1) * size / (2 * side);
     (0..side * side)
-        .map(|index| pixel_centre(at(index % side, width), at(index / side, height)))
+        .map(|index| pixel_centre(coordinate(index % side, width), coordinate(index / side, height)))
         .filter_map(|pixel| Some((pixel, mapping.direction_from_pixel(pixel)?)))
         .collect()
 }
@@ -341,8 +343,9 @@ pub(super) fn for_one(projector: &Projector<'_>, hits: &[Option<Hit>]) -> Vec<Fi
 
 /// Whether the picture is mirrored at a pixel, and whether its rows go down, away from +y.
 fn turn(mapping: &dyn PlaneMapping, pixel: DVec2, projector: &Projector<'_>) -> Option<(bool, bool)> {
-    let at = |by: DVec2| mapping.direction_from_pixel(pixel + by);
-    let (here, right, down) = (at(DVec2::ZERO)?, at(DVec2::X * 0.5)?, at(DVec2::Y * 0.5)?);
+    let direction_at = |by: DVec2| mapping.direction_from_pixel(pixel + by);
+    let (here, right, down) =
+        (direction_at(DVec2::ZERO)?, direction_at(DVec2::X * 0.5)?, direction_at(DVec2::Y * 0.5)?);
     let mirrored = (right - here).cross(down - here).dot(here) < 0.0;
     let downwards = projector.dome_from_view * (down - here);
     Some((mirrored, downwards.y < 0.0))

@@ -45,20 +45,20 @@ pub(super) fn lattice(dome: Dome) -> Vec<DVec3> {
     let (right, up) = axis.any_orthonormal_pair();
     let least = (0.5 * dome.fov_deg.to_radians()).cos();
     let golden = PI * (3.0 - 5.0_f64.sqrt());
-    let at = |index: usize| {
+    let sample_direction = |index: usize| {
         let along = 1.0 - (1.0 - least) * (index as f64 + 0.5) / SAMPLES as f64;
         let (sin, cos) = (golden * index as f64).sin_cos();
         let across = (1.0 - along * along).max(0.0).sqrt();
         axis * along + (right * cos + up * sin) * across
     };
-    (0..SAMPLES).map(at).collect()
+    (0..SAMPLES).map(sample_direction).collect()
 }
 
 pub(super) fn percentiles(mut values: Vec<f64>, shares: [f64; 3]) -> [f64; 3] {
     values.sort_by(f64::total_cmp);
     shares.map(|share| {
-        let at = ((values.len() as f64 * share) as usize).min(values.len().saturating_sub(1));
-        values.get(at).copied().unwrap_or(f64::NAN)
+        let index = ((values.len() as f64 * share) as usize).min(values.len().saturating_sub(1));
+        values.get(index).copied().unwrap_or(f64::NAN)
     })
 }
 

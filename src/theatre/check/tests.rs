@@ -22,8 +22,9 @@ fn band(from_deg: f64, to_deg: f64) -> impl Fn(f64, f64) -> DVec3 {
 }
 
 fn warp(direction: impl Fn(f64, f64) -> DVec3, samples: usize, interpolation: Interpolation) -> Warp {
-    let at = |index: usize| index as f64 / (samples - 1) as f64;
-    let directions = (0..samples * samples).map(|n| Some(direction(at(n % samples), at(n / samples)))).collect();
+    let fraction = |index: usize| index as f64 / (samples - 1) as f64;
+    let directions =
+        (0..samples * samples).map(|n| Some(direction(fraction(n % samples), fraction(n / samples)))).collect();
     let (columns, rows, placement) = (samples, samples, Placement::Corners);
     Warp::new(SIZE, &DirectionGrid { columns, rows, samples: directions, placement, interpolation }).unwrap()
 }

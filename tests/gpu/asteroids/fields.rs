@@ -1,4 +1,5 @@
-//! Fields of asteroids through the whole renderer: light, statistics, and the same picture whichever way lists are made.
+//! Fields of asteroids through the whole renderer: light, statistics, and equal pictures with culling on the CPU and on
+//! the GPU.
 
 use std::sync::Arc;
 
@@ -14,7 +15,7 @@ use steradian::{
     view::{ViewKind, projection::FisheyeMapping},
 };
 
-/// A box of asteroids around the camera, and a sun far away.
+/// A box of asteroids around the camera, and a distant sun.
 pub(super) fn scene(instances: u32, half_m: f64, radius_m: [f64; 2]) -> SceneSnapshot {
     let shapes = Arc::new(ShapeSet::procedural(4));
     let parameters = FieldParameters {
@@ -64,7 +65,7 @@ fn views() -> Vec<(&'static str, ViewKind)> {
     ]
 }
 
-pub(super) fn with(impostor: ImpostorMethod, culling: Culling) -> RenderSettings {
+pub(super) fn settings_with(impostor: ImpostorMethod, culling: Culling) -> RenderSettings {
     let mut settings = settings(StarMethod::BSpline);
     settings.asteroids.impostor = impostor;
     settings.asteroids.culling = culling;
@@ -72,36 +73,36 @@ pub(super) fn with(impostor: ImpostorMethod, culling: Culling) -> RenderSettings
 }
 
 #[test]
-fn statistics_add_up_and_every_kind_of_drawing_is_used() {
+fn statistics_add_up_and_every_drawing_method_is_used() {
     let mut renderer = renderer();
     let scene = scene(3001, 2e3, [2.0, 40.0]);
     let rig = rig(views());
-    let frame = render_hdr(&mut renderer, &scene, &rig, &with(ImpostorMethod::Auto, Culling::Gpu));
+    let frame = render_hdr(&mut renderer, &scene, &rig, &settings_with(ImpostorMethod::Auto, Culling::Gpu));
     for view in &frame.views {
         let counts = &view.asteroids;
         println!("{}: {counts:?}", view.name);
         let drawn = counts.meshes.iter().sum::<u64>() + counts.impostors + counts.points;
-        // More than there are only by those between two classes, and on several faces.
+        // An asteroid counts more than once only if it is blended between two levels, or drawn on several faces.
         let sum = drawn + counts.unresolved + counts.culled;
         assert!((3001..3001 + drawn).contains(&sum) && drawn > 0, "{counts:?}");
     }
-    // The whole sphere sees all of them; the flat view, whose pixels are finest, draws them in every way.
+    // The whole sphere contains all of them; the flat view, with the finest pixels, draws them in every way.
     assert_eq!(frame.views[2].asteroids.culled, 0);
     let flat = &frame.views[0].asteroids;
     assert!(flat.points > 0 && flat.impostors > 0 && flat.meshes.iter().sum::<u64>() > 0, "{flat:?}");
 }
 
 #[test]
-fn meshes_alone_and_points_alone_add_up_exactly() {
+fn counts_of_only_meshes_or_only_points_are_exact() {
     let mut renderer = renderer();
     let scene = scene(3001, 2e3, [2.0, 40.0]);
     let flat = rig(vec![("flat", ViewKind::Perspective { size: [160, 120], fov_y_rad: 1.2 })]);
-    let mut settings = with(ImpostorMethod::None, Culling::Gpu);
+    let mut settings = settings_with(ImpostorMethod::None, Culling::Gpu);
     settings.asteroids.finest_only = true;
     let counts = render_hdr(&mut renderer, &scene, &flat, &settings).views[0].asteroids.clone();
     assert_eq!(counts.meshes[0] + counts.culled, 3001, "{counts:?}");
     assert!(counts.meshes[0] > 100 && counts.culled > 100 && counts.meshes[1..].iter().all(|count| *count == 0));
-    // From a distance at which none is more than a point.
+    // From a distance at which every asteroid is a point.
     let mut far = scene.clone();
     far.camera.position_m += DVec3::new(0.0, 0.0, 1.2e5);
     settings.asteroids.finest_only = false;
@@ -113,26 +114,26 @@ fn meshes_alone_and_points_alone_add_up_exactly() {
 }
 
 #[test]
-fn lists_of_the_cpu_and_of_the_adapter_give_the_same_picture() {
-    lists_give_the_same_picture(&[ImpostorMethod::Auto]);
+fn culling_on_cpu_and_gpu_gives_the_same_picture() {
+    assert_culling_gives_the_same_picture(&[ImpostorMethod::Auto]);
 }
 
 #[test]
 #[ignore = "long: make test-all"]
-fn lists_of_the_cpu_and_of_the_adapter_give_the_same_picture_with_every_impostor_and_none() {
-    lists_give_the_same_picture(&[ImpostorMethod::Auto, ImpostorMethod::None, ImpostorMethod::Octahedral]);
+fn culling_on_cpu_and_gpu_gives_the_same_picture_for_every_impostor() {
+    assert_culling_gives_the_same_picture(&[ImpostorMethod::Auto, ImpostorMethod::None, ImpostorMethod::Octahedral]);
 }
 
-fn lists_give_the_same_picture(methods: &[ImpostorMethod]) {
+fn assert_culling_gives_the_same_picture(methods: &[ImpostorMethod]) {
     let mut renderer = renderer();
     let scene = scene(1501, 1e3, [2.0, 40.0]);
     let rig = rig(views());
     for &method in methods {
-        let [first, second] =
-            [Culling::Gpu, Culling::Cpu].map(|culling| render_hdr(&mut renderer, &scene, &rig, &with(method, culling)));
-        let again = render_hdr(&mut renderer, &scene, &rig, &with(method, Culling::Gpu));
+        let [first, second] = [Culling::Gpu, Culling::Cpu]
+            .map(|culling| render_hdr(&mut renderer, &scene, &rig, &settings_with(method, culling)));
+        let again = render_hdr(&mut renderer, &scene, &rig, &settings_with(method, Culling::Gpu));
         for ((one, two), same) in first.images.iter().zip(&second.images).zip(&again.images) {
-            assert_eq!(one.hdr, same.hdr, "the same frame twice");
+            assert_eq!(one.hdr, same.hdr, "the same frame drawn twice");
             let pairs = || one.hdr.as_ref().unwrap().iter().zip(two.hdr.as_ref().unwrap());
             let light: f64 = pairs().map(|(a, _)| f64::from(a[1] * a[3])).sum();
             let differing: f64 = pairs().map(|(a, b)| f64::from((a[1] - b[1]).abs() * a[3])).sum();

@@ -1,5 +1,5 @@
-//! Impostors that are splatted: the picture that the finest meshes give, the same bytes whichever words and bands samples stand in, and
-//! what nearer asteroids hide.
+//! Splatted impostors: they look like the finest meshes, their bytes do not depend on the word size or on bands, and
+//! samples hidden by nearer asteroids are counted.
 
 use steradian::{
     gpu::GpuOptions,
@@ -8,11 +8,11 @@ use steradian::{
     view::{Rig, ViewKind, projection::FisheyeMapping},
 };
 
-use super::fields::{scene, with};
+use super::fields::{scene, settings_with};
 use crate::common::{render_hdr, renderer, renderer_with, rig};
 
 fn splats() -> RenderSettings {
-    with(ImpostorMethod::OctahedralSplat, Culling::Gpu)
+    settings_with(ImpostorMethod::OctahedralSplat, Culling::Gpu)
 }
 
 fn views() -> Rig {
@@ -23,7 +23,8 @@ fn views() -> Rig {
     ])
 }
 
-/// Sums over an image of green light: of the first, of the second, of the absolute difference of blocks of 4 x 4 pixels, cd/m^2.
+/// Three sums of green light over an image, cd/m^2: of the first frame, of the second, and of the absolute difference
+/// in blocks of 4 x 4 pixels.
 fn compared(one: &Frame, two: &Frame, image: usize) -> [f64; 3] {
     let width = one.images[image].width as usize;
     let [a, b] = [one, two].map(|frame| frame.images[image].hdr.as_ref().unwrap());
@@ -38,7 +39,7 @@ fn compared(one: &Frame, two: &Frame, image: usize) -> [f64; 3] {
 
 #[test]
 #[ignore = "long: make test-all"]
-fn splats_show_what_the_finest_meshes_show() {
+fn splats_look_like_the_finest_meshes() {
     let mut renderer = renderer();
     let scene = scene(3001, 1e3, [2.0, 12.0]);
     let rig = views();
@@ -47,8 +48,9 @@ fn splats_show_what_the_finest_meshes_show() {
     finest.asteroids.samples = 4;
     let truth = render_hdr(&mut renderer, &scene, &rig, &finest);
     let frame = render_hdr(&mut renderer, &scene, &rig, &splats());
-    let blended = render_hdr(&mut renderer, &scene, &rig, &with(ImpostorMethod::OctahedralBlend, Culling::Gpu));
-    // Another picture of like light is told from it.
+    let blended =
+        render_hdr(&mut renderer, &scene, &rig, &settings_with(ImpostorMethod::OctahedralBlend, Culling::Gpu));
+    // A different picture of equal light must fail the comparison.
     let mut turned = scene.clone();
     turned.camera.world_from_camera = glam::DQuat::from_rotation_y(0.5);
     let wrong = render_hdr(&mut renderer, &turned, &rig, &splats());
@@ -63,7 +65,8 @@ fn splats_show_what_the_finest_meshes_show() {
             view.name, view.asteroids
         );
         assert!(view.asteroids.impostors > 100, "{:?}", view.asteroids);
-        // The rest are points, and edges that the truth samples twice as finely: the same with squares.
+        // The remaining difference comes from points, and from edges that the reference samples twice as finely; squares
+        // have the same.
         assert!(splatted[0].abs() < 0.04 && splatted[1] < squares[1] + 0.02 && squares[1] < 0.4, "{}", view.name);
         assert!(other[1] > 0.6, "{}: {other:?}", view.name);
     }
@@ -75,7 +78,7 @@ fn words_and_bands_do_not_change_the_picture() {
     let scene = scene(1201, 300.0, [2.0, 12.0]);
     let rig = views();
     let mut frames = Vec::new();
-    // The samples of the whole sphere take 1.6 MB.
+    // The samples of the whole sphere need 1.6 MB.
     let limits = [(false, None), (true, None), (false, Some(1 << 20))];
     for (force_u32_accumulator, binding_limit_bytes) in limits {
         let mut renderer =
@@ -85,13 +88,13 @@ fn words_and_bands_do_not_change_the_picture() {
     for (other, limits) in frames.iter().zip(limits).skip(1) {
         for (one, two) in frames[0].images.iter().zip(&other.images) {
             let pixels = one.hdr.as_ref().unwrap().iter().zip(two.hdr.as_ref().unwrap());
-            // Points are summed in other units in words of 32 bits, and edges of meshes fall otherwise onto the windows of other tiles.
+            // In 32-bit words points are summed in other units, and tile windows cut mesh edges elsewhere.
             let most = if limits.0 { 1e-5 } else { 1e-2 };
             let differs = |(one, two): &(&[f32; 4], &[f32; 4])| {
                 one.iter().zip(*two).any(|(one, two)| (one - two).abs() > most * one.abs())
             };
             let differing = pixels.filter(differs).count();
-            assert_eq!(differing, 0, "pixels of view {}, {limits:?}", one.view);
+            assert_eq!(differing, 0, "differing pixels of view {}, {limits:?}", one.view);
         }
     }
     for (one, two) in frames[0].views.iter().zip(&frames[1].views) {
@@ -102,7 +105,7 @@ fn words_and_bands_do_not_change_the_picture() {
 
 #[test]
 #[ignore = "long: make test-all"]
-fn what_is_hidden_is_counted_where_much_is_in_front() {
+fn hidden_samples_are_counted_behind_many_asteroids() {
     let mut renderer = renderer();
     let flat = rig(vec![("flat", ViewKind::Perspective { size: [160, 120], fov_y_rad: 0.6 })]);
     let mut hidden = [(2000, 4e3), (20_000, 700.0)].map(|(instances, half_m)| {
@@ -117,7 +120,7 @@ fn what_is_hidden_is_counted_where_much_is_in_front() {
         &mut renderer,
         &scene(20_000, 700.0, [4.0, 40.0]),
         &flat,
-        &with(ImpostorMethod::OctahedralBlend, Culling::Gpu),
+        &settings_with(ImpostorMethod::OctahedralBlend, Culling::Gpu),
     );
     hidden[1] = frame.views[0].asteroids.hidden as f64;
     assert_eq!(hidden[1], 0.0);

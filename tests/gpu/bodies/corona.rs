@@ -1,4 +1,4 @@
-//! The corona of the Sun: as bright at every distance as was measured, and hidden by what stands before it.
+//! The corona of the Sun: its brightness follows the measured profile at every distance, and bodies in front hide it.
 
 use std::{f64::consts::PI, sync::Arc};
 
@@ -16,20 +16,20 @@ use steradian::{
 };
 
 const AU: f64 = ASTRONOMICAL_UNIT_M;
-/// Angular radius of the Sun from 1 au, and of the moon before it, rad.
+/// Angular radius of the Sun, and of the moon in front of it, as seen from 1 au, rad.
 const SUN_RAD: f64 = 695_700e3 / AU;
 
-/// The Sun ahead, and before it a moon so much larger, if any, whose middle is beside the Sun's by parts of the Sun's radius.
+/// The Sun ahead, and optionally a moon in front of it: its radius, and the offset of its centre, in radii of the Sun.
 fn scene(moon: Option<(f64, f64)>, has_corona: bool) -> SceneSnapshot {
     let mut sun = Body::preset(SolarBody::Sun, "sun", DVec3::NEG_Z * AU);
     sun.emission = sun.emission.map(|emission| Emission { corona: has_corona, ..emission });
     let mut bodies = vec![Arc::new(sun)];
-    if let Some((larger, beside)) = moon {
+    if let Some((moon_radii, offset_radii)) = moon {
         let distance_m = 3.8e8;
-        let place = DQuat::from_rotation_y(-beside * SUN_RAD) * DVec3::NEG_Z * distance_m;
+        let place = DQuat::from_rotation_y(-offset_radii * SUN_RAD) * DVec3::NEG_Z * distance_m;
         let mut moon = Body::preset(SolarBody::Moon, "moon", place);
-        moon.radii_m = DVec3::splat(distance_m * (larger * SUN_RAD).sin());
-        // Dark: what the Sun and the corona give is all there is.
+        moon.radii_m = DVec3::splat(distance_m * (moon_radii * SUN_RAD).sin());
+        // Black: all light comes from the Sun and the corona.
         moon.surface.geometric_albedo = [0.0; 3];
         moon.surface.phase_curve = None;
         bodies.push(Arc::new(moon));
@@ -44,30 +44,32 @@ fn disc_cd_m2(scene: &SceneSnapshot) -> f64 {
     luminance(emission.luminance_cd_m2) * emission.mean_over_middle()
 }
 
-/// Luminance of all pixels over the mean one of the Sun's disc.
+/// Luminance of all pixels, relative to the mean luminance of the Sun's disc.
 fn picture(scene: &SceneSnapshot, rig: &Rig) -> Vec<f64> {
     let frame = render_hdr(&mut renderer(), scene, rig, &settings(StarMethod::Auto));
     let unit = disc_cd_m2(scene);
-    let shown = frame.images[0].hdr.as_ref().unwrap().iter();
-    shown.map(|[r, g, b, _]| luminance([r, g, b].map(|c| f64::from(*c))) / unit).collect()
+    let pixels = frame.images[0].hdr.as_ref().unwrap().iter();
+    pixels.map(|[r, g, b, _]| luminance([r, g, b].map(|c| f64::from(*c))) / unit).collect()
 }
 
-/// A window of 480 pixels that shows 24 radii of the Sun, half of its corona, so 20 pixels for a radius.
+/// A window of 480 pixels that shows 24 radii of the Sun, half of its corona: 20 pixels per radius.
 fn window() -> Rig {
     rig(vec![("window", ViewKind::Perspective { size: [480, 480], fov_y_rad: 2.0 * (12.0 * SUN_RAD).atan() })])
 }
 
-/// Mean of the profile over a pixel of the window, by 40 x 40 points; nothing within a distance of a middle beside the Sun's.
+/// Mean of the profile over a pixel of the window, from 40 x 40 points. `hidden` is a disc without light: its radius
+/// and the offset of its centre, in radii of the Sun.
 fn expected(pixel: usize, hidden: Option<(f64, f64)>) -> f64 {
     let corner = DVec2::new((pixel % 480) as f64, (pixel / 480) as f64);
     let mut sum = 0.0;
     for part in 0..1600 {
-        let at = (corner + (DVec2::new(f64::from(part % 40), f64::from(part / 40)) + 0.5) / 40.0 - 240.0) / 20.0;
-        let direction = DVec3::new(at.x * SUN_RAD, at.y * SUN_RAD, -1.0).normalize();
+        let point_radii =
+            (corner + (DVec2::new(f64::from(part % 40), f64::from(part / 40)) + 0.5) / 40.0 - 240.0) / 20.0;
+        let direction = DVec3::new(point_radii.x * SUN_RAD, point_radii.y * SUN_RAD, -1.0).normalize();
         let distance = direction.angle_between(DVec3::NEG_Z).sin() / SUN_RAD;
-        let is_hidden = hidden.is_some_and(|(larger, beside)| {
-            let middle = DQuat::from_rotation_y(-beside * SUN_RAD) * DVec3::NEG_Z;
-            direction.angle_between(middle) < larger * SUN_RAD
+        let is_hidden = hidden.is_some_and(|(moon_radii, offset_radii)| {
+            let middle = DQuat::from_rotation_y(-offset_radii * SUN_RAD) * DVec3::NEG_Z;
+            direction.angle_between(middle) < moon_radii * SUN_RAD
         });
         sum += if is_hidden { 0.0 } else { corona::over_disc(distance) };
     }
@@ -75,37 +77,37 @@ fn expected(pixel: usize, hidden: Option<(f64, f64)>) -> f64 {
 }
 
 #[test]
-fn a_corona_has_the_measured_light_at_every_distance_and_hides_nothing() {
+fn a_corona_has_the_measured_brightness_at_every_distance() {
     let scene = scene(Some((1.05, 0.0)), true);
-    let shown = picture(&scene, &window());
+    let relative = picture(&scene, &window());
     let mut worst = [0.0_f64; 2];
     // Pixels of a few rows and columns are enough.
     for pixel in (0..480 * 480).filter(|pixel| pixel / 480 % 37 == 18 || pixel % 480 % 53 == 20) {
         let (left, whole) = (expected(pixel, Some((1.05, 0.0))), expected(pixel, None));
-        // Pixels that the limb of the moon goes through are cut into 12 x 12 parts.
+        // Pixels on the limb of the moon are divided into 12 x 12 parts.
         let at_limb = usize::from(left != whole);
         if whole > 1e-9 {
-            worst[at_limb] = worst[at_limb].max((shown[pixel] - left).abs() / whole);
+            worst[at_limb] = worst[at_limb].max((relative[pixel] - left).abs() / whole);
         } else {
-            assert!((shown[pixel] - left).abs() < 1e-11, "{pixel}");
+            assert!((relative[pixel] - left).abs() < 1e-11, "{pixel}");
         }
     }
-    println!("off by {:.1e} beside the moon, {:.1e} in its limb, at most", worst[0], worst[1]);
+    println!("largest error {:.1e} next to the moon, {:.1e} on its limb", worst[0], worst[1]);
     assert!(worst[0] < 1.3e-2 && worst[1] < 0.04, "{worst:?}");
-    // What lies within the moon is dark.
-    assert_eq!(shown[240 * 480 + 240], 0.0);
-    // A corona that falls otherwise is noticed.
-    let [near, far] = [1.5, 4.0].map(|radii| shown[240 * 480 + 240 + (radii * 20.0) as usize]);
+    // Inside the moon it is dark.
+    assert_eq!(relative[240 * 480 + 240], 0.0);
+    // A corona with another profile fails the comparison.
+    let [near, far] = [1.5, 4.0].map(|radii| relative[240 * 480 + 240 + (radii * 20.0) as usize]);
     let [of_near, of_far] = [1.5, 4.0].map(|radii| expected(240 * 480 + 240 + (radii * 20.0) as usize, None));
     assert!((near / far / (of_near / of_far) - 1.0).abs() < 1e-2);
     assert!((near / far / (of_near / of_far * 1.05) - 1.0).abs() > 1e-2);
 }
 
 #[test]
-fn the_light_of_a_corona_is_whole_in_coarse_pixels_and_half_of_it_is_left_beside_a_moon() {
-    // Where it ends little is left of it: see photometry::corona.
+fn coarse_pixels_keep_the_light_of_a_corona_and_a_moon_hides_its_share() {
+    // At its outer end the corona has little light: see photometry::corona.
     let whole = 1.0653e-6;
-    // A dome whose pixels are 0.35 degrees wide, and a window whose are 1 arcmin.
+    // A dome with pixels of 0.35 degrees, and a window with pixels of 1 arcmin.
     for (name, kind) in [
         ("dome", ViewKind::Fisheye { size: [256, 256], mapping: FisheyeMapping::Equidistant, fov_rad: PI / 4.0 }),
         ("window", ViewKind::Perspective { size: [400, 400], fov_y_rad: 0.26 }),
@@ -113,23 +115,24 @@ fn the_light_of_a_corona_is_whole_in_coarse_pixels_and_half_of_it_is_left_beside
         let rig = rig(vec![(name, kind)]);
         let mapping = rig.views()[0].images[0].projection.mapping();
         let light = |scene: &SceneSnapshot| {
-            let shown = picture(scene, &rig);
+            let relative = picture(scene, &rig);
             let width = mapping.size()[0];
             let omega = |index: usize| mapping.solid_angle_sr(index as u32 % width, index as u32 / width);
-            shown.iter().enumerate().map(|(index, shown)| shown * omega(index)).sum::<f64>() / (PI * SUN_RAD * SUN_RAD)
+            relative.iter().enumerate().map(|(index, light)| light * omega(index)).sum::<f64>()
+                / (PI * SUN_RAD * SUN_RAD)
         };
-        let [with, without] = [true, false].map(|has_corona| light(&scene(None, has_corona)));
-        println!("{name}: {:.4e} of the Sun's light", with - without);
-        // The difference of two numbers of 1: as far as f32 tells it.
+        let [with_corona, without] = [true, false].map(|has_corona| light(&scene(None, has_corona)));
+        println!("{name}: {:.4e} of the Sun's light", with_corona - without);
+        // The difference of two values near 1, with the precision of f32.
         assert!((without - 1.0).abs() < 3e-3, "{without}");
         let hidden = light(&scene(Some((1.0001, 0.0)), true));
         println!("{name}: {hidden:.4e} behind a moon as large as the Sun");
         assert!((hidden / whole - 1.0).abs() < 0.04, "{name}: {hidden}");
-        // Half of the sky beside the Sun is covered by a moon 30 times as large.
+        // A moon 30 times as large as the Sun covers half of the sky next to it.
         let half = light(&scene(Some((30.0, 30.0)), true));
         let sun_half = light(&scene(Some((30.0, 30.0)), false));
         println!(
-            "{name}: {half:.4} of the Sun's light beside a large moon, {:.3} of the corona's",
+            "{name}: {half:.4} of the Sun's light next to a large moon, {:.3} of the corona's",
             (half - sun_half) / whole
         );
         assert!(

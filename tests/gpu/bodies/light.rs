@@ -1,5 +1,5 @@
-//! Bodies: their light is what their size, surface and phase say, from a hundredth of a pixel to a hundred pixels, in every projection;
-//! and they hide exactly the stars behind them.
+//! Bodies: their light equals the illuminance from size, surface and phase, from 0.01 to 100 pixels and in every
+//! projection, and they hide exactly the stars behind them.
 
 use std::{f64::consts::PI, sync::Arc};
 
@@ -20,7 +20,7 @@ use steradian::{
     view::{Rig, ViewKind, projection::PlaneMapping},
 };
 
-/// Where bodies stand, m.
+/// Distance of the bodies, m.
 const DISTANCE_M: f64 = 1e9;
 
 fn body(name: &str, position_m: DVec3, radii_m: DVec3, law: ReflectionLaw) -> Body {
@@ -37,7 +37,7 @@ fn body(name: &str, position_m: DVec3, radii_m: DVec3, law: ReflectionLaw) -> Bo
     }
 }
 
-/// A sun that gives a place about 1e5 lx from a direction, seen by the camera too.
+/// A sun that gives about 1e5 lx at a position, and is itself in front of the camera.
 fn sun(place_m: DVec3, direction: DVec3) -> Body {
     let mut sun = body("sun", place_m + direction * 1e12, DVec3::splat(1e7), ReflectionLaw::Lambert);
     sun.surface.geometric_albedo = [0.0; 3];
@@ -58,8 +58,10 @@ fn light_around_lx(image: &FrameImage, mapping: &dyn PlaneMapping, direction: DV
         for x in 0..image.width {
             let omega = mapping.solid_angle_sr(x, y);
             if omega > 0.0 {
-                let at = mapping.direction_from_pixel(glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
-                if at.is_some_and(|at| at.angle_between(direction) < within_rad) {
+                let pixel_direction =
+                    mapping.direction_from_pixel(glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
+                if pixel_direction.is_some_and(|pixel_direction| pixel_direction.angle_between(direction) < within_rad)
+                {
                     let [r, g, b, _] = hdr[(y * image.width + x) as usize].map(f64::from);
                     sum += luminance([r, g, b]) * omega;
                 }
@@ -69,15 +71,15 @@ fn light_around_lx(image: &FrameImage, mapping: &dyn PlaneMapping, direction: DV
     sum
 }
 
-/// Largest angle from a pixel's middle to the middles of its sides, around a direction, twice, rad.
+/// Approximate size of the pixel around a direction, rad.
 fn pixel_across_rad(mapping: &dyn PlaneMapping, direction: DVec3) -> f64 {
     let Some(pixel) = mapping.pixel_from_direction(direction) else { return 0.0 };
-    let at = |x: f64, y: f64| mapping.direction_from_pixel(pixel + glam::DVec2::new(x, y));
-    let sides = [at(0.5, 0.0), at(-0.5, 0.0), at(0.0, 0.5), at(0.0, -0.5)];
+    let direction_at = |x: f64, y: f64| mapping.direction_from_pixel(pixel + glam::DVec2::new(x, y));
+    let sides = [direction_at(0.5, 0.0), direction_at(-0.5, 0.0), direction_at(0.0, 0.5), direction_at(0.0, -0.5)];
     sides.into_iter().flatten().map(|side| 2.0 * side.angle_between(direction)).fold(0.0, f64::max)
 }
 
-/// Relative error of the light of `body` in the view, lit or not.
+/// Relative error of the light of the first body in the view.
 fn light_error(renderer: &mut Renderer, rig: &Rig, bodies: Vec<Body>, times: f64) -> f64 {
     let scene = scene(bodies);
     let body = &scene.objects.bodies[0];
@@ -88,10 +90,10 @@ fn light_error(renderer: &mut Renderer, rig: &Rig, bodies: Vec<Body>, times: f64
         .images
         .iter()
         .zip(images)
-        .map(|(image, of)| {
-            let mapping = of.projection.mapping();
-            let direction = of.camera_from_view.conjugate() * body.position_m;
-            let pixel = of.projection.middle_pixel_rad();
+        .map(|(image, view_image)| {
+            let mapping = view_image.projection.mapping();
+            let direction = view_image.camera_from_view.conjugate() * body.position_m;
+            let pixel = view_image.projection.middle_pixel_rad();
             let reach = (body.radii_m.max_element() / DISTANCE_M).asin() + 12.0 * pixel;
             light_around_lx(image, mapping, direction, reach)
         })
@@ -99,9 +101,9 @@ fn light_error(renderer: &mut Renderer, rig: &Rig, bodies: Vec<Body>, times: f64
     found / expected - 1.0
 }
 
-/// From a hundredth of a pixel to a hundred pixels, at several phases, for both laws and a sun.
+/// From 0.01 to 100 pixels, at several phases, for both reflection laws and for a sun.
 #[test]
-fn the_light_of_a_body_is_its_illuminance_at_every_size() {
+fn a_body_has_its_illuminance_at_every_size() {
     let mut renderer = renderer();
     let mut worst = figures::BODY_FLUX.worst();
     let diameters = [0.01, 0.1, 0.5, 1.0, 1.7, 2.0, 2.3, 2.7, 3.0, 3.5, 4.0, 5.0, 7.0, 11.0, 20.0, 45.0, 100.0];
@@ -128,9 +130,9 @@ fn the_light_of_a_body_is_its_illuminance_at_every_size() {
     worst.print();
 }
 
-/// Bodies of three sizes in every projection, at its poles, edges and corners too where the picture goes on.
+/// Bodies of three sizes in every projection, also at its poles, edges and corners if the picture continues there.
 #[test]
-fn the_light_of_a_body_is_its_illuminance_in_every_projection() {
+fn a_body_has_its_illuminance_in_every_projection() {
     let mut renderer = renderer();
     let mut worst = (0.0_f64, String::new());
     for (name, kind) in all_views() {
@@ -154,8 +156,8 @@ fn the_light_of_a_body_is_its_illuminance_in_every_projection() {
                 let radii_m = DVec3::new(1.0, 0.8, 0.6) * radius_m;
                 let bodies = vec![body("body", place, radii_m, ReflectionLaw::Lambert), sun(place, towards)];
                 let error = light_error(&mut renderer, &rig, bodies, eyes);
-                // The rim of a round picture of the full sphere is a staircase of pixels, which hold a few per cent more or less of what
-                // lies at the one point that is all of the rim.
+                // At the rim of a round picture of the full sphere, all pixels show nearly the same point, and the staircase of pixels
+                // covers it a few per cent too much or too little.
                 let at_rim = name == "equidistant-360" && direction.z > 0.999;
                 let limit = if at_rim { 0.04 } else { 0.01 };
                 assert!(error.abs() < limit, "{name}, {direction}, {diameter} px: {error}");
@@ -165,10 +167,15 @@ fn the_light_of_a_body_is_its_illuminance_in_every_projection() {
             }
         }
     }
-    println!("{} projections: largest error of a body's light {:.4} ({})", all_views().len(), worst.0, worst.1);
+    println!(
+        "{} projections: largest relative error of the light of a body {:.4} ({})",
+        all_views().len(),
+        worst.0,
+        worst.1
+    );
 }
 
-/// The comparisons above must fail for an albedo that is wrong by two per cent.
+/// The comparisons above must fail if the albedo is wrong by two per cent.
 #[test]
 fn a_wrong_albedo_is_found() {
     let mut renderer = renderer();
@@ -185,15 +192,15 @@ fn a_wrong_albedo_is_found() {
     assert!(error > 0.01, "{error}");
 }
 
-/// A body before a crowd of stars hides those behind it, and no others: the stars that are drawn are counted, and the light of each that is
-/// far enough from its neighbours' is measured by what the scene without the body has.
+/// A body in front of a crowd of stars hides exactly those behind it: the drawn stars are counted, and the light of each
+/// star that is far enough from its neighbours is compared with the scene without the body.
 #[test]
 fn a_transit_hides_exactly_the_stars_behind_it_in_every_projection() {
     let mut renderer = renderer();
     let stars: Vec<DVec3> = spiral(40_000).collect();
     let sky = snapshot(stars.iter().map(|direction| star(*direction, 6.0)).collect());
     let mut figures = Vec::new();
-    // At the exposure of the mean all stars take the same kernel: of those that a rim cuts, each kernel loses another share.
+    // With the exposure of the mean, all stars use the same kernel; different kernels would lose different shares at a rim.
     let mut settings = settings(StarMethod::Auto);
     settings.exposure.metering = Metering::Mean;
     for (name, kind) in all_views() {
@@ -206,12 +213,12 @@ fn a_transit_hides_exactly_the_stars_behind_it_in_every_projection() {
         let (all, all_lx) = count(&mut renderer, SceneObjects::default());
         let mut hidden_in_all = 0;
         for direction in directions_inside(&view("v", kind.clone()), 3, 30) {
-            // Black, so that all light is stars'. An ellipsoid askew: its outline is no circle.
+            // Black, so that all light comes from stars. The ellipsoid is tilted, so its outline is not a circle.
             let mut dark =
                 body("dark", direction * DISTANCE_M, DVec3::new(2.4e8, 1.5e8, 0.9e8), ReflectionLaw::Lambert);
             dark.orientation = DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 1.1, -0.3);
             dark.surface.geometric_albedo = [0.0; 3];
-            let (left, left_lx) =
+            let (remaining, remaining_lx) =
                 count(&mut renderer, SceneObjects { bodies: vec![Arc::new(dark.clone())], ..Default::default() });
             let hidden_in = |image: &steradian::view::ViewImage| {
                 let mapping = image.projection.mapping();
@@ -225,32 +232,35 @@ fn a_transit_hides_exactly_the_stars_behind_it_in_every_projection() {
                 stars.iter().filter(in_picture).filter(|star| hides(&dark, eye_m, **star, 0.0)).count() as u64
             };
             let hidden: u64 = rig.views()[0].images.iter().map(hidden_in).sum();
-            assert!(hidden > 10, "{name}: hardly any star behind the body");
-            assert_eq!(all - left, hidden, "{name}, body at {direction}");
-            let lost = (all_lx - left_lx) / (all_lx / all as f64) - hidden as f64;
-            // Kernels reach over borders of pictures that do not go on.
-            assert!(lost.abs() < 0.01 * hidden as f64, "{name}: the light of {lost} stars more than those hidden");
+            assert!(hidden > 10, "{name}: too few stars behind the body");
+            assert_eq!(all - remaining, hidden, "{name}, body at {direction}");
+            let lost = (all_lx - remaining_lx) / (all_lx / all as f64) - hidden as f64;
+            // Kernels extend over the borders of pictures that end there.
+            assert!(
+                lost.abs() < 0.01 * hidden as f64,
+                "{name}: the light of {lost} stars is missing besides the hidden ones"
+            );
             hidden_in_all += hidden;
         }
         figures.push(format!("{name} {hidden_in_all}"));
     }
-    println!("stars hidden, each of them and no other: {}", figures.join(", "));
+    println!("hidden stars, exactly those behind the body: {}", figures.join(", "));
 }
 
-/// The count above must differ for a body a little larger.
+/// The count above must differ for a slightly larger body.
 #[test]
-fn a_body_too_large_by_a_fiftieth_hides_too_many() {
+fn a_body_two_per_cent_too_large_hides_too_many_stars() {
     let stars: Vec<DVec3> = spiral(40_000).collect();
     let hidden_by = |radius_m: f64| {
-        let of = body("dark", DVec3::NEG_Z * DISTANCE_M, DVec3::splat(radius_m), ReflectionLaw::Lambert);
-        stars.iter().filter(|star| hides(&of, DVec3::ZERO, **star, 0.0)).count()
+        let dark = body("dark", DVec3::NEG_Z * DISTANCE_M, DVec3::splat(radius_m), ReflectionLaw::Lambert);
+        stars.iter().filter(|star| hides(&dark, DVec3::ZERO, **star, 0.0)).count()
     };
     assert!(hidden_by(2.04e8) > hidden_by(2e8));
 }
 
-/// The largest bodies there are, as far as they can be: their outline and their light are as right as any.
+/// The largest bodies at the largest distances: their outlines and their light are as accurate as others.
 #[test]
-fn a_giant_has_its_light_and_hides_what_is_behind_it_only() {
+fn a_giant_has_its_illuminance_and_hides_only_stars_behind_it() {
     let mut renderer = renderer();
     let rig = rig(vec![("window", ViewKind::Perspective { size: [120, 100], fov_y_rad: 0.5 })]);
     let mapping = rig.views()[0].images[0].projection.mapping();
@@ -272,9 +282,9 @@ fn a_giant_has_its_light_and_hides_what_is_behind_it_only() {
     }
 }
 
-/// A sun a thousand parsecs away is a star like any other.
+/// A sun at a distance of 1000 parsecs is drawn as a star.
 #[test]
-fn a_sun_at_a_kiloparsec_still_shines() {
+fn a_sun_at_a_kiloparsec_is_visible() {
     let mut renderer = renderer();
     let rig = rig(vec![("window", ViewKind::Perspective { size: [64, 64], fov_y_rad: 0.5 })]);
     let mut sun = body("sun", DVec3::NEG_Z * 3.0857e19, DVec3::splat(6.957e8), ReflectionLaw::Lambert);
@@ -286,9 +296,10 @@ fn a_sun_at_a_kiloparsec_still_shines() {
     assert!((found / expected - 1.0).abs() < 1e-3, "{found} {expected}");
 }
 
-/// Which of two bodies is before the other is told by the ray, not by their middles: a small one beside the eye, low above a large one.
+/// Occlusion between bodies is decided per ray, not by the distances of their centres: a small body low above a large
+/// one is in front of it.
 #[test]
-fn a_small_body_before_the_ground_of_a_large_one_is_seen() {
+fn a_small_body_low_above_a_large_one_is_visible() {
     let mut renderer = renderer();
     let rig = rig(vec![("window", ViewKind::Perspective { size: [100, 100], fov_y_rad: 1.0 })]);
     let mut ground = body("ground", DVec3::new(0.0, -6.8e6, 0.0), DVec3::splat(6.4e6), ReflectionLaw::Lambert);
@@ -301,22 +312,22 @@ fn a_small_body_before_the_ground_of_a_large_one_is_seen() {
     let mapping = rig.views()[0].images[0].projection.mapping();
     let pixel = mapping.pixel_from_direction(station_m.normalize()).unwrap();
     let hdr = frame.images[0].hdr.as_ref().unwrap();
-    let shown = hdr[pixel.y as usize * 100 + pixel.x as usize][1];
-    assert!((shown - 100.0).abs() < 0.1, "{shown}");
+    let luminance_cd_m2 = hdr[pixel.y as usize * 100 + pixel.x as usize][1];
+    assert!((luminance_cd_m2 - 100.0).abs() < 0.1, "{luminance_cd_m2}");
 }
 
-/// A body in the shadow of another one has umbra and penumbra where the twin has them.
+/// A body in the shadow of another one has umbra and penumbra as in the f64 reference.
 #[test]
-fn shadows_fall_on_bodies_as_in_the_twin() {
+fn shadows_on_bodies_equal_the_reference() {
     let sun_m = DVec3::new(1.0, 0.3, 0.2).normalize() * 1.5e11;
     let mut sun = body("sun", sun_m, DVec3::splat(7e8), ReflectionLaw::Lambert);
     sun.emission = Some(Emission { luminance_cd_m2: [2e9, 1.9e9, 1.8e9], limb_darkening: 0.0, corona: false });
     let lit = body("lit", DVec3::NEG_Z * 4e7, DVec3::new(6.4e6, 6.2e6, 5.9e6), ReflectionLaw::Lambert);
     let towards = (sun_m - lit.position_m).normalize();
-    let aside = towards.any_orthonormal_vector();
+    let across = towards.any_orthonormal_vector();
     let caster = |part: f64| {
-        let at = lit.position_m + towards * 4e8 + aside * part * 6e6;
-        body("caster", at, DVec3::splat(2e6), ReflectionLaw::Lambert)
+        let point_m = lit.position_m + towards * 4e8 + across * part * 6e6;
+        body("caster", point_m, DVec3::splat(2e6), ReflectionLaw::Lambert)
     };
     let rig = rig(vec![("flat", ViewKind::Perspective { size: [96, 96], fov_y_rad: 0.4 })]);
     let mapping = rig.views()[0].images[0].projection.mapping();
@@ -327,11 +338,11 @@ fn shadows_fall_on_bodies_as_in_the_twin() {
         let twin = steradian::reference::bodies::rays::draw(&scene.objects, DVec3::ZERO, DQuat::IDENTITY, mapping, 12);
         let hdr = frame.images[0].hdr.as_ref().unwrap();
         let brightest = twin.luminance_cd_m2.iter().map(|rgb| rgb[1]).fold(0.0, f64::max);
-        let off = |(found, expected): (&[f32; 4], &[f64; 3])| (f64::from(found[1]) - expected[1]).abs() / brightest;
-        let worst = hdr.iter().zip(&twin.luminance_cd_m2).map(off).fold(0.0, f64::max);
+        let error = |(found, expected): (&[f32; 4], &[f64; 3])| (f64::from(found[1]) - expected[1]).abs() / brightest;
+        let worst = hdr.iter().zip(&twin.luminance_cd_m2).map(error).fold(0.0, f64::max);
         let light: f64 = illuminance_lx(&frame.images[0], mapping);
         println!("shadow {part}: worst {worst:.1e}, light {light:.4e} lx");
-        // The twin's parts of a pixel on the limb and on the shadow's edge.
+        // Pixels on the limb and on the edge of the shadow: the reference divides them into a finite number of parts.
         assert!(worst < 0.06, "{part}: {worst}");
         lights.push(light);
         let whole = luminance(illuminance_of(&lit, DVec3::ZERO, &suns(&scene.objects), 0.0));
@@ -340,16 +351,21 @@ fn shadows_fall_on_bodies_as_in_the_twin() {
     assert!(lights[0] < 0.97 * lights[2] && lights[1] < lights[2], "{lights:?}");
 }
 
-/// A disc that lies within a nearer and larger one is hidden, wherever limbs cross pixels.
+/// A disc behind a nearer and larger one is hidden completely, whichever way the limbs cross pixels.
 #[test]
-fn a_sun_behind_a_larger_moon_is_dark_to_the_last_pixel() {
+fn a_sun_behind_a_larger_moon_is_hidden_in_every_pixel() {
     let direction = DVec3::new(0.02, 0.01, -1.0).normalize();
     let mut sun = body("sun", direction * 1.5e11, DVec3::splat(6.957e8), ReflectionLaw::Lambert);
     sun.emission = Some(Emission { luminance_cd_m2: [2e9; 3], limb_darkening: 0.0, corona: false });
-    // Larger by 2 %: less than a pixel.
+    // Larger by 2 %, which is less than a pixel.
     let moon = |part: f64| {
-        let aside = direction.any_orthonormal_vector() * part;
-        body("moon", direction * 3.6e8 + aside, DVec3::splat(3.6e8 * 6.957e8 / 1.5e11 * 1.02), ReflectionLaw::Lambert)
+        let offset_m = direction.any_orthonormal_vector() * part;
+        body(
+            "moon",
+            direction * 3.6e8 + offset_m,
+            DVec3::splat(3.6e8 * 6.957e8 / 1.5e11 * 1.02),
+            ReflectionLaw::Lambert,
+        )
     };
     let rig = rig(vec![("flat", ViewKind::Perspective { size: [64, 64], fov_y_rad: 0.05 })]);
     let mapping = rig.views()[0].images[0].projection.mapping();
@@ -359,11 +375,11 @@ fn a_sun_behind_a_larger_moon_is_dark_to_the_last_pixel() {
     };
     let whole = light(vec![sun.clone()]);
     assert_eq!(light(vec![sun.clone(), moon(0.0)]), 0.0);
-    // A tenth of its radius aside a crescent is left, of the area that circles leave.
-    let aside_m = 1.7e5;
-    let left = light(vec![sun.clone(), moon(aside_m)]) / whole;
+    // With an offset of a tenth of the radius a crescent remains, whose share is the area between two circles.
+    let offset_m = 1.7e5;
+    let visible = light(vec![sun.clone(), moon(offset_m)]) / whole;
     let radius = 6.957e8 / 1.5e11;
-    let expected = 1.0 - steradian::scene::bodies::hidden_share(radius, 1.02 * radius, aside_m / 3.6e8);
-    println!("{left:.5} of the light is left, by areas {expected:.5}");
-    assert!(expected > 0.01 && (left / expected - 1.0).abs() < 0.03, "{left} {expected}");
+    let expected = 1.0 - steradian::scene::bodies::hidden_share(radius, 1.02 * radius, offset_m / 3.6e8);
+    println!("visible share {visible:.5}, from areas {expected:.5}");
+    assert!(expected > 0.01 && (visible / expected - 1.0).abs() < 0.03, "{visible} {expected}");
 }

@@ -1,4 +1,5 @@
-//! Saturn with its rings: the light of the whole is that of the measured magnitude, zones stand where they are, and globe and rings hide and shade each other.
+//! Saturn with its rings: the total light matches the measured magnitude, the ring zones have their radii, and globe
+//! and rings hide and shade each other.
 
 use std::sync::Arc;
 
@@ -19,84 +20,89 @@ const AU: f64 = ASTRONOMICAL_UNIT_M;
 const RADIUS_M: f64 = 60_268e3;
 const SIZE: [u32; 2] = [400, 240];
 
-/// Saturn at 9 au from the eye, whose pole leans towards it by an angle, lit from beside the eye, with the Sun over its equator by another angle.
-fn scene(eye_deg: f64, sun_deg: f64, beside_deg: f64, has_curve: bool) -> SceneSnapshot {
+/// Saturn at 9 au. Its pole leans towards the eye by `eye_deg`; the Sun is `sun_deg` above the
+/// equator of Saturn, and `sun_azimuth_deg` from the eye around the pole.
+fn scene(eye_deg: f64, sun_deg: f64, sun_azimuth_deg: f64, has_curve: bool) -> SceneSnapshot {
     let place = DVec3::NEG_Z * 9.0 * AU;
     let mut saturn = Body::preset(SolarBody::Saturn, "saturn", place);
     if !has_curve {
         saturn.surface.phase_curve = None;
     }
-    // The pole is up (+y) in the picture, and leans to the eye (+z).
+    // The pole points up (+y) in the picture and leans towards the eye (+z).
     saturn.orientation = DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2 + eye_deg.to_radians());
     let pole = saturn.orientation * DVec3::Z;
     let (sin, cos) = sun_deg.to_radians().sin_cos();
     let flat = (DVec3::Z - pole * pole.z).normalize();
-    let turned = DQuat::from_axis_angle(pole, beside_deg.to_radians()) * flat;
+    let turned = DQuat::from_axis_angle(pole, sun_azimuth_deg.to_radians()) * flat;
     let sun = Body::preset(SolarBody::Sun, "sun", place + (pole * sin + turned * cos) * 9.5 * AU);
     let objects = SceneObjects { bodies: vec![Arc::new(saturn), Arc::new(sun)], ..Default::default() };
     SceneSnapshot { objects: Arc::new(objects), camera: Camera::default(), ..snapshot(Vec::new()) }
 }
 
 fn window() -> Rig {
-    // Rings are 320 pixels wide.
+    // The rings are 320 pixels wide.
     let fov_y_rad = 2.0 * (RADIUS_M * 2.269 / (9.0 * AU)) * 240.0 / 320.0;
     rig(vec![("window", ViewKind::Perspective { size: SIZE, fov_y_rad })])
 }
 
-/// Luminance of all pixels, row by row, and the light of the picture.
+/// Luminance of all pixels, row by row, and the illuminance of the picture, lx.
 fn picture(scene: &SceneSnapshot) -> (Vec<f64>, f64) {
     let rig = window();
     let frame = render_hdr(&mut renderer(), scene, &rig, &settings(StarMethod::Auto));
     let image = &frame.images[0];
     let mapping = rig.views()[0].images[0].projection.mapping();
-    let shown = image.hdr.as_ref().unwrap().iter().map(|[r, g, b, _]| luminance([r, g, b].map(|c| f64::from(*c))));
-    (shown.collect(), illuminance_lx(image, mapping))
+    let pixels = image.hdr.as_ref().unwrap().iter().map(|[r, g, b, _]| luminance([r, g, b].map(|c| f64::from(*c))));
+    (pixels.collect(), illuminance_lx(image, mapping))
 }
 
-/// Luminance at so many equatorial radii to the right and up.
-fn at(picture: &[f64], right: f64, up: f64) -> f64 {
+/// Luminance at a position in equatorial radii, to the right and up.
+fn luminance_at(picture: &[f64], right: f64, up: f64) -> f64 {
     let place = DVec2::new(f64::from(SIZE[0]), f64::from(SIZE[1])) * 0.5 + DVec2::new(right, -up) * 160.0 / 2.269;
     picture[place.y as usize * SIZE[0] as usize + place.x as usize]
 }
 
 #[test]
-fn globe_and_rings_have_the_measured_light_together() {
-    for (eye_deg, sun_deg, beside_deg) in [(26.0, 26.0, 0.5), (20.0, 21.0, 3.0), (-12.0, -11.0, 5.0), (5.0, 6.0, 2.0)] {
-        let scene = scene(eye_deg, sun_deg, beside_deg, true);
+fn globe_and_rings_have_the_measured_total_light() {
+    for (eye_deg, sun_deg, sun_azimuth_deg) in
+        [(26.0, 26.0, 0.5), (20.0, 21.0, 3.0), (-12.0, -11.0, 5.0), (5.0, 6.0, 2.0)]
+    {
+        let scene = scene(eye_deg, sun_deg, sun_azimuth_deg, true);
         let expected = luminance(illuminance_of(&scene.objects.bodies[0], DVec3::ZERO, &suns(&scene.objects), 0.0));
-        let (shown, found) = picture(&scene);
-        println!("eye {eye_deg}, Sun {sun_deg}: {:+.3} of the light", found / expected - 1.0);
-        // What globe and rings hide of each other is missing: the magnitude tells their light unhidden.
+        let (pixels, found) = picture(&scene);
+        println!("eye {eye_deg}, Sun {sun_deg}: relative error of the light {:+.3}", found / expected - 1.0);
+        // Globe and rings hide parts of each other, but the measured magnitude is their light without this.
         assert!((0.80..1.01).contains(&(found / expected)), "{eye_deg}: {}", found / expected);
-        // Left and right of the globe: C is dark, B bright, A less, Cassini's division dark between them.
-        let [c, b, division, a, beyond] = [1.38, 1.75, 1.99, 2.15, 2.35].map(|radius| at(&shown, radius, 0.0));
+        // Left and right of the globe: C is dark, B bright, A fainter, and Cassini's division between them is dark.
+        let [c, b, division, a, beyond] =
+            [1.38, 1.75, 1.99, 2.15, 2.35].map(|radius| luminance_at(&pixels, radius, 0.0));
         if eye_deg.abs() > 10.0 {
             assert!(b > 1.3 * a && a > 1.3 * division && b > 3.0 * c && c > 0.0, "{c} {b} {division} {a}");
         }
-        assert!(beyond == 0.0 && at(&shown, 1.1, 0.0) == 0.0, "{beyond}");
+        assert!(beyond == 0.0 && luminance_at(&pixels, 1.1, 0.0) == 0.0, "{beyond}");
     }
 }
 
 #[test]
-fn rings_stand_before_the_globe_and_behind_it_and_their_dark_side_is_dark() {
+fn globe_and_rings_hide_and_shade_each_other() {
     let bright = picture(&scene(26.0, 26.0, 0.0, true)).0;
     let without = picture(&scene(26.0, 26.0, 0.0, false)).0;
     let sine = 26_f64.to_radians().sin();
-    // The near part of B crosses the globe below its middle; the far part is hidden by the globe above it.
+    // The near part of B crosses the globe below its centre; the globe hides the far part above it.
     let [before, behind] = [-1.75 * sine, 1.75 * sine];
-    let globe = |picture: &[f64]| at(picture, 0.0, 0.1);
-    let ratio = at(&bright, 0.0, before) / globe(&bright);
-    let plain = at(&without, 0.0, before) / globe(&without);
+    let globe = |picture: &[f64]| luminance_at(picture, 0.0, 0.1);
+    let ratio = luminance_at(&bright, 0.0, before) / globe(&bright);
+    let plain = luminance_at(&without, 0.0, before) / globe(&without);
     assert!((ratio / plain - 1.0).abs() > 0.05, "{ratio} {plain}");
-    let hidden = at(&bright, 0.0, behind) / globe(&bright);
-    let alike = at(&without, 0.0, behind) / globe(&without);
+    let hidden = luminance_at(&bright, 0.0, behind) / globe(&bright);
+    let alike = luminance_at(&without, 0.0, behind) / globe(&without);
     assert!((hidden / alike - 1.0).abs() < 0.05, "{hidden} {alike}");
-    // Lit from the other side they reflect nothing, and hide the globe all the same.
+    // Lit from the other side, the rings reflect nothing but still hide the globe.
     let dark = picture(&scene(10.0, -10.0, 0.0, true)).0;
-    assert_eq!(at(&dark, 1.75, 0.0), 0.0);
-    // With the Sun beside the eye the globe's shadow falls on the far part, to the left or the right.
-    let [left, right] = [20.0, -20.0].map(|beside| picture(&scene(24.0, 24.0, beside, true)).0);
-    let shadow = |picture: &[f64]| [-1.0, 1.0].map(|side| at(picture, side * 0.95, 1.62 * 24_f64.to_radians().sin()));
+    assert_eq!(luminance_at(&dark, 1.75, 0.0), 0.0);
+    // With the Sun to one side of the eye, the shadow of the globe falls on the far part of the rings, left or right.
+    let [left, right] = [20.0, -20.0].map(|azimuth_deg| picture(&scene(24.0, 24.0, azimuth_deg, true)).0);
+    let shadow =
+        |picture: &[f64]| [-1.0, 1.0].map(|side| luminance_at(picture, side * 0.95, 1.62 * 24_f64.to_radians().sin()));
     let [[a, b], [c, d]] = [shadow(&left), shadow(&right)];
     assert!((a - d).abs() <= 0.1 * a.max(d) && (b - c).abs() <= 0.1 * b.max(c), "{a} {b} {c} {d}");
     assert!(a.min(b) < 0.3 * a.max(b), "{a} {b}");

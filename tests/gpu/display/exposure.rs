@@ -1,5 +1,5 @@
-//! Exposure of whole frames: the mean that f64 finds in the pictures, one for all of them, however they are cut, in darkness, and
-//! after whatever frame came before.
+//! Automatic exposure from the mean luminance: it equals the f64 mean over all pictures, does not depend on how they are
+//! divided or on earlier frames, and adapts over time.
 
 use std::f64::consts::FRAC_PI_3;
 
@@ -29,7 +29,7 @@ fn fisheye(mapping: FisheyeMapping, degrees: f64) -> ViewKind {
     ViewKind::Fisheye { size: [160; 2], mapping, fov_rad: degrees.to_radians() }
 }
 
-/// A flat view, two eyes, a cube, domes beyond and within the half of the sky, and all of it.
+/// A flat view, two eyes, a cube, domes of more and of less than half of the sky, and a map of the whole sky.
 fn rig_of_all() -> Rig {
     rig(vec![
         ("flat", ViewKind::Perspective { size: [160, 90], fov_y_rad: FRAC_PI_3 }),
@@ -41,7 +41,7 @@ fn rig_of_all() -> Rig {
     ])
 }
 
-/// Stars that crowd towards +x: their mean is not the same everywhere.
+/// Stars concentrated towards +x, so that the mean differs between views.
 fn crowd() -> SceneSnapshot {
     let crowded = |(i, d): (usize, DVec3)| StarRecord {
         temperature_k: 2500.0 + 13.0 * i as f32,
@@ -62,7 +62,7 @@ fn render(
         .unwrap()
 }
 
-/// Luminance and solid angle, from f64, of every pixel of a frame.
+/// Luminance and solid angle, in f64, of every pixel of a frame.
 fn pixels(frame: &Frame, rig: &Rig) -> Vec<[f64; 2]> {
     let mappings = rig.views().iter().flat_map(|view| &view.images).map(|image| image.projection.mapping());
     let mut pixels = Vec::new();
@@ -76,7 +76,7 @@ fn pixels(frame: &Frame, rig: &Rig) -> Vec<[f64; 2]> {
 }
 
 #[test]
-fn the_exposure_of_a_rig_is_that_of_the_f64_mean_over_its_pictures() {
+fn exposure_of_a_rig_equals_the_f64_mean_over_its_images() {
     let mut renderer = renderer();
     let rig = rig_of_all();
     for (key, scene) in [(None, crowd()), (Some(0.3), snapshot(vec![star(DVec3::new(0.3, 0.2, -1.0), -26.7)]))] {
@@ -89,21 +89,21 @@ fn the_exposure_of_a_rig_is_that_of_the_f64_mean_over_its_pictures() {
         let expected = settings.exposure.metered_ev100(mean_luminance_cd_m2(pixels.iter().copied()));
         let error = frame.exposure_ev100 - expected;
         println!(
-            "{} images: exposure {:.5}, in f64 {expected:.5}: {error:+.1e} EV",
+            "{} images: exposure {:.5}, f64 {expected:.5}: {error:+.1e} EV",
             frame.images.len(),
             frame.exposure_ev100
         );
         assert!(error.abs() < 1.5e-4, "{error}");
         assert_eq!(frame.exposure_ev100, frame.metered_ev100);
-        // A mean of the pixels that takes them for equally large is found.
+        // A mean that weights all pixels equally differs.
         let in_picture = pixels.iter().filter(|[_, omega]| *omega > 0.0).map(|[luminance, _]| [*luminance, 1.0]);
         let unweighted = settings.exposure.metered_ev100(mean_luminance_cd_m2(in_picture));
         assert!((unweighted - expected).abs() > 0.03, "{unweighted}");
     }
 }
 
-/// Bytes of an image that are not those of its HDR pixels at an exposure.
-fn bytes_off(frame: &Frame, image: usize, tone_map: &ToneMapSettings, ev100: f64) -> usize {
+/// Number of bytes of a display image that differ from its HDR pixels, displayed with an exposure.
+fn differing_bytes(frame: &Frame, image: usize, tone_map: &ToneMapSettings, ev100: f64) -> usize {
     let image = &frame.images[image];
     let white = white_luminance_cd_m2(ev100);
     let pairs = image.hdr.as_ref().unwrap().iter().zip(image.display.as_ref().unwrap().as_chunks::<4>().0);
@@ -115,10 +115,9 @@ fn bytes_off(frame: &Frame, image: usize, tone_map: &ToneMapSettings, ev100: f64
         .sum()
 }
 
-/// Both eyes, all faces and every other image of a frame are shown with the exposure that the frame reports, where it is known before
-/// the pixels are and where it is not.
+/// All images of a frame are displayed with the exposure that the frame reports, whether it is metered or given.
 #[test]
-fn all_images_of_a_frame_are_shown_with_the_one_exposure_that_it_reports() {
+fn all_images_of_a_frame_use_its_reported_exposure() {
     let mut renderer = renderer();
     let (rig, scene) = (rig_of_all(), crowd());
     let mut settings = settings(StarMethod::Auto);
@@ -130,10 +129,10 @@ fn all_images_of_a_frame_are_shown_with_the_one_exposure_that_it_reports() {
     assert!((known.exposure_ev100 - metered.exposure_ev100 - 1.5).abs() < 1e-5);
     for frame in [&metered, &known] {
         for image in 0..frame.images.len() {
-            assert_eq!(bytes_off(frame, image, &settings.tone_map, frame.exposure_ev100), 0, "image {image}");
-            // A fiftieth of a step is seen in every one of them.
-            let off = bytes_off(frame, image, &settings.tone_map, frame.exposure_ev100 + 0.02);
-            assert!(off > 20, "image {image}: {off} bytes");
+            assert_eq!(differing_bytes(frame, image, &settings.tone_map, frame.exposure_ev100), 0, "image {image}");
+            // An exposure that differs by 0.02 EV changes every image.
+            let differing = differing_bytes(frame, image, &settings.tone_map, frame.exposure_ev100 + 0.02);
+            assert!(differing > 20, "image {image}: {differing} bytes");
         }
     }
 }
@@ -147,24 +146,24 @@ fn a_picture_cut_into_faces_windows_or_tiles_has_the_same_exposure() {
         render_hdr(&mut renderer_with(options), &scene, &rig(views), &settings).exposure_ev100
     };
     let whole = GpuOptions::default();
-    // The whole sky as one map, as six faces, and as a fisheye of 360 degrees.
+    // The whole sky as a map and as six cube faces.
     let map = exposure(&whole, vec![("map", ViewKind::Equirectangular { size: [512, 256] })]);
     let cube = exposure(&whole, vec![("cube", ViewKind::Cubemap { face_size: 128, faces: Face::ALL.to_vec() })]);
     println!("map {map:.6}, cube {cube:.6}: {:+.1e} EV", cube - map);
     assert!((cube - map).abs() < 1e-5);
-    // One face of the six is another picture.
+    // One face of the six has another exposure.
     let right = exposure(&whole, vec![("right", ViewKind::Cubemap { face_size: 128, faces: vec![Face::Right] })]);
     assert!((right - map).abs() > 0.1, "{right}");
-    // A window, and the same one cut in two off the axis; stars on the cut lie in both halves in part.
+    // A window, and the same window cut in two off-axis halves; stars on the cut are partly in both.
     let window = |left_rad: f64, right_rad: f64, width: u32| {
         let fov = Fov { left_rad, right_rad, up_rad: 0.6, down_rad: -0.6 };
         ViewKind::OffAxis { size: [width, 256], fov }
     };
     let one = exposure(&whole, vec![("whole", window(-0.6, 0.6, 256))]);
     let two = exposure(&whole, vec![("left", window(-0.6, 0.0, 128)), ("right", window(0.0, 0.6, 128))]);
-    println!("window {one:.6}, in two {two:.6}: {:+.1e} EV", two - one);
+    println!("window {one:.6}, two halves {two:.6}: {:+.1e} EV", two - one);
     assert!((two - one).abs() < 1e-5);
-    // Strips of a few rows, as an adapter that binds little needs them.
+    // Strips of a few rows, as on an adapter with small bindings.
     for rows in [17, 40] {
         let options = GpuOptions { binding_limit_bytes: Some(16 * 256 * rows), ..GpuOptions::default() };
         let strips = exposure(&options, vec![("whole", window(-0.6, 0.6, 256))]);
@@ -187,9 +186,9 @@ fn darkness_has_the_lowest_exposure_and_stays_black() {
     }
 }
 
-/// Nothing of what a meter has read is left in the next frame, however bright and large the one before was.
+/// Metering does not depend on the frame before, however bright and large it was.
 #[test]
-fn the_exposure_never_comes_from_a_frame_before() {
+fn exposure_does_not_depend_on_earlier_frames() {
     let small = rig(vec![("small", ViewKind::Perspective { size: [61, 37], fov_y_rad: 1.0 })]);
     let faint = crowd();
     let mut records: Vec<StarRecord> = spiral(100).map(|d| star(d, 3.0)).collect();
@@ -212,10 +211,10 @@ fn the_exposure_never_comes_from_a_frame_before() {
     }
 }
 
-/// The Sun appears among the stars, and goes again: every frame is shown as its own light and the exposure that it reports ask for,
-/// the exposure goes one way and is the same at the same time for every frame rate.
+/// The Sun appears among the stars and disappears again. Every frame equals its own HDR image at the reported exposure;
+/// the exposure is monotonic, and does not depend on the frame rate.
 #[test]
-fn from_night_to_the_sun_and_back_no_frame_is_bad() {
+fn adaptation_to_the_sun_and_back_is_monotonic() {
     use steradian::{
         plan::adaptation::Adaptation,
         verify::scenes::{rig, snapshot, spiral, star},
@@ -227,7 +226,7 @@ fn from_night_to_the_sun_and_back_no_frame_is_bad() {
     let day = snapshot(stars().chain([star(glam::DVec3::new(0.2, 0.1, -1.0), -26.7)]).collect());
     let mut settings = RenderSettings::default();
     settings.exposure.metering = Metering::Mean;
-    // Exposures at every tenth of a second from the first frame with the Sun on, and from the first without it.
+    // Exposures at every tenth of a second, from the first frame with the Sun and from the first frame after it.
     let mut run = |rate_hz: u32| {
         let mut eye = Adaptation::default();
         let mut tenths = Vec::new();
@@ -238,29 +237,32 @@ fn from_night_to_the_sun_and_back_no_frame_is_bad() {
             let (mut all_black, mut all_white) = (0, 0);
             for frame in 0..frames {
                 let dt_s = 1.0 / f64::from(rate_hz);
-                let ev100 = eye.exposure(dt_s, if frame == 0 { dt_s } else { 0.0 }, &settings.exposure);
+                let adapted_ev100 = eye.exposure(dt_s, if frame == 0 { dt_s } else { 0.0 }, &settings.exposure);
                 let drawn = renderer
                     .render(
-                        FrameRequest::new(scene, &rig).settings(&settings).wanted(Wanted::both()).adapted_ev100(ev100),
+                        FrameRequest::new(scene, &rig)
+                            .settings(&settings)
+                            .wanted(Wanted::both())
+                            .adapted_ev100(adapted_ev100),
                     )
                     .unwrap();
-                let (shown, metered) = (drawn.exposure_ev100, drawn.metered_ev100);
-                assert!(shown.is_finite() && metered.is_finite());
+                let (ev100, metered) = (drawn.exposure_ev100, drawn.metered_ev100);
+                assert!(ev100.is_finite() && metered.is_finite());
                 goal = metered;
                 if frame == 0 {
-                    start = shown;
+                    start = ev100;
                 }
-                // One way, and never beyond the goal. The frame itself holds its exposure in f32.
+                // The exposure is monotonic and never overshoots the goal. The frame stores its exposure as f32.
                 if previous.is_finite() && frame > 0 {
                     let (low, high) = if metered > previous { (previous, metered) } else { (metered, previous) };
-                    assert!((low - 1e-5..=high + 1e-5).contains(&shown), "frame {frame}: {previous} {shown} {metered}");
+                    assert!((low - 1e-5..=high + 1e-5).contains(&ev100), "frame {frame}: {previous} {ev100} {metered}");
                 }
-                previous = shown;
-                eye.observe(shown, metered);
+                previous = ev100;
+                eye.observe(ev100, metered);
                 let image = &drawn.images[0];
                 let bytes = image.display.as_ref().unwrap().as_chunks::<4>().0;
                 let hdr = image.hdr.as_ref().unwrap();
-                let white = white_luminance_cd_m2(shown);
+                let white = white_luminance_cd_m2(ev100);
                 for (pixel, bytes) in hdr.iter().zip(bytes) {
                     let rgb = [pixel[0], pixel[1], pixel[2]].map(f64::from);
                     assert!(rgb.iter().all(|channel| channel.is_finite()));
@@ -268,13 +270,14 @@ fn from_night_to_the_sun_and_back_no_frame_is_bad() {
                         assert!((f64::from(*byte) - 255.0 * value).abs() <= 1.02, "frame {frame}: {byte} for {value}");
                     }
                 }
-                // All black or all white only as long as an eye that adapts by the closed form sees nothing else.
+                // A frame may be all black or all white only as long as an eye that adapts by the closed form would also see it so.
                 let elapsed_s = f64::from(frame) * dt_s;
                 let eye_ev100 = goal + (start - goal) * (-elapsed_s / settings.exposure.adaptation_s).exp();
                 let green = |pixel: &[f32; 4]| f64::from(pixel[1]);
-                let seen = |cd_m2: f64| settings.tone_map.display_rgb([cd_m2; 3], white_luminance_cd_m2(eye_ev100))[0];
-                let brightest = seen(hdr.iter().map(green).fold(0.0, f64::max));
-                let darkest = seen(hdr.iter().map(green).fold(f64::INFINITY, f64::min));
+                let displayed =
+                    |cd_m2: f64| settings.tone_map.display_rgb([cd_m2; 3], white_luminance_cd_m2(eye_ev100))[0];
+                let brightest = displayed(hdr.iter().map(green).fold(0.0, f64::max));
+                let darkest = displayed(hdr.iter().map(green).fold(f64::INFINITY, f64::min));
                 let black = bytes.iter().all(|bytes| bytes[..3] == [0; 3]);
                 let white = bytes.iter().all(|bytes| bytes[..3].iter().all(|byte| *byte > 250));
                 assert!(!black || brightest < 1.5 / 255.0, "frame {frame} is black: {brightest}");
@@ -282,11 +285,11 @@ fn from_night_to_the_sun_and_back_no_frame_is_bad() {
                 all_black += u32::from(black);
                 all_white += u32::from(white);
                 if (frame * 10) % rate_hz == 0 && frames > 1 {
-                    tenths.push(shown);
+                    tenths.push(ev100);
                 }
             }
             if frames > 1 {
-                // After eight time constants the last frame is adapted.
+                // After eight time constants the exposure is adapted.
                 assert!((previous - goal).abs() < 0.02, "{previous} for {goal}");
                 let seconds = |count: u32| f64::from(count) / f64::from(rate_hz);
                 println!("{rate_hz} Hz: black for {:.2} s, white for {:.2} s", seconds(all_black), seconds(all_white));
@@ -300,8 +303,8 @@ fn from_night_to_the_sun_and_back_no_frame_is_bad() {
     assert_eq!(runs[0].len(), 80);
     for run in &runs[1..] {
         for (tenth, (a, b)) in run.iter().zip(&runs[0]).enumerate() {
-            // The exposure of each frame is rounded to f32 on its way.
-            assert!((a - b).abs() < 1e-3, "after {tenth} tenths of a second: {a} and {b}");
+            // The exposure of each frame is rounded to f32.
+            assert!((a - b).abs() < 1e-3, "after {tenth} tenths of a second: {a} and {b} EV");
         }
     }
     assert!(runs[0][39] > runs[0][0] + 15.0, "the Sun is far brighter than the stars");

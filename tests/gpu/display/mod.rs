@@ -1,4 +1,4 @@
-//! What makes a display image of light.
+//! Display images: exposure, metering and tone mapping.
 
 mod exposure;
 mod spot;

@@ -1,4 +1,4 @@
-//! Metering by spot: the mean luminance of the cone that f64 finds among the stars and bodies themselves, whoever looks and whatever is
+//! Spot metering: the mean luminance of the cone equals the f64 mean of the stars and bodies in it, whichever views are
 //! drawn.
 
 use std::{f64::consts::PI, sync::Arc};
@@ -19,7 +19,7 @@ use steradian::{
 };
 
 const SPOT_DEG: f64 = 10.0;
-/// Where the first view looks.
+/// Direction of the first view.
 const AHEAD: DVec3 = DVec3::X;
 
 fn spot_settings() -> RenderSettings {
@@ -29,7 +29,7 @@ fn spot_settings() -> RenderSettings {
     settings
 }
 
-/// A flat view along +x, and one of everything else.
+/// A flat view along +x, and a view of the whole sky.
 fn rig_of_two() -> Rig {
     let turn = DQuat::from_rotation_arc(DVec3::NEG_Z, AHEAD);
     let ahead = ViewKind::Perspective { size: [160, 120], fov_y_rad: PI / 3.0 };
@@ -41,13 +41,14 @@ fn angle_deg(direction: DVec3) -> f64 {
     AHEAD.angle_between(direction).to_degrees()
 }
 
-/// Stars everywhere but near the rim of the cone, where a kernel lies half in it; the brighter the farther from its middle.
+/// Stars everywhere except near the rim of the cone, where kernels would be partly outside; farther from the axis they
+/// are brighter.
 fn stars() -> Vec<StarRecord> {
-    let beside_the_rim = |direction: &DVec3| (angle_deg(*direction) - 0.5 * SPOT_DEG).abs() > 0.6;
-    spiral(40_000).filter(beside_the_rim).map(|d| star(d, 8.0 - 0.05 * angle_deg(d) as f32)).collect()
+    let away_from_the_rim = |direction: &DVec3| (angle_deg(*direction) - 0.5 * SPOT_DEG).abs() > 0.6;
+    spiral(40_000).filter(away_from_the_rim).map(|d| star(d, 8.0 - 0.05 * angle_deg(d) as f32)).collect()
 }
 
-/// Mean luminance of a cone around +x of stars of V = 8 - 0.05 per degree, cd/m^2.
+/// Mean luminance of the stars in a cone around +x, cd/m^2.
 fn mean_of_cone(stars: &[StarRecord], across_deg: f64) -> f64 {
     let inside = stars.iter().filter(|star| angle_deg(star.position) < 0.5 * across_deg);
     let light_lx: f64 = inside.map(|star| illuminance_lx_from_magnitude(f64::from(star.magnitude))).sum();
@@ -63,7 +64,7 @@ fn draw(scene: &SceneSnapshot, settings: &RenderSettings, wanted: [Wanted; 2], a
 const NOTHING: Wanted = Wanted { display: false, hdr: false, hdr_stays: false };
 
 #[test]
-fn the_exposure_is_that_of_the_f64_mean_of_the_cone() {
+fn spot_exposure_equals_the_f64_mean_of_the_cone() {
     let (stars, mut settings) = (stars(), spot_settings());
     let scene = snapshot(stars.clone());
     for key in [0.104, 0.3] {
@@ -71,17 +72,17 @@ fn the_exposure_is_that_of_the_f64_mean_of_the_cone() {
         let frame = draw(&scene, &settings, [Wanted::display(); 2], None);
         let expected = settings.exposure.metered_ev100(mean_of_cone(&stars, SPOT_DEG));
         let error = frame.exposure_ev100 - expected;
-        println!("key {key}: {:.5}, in f64 {expected:.5}: {error:+.1e} EV", frame.exposure_ev100);
+        println!("key {key}: exposure {:.5}, f64 {expected:.5}: {error:+.1e} EV", frame.exposure_ev100);
         assert!(error.abs() < 1e-3, "{error}");
         assert_eq!(frame.exposure_ev100, frame.metered_ev100);
         let ratio = frame.mean_luminance_cd_m2 / mean_of_cone(&stars, SPOT_DEG);
         assert!((ratio - 1.0).abs() < 1e-3, "{ratio}");
-        // Another cone, the whole sky, and a cone of pixels that count alike are told apart.
+        // A wider cone, the whole sky and a mean that is 10 % smaller have other exposures.
         let whole = stars.iter().map(|star| illuminance_lx_from_magnitude(f64::from(star.magnitude))).sum::<f64>();
         let flat = mean_of_cone(&stars, SPOT_DEG) * 0.9;
         for wrong in [mean_of_cone(&stars, 2.0 * SPOT_DEG), whole / (4.0 * PI), flat] {
-            let off = settings.exposure.metered_ev100(wrong) - frame.exposure_ev100;
-            assert!(off.abs() > 0.05, "{off}");
+            let difference = settings.exposure.metered_ev100(wrong) - frame.exposure_ev100;
+            assert!(difference.abs() > 0.05, "{difference}");
         }
     }
 }
@@ -101,25 +102,25 @@ fn a_body_in_the_cone_is_metered_by_its_luminance() {
 }
 
 #[test]
-fn no_view_is_drawn_that_nobody_wants_and_all_see_the_same_spot() {
+fn unrequested_views_are_not_drawn_and_keep_the_spot_exposure() {
     let (scene, settings) = (snapshot(stars()), spot_settings());
     let both = draw(&scene, &settings, [Wanted::display(); 2], None);
     let second = draw(&scene, &settings, [NOTHING, Wanted::display()], None);
     assert_eq!(both.exposure_ev100.to_bits(), second.exposure_ev100.to_bits());
     assert!(both.views[0].stars_drawn > 0 && second.views[0].stars_drawn == 0);
     assert_eq!(both.images[1].display, second.images[0].display);
-    // HDR images beside them, glare, and another camera's turn about the spot change nothing that they should not.
+    // HDR images do not change the exposure, and the picture equals one with the same exposure set manually.
     let with_hdr = draw(&scene, &settings, [Wanted::both(); 2], None);
     assert_eq!(with_hdr.exposure_ev100.to_bits(), both.exposure_ev100.to_bits());
     let mut manual = settings.clone();
     manual.exposure.mode = steradian::plan::settings::ExposureMode::Manual;
     manual.exposure.ev100 = both.exposure_ev100;
     let known = draw(&scene, &manual, [Wanted::display(); 2], None);
-    assert_eq!(known.images[0].display, both.images[0].display, "it is drawn as one whose exposure is known");
+    assert_eq!(known.images[0].display, both.images[0].display, "equal to the frame with manual exposure");
 }
 
 #[test]
-fn an_eye_that_adapts_is_told_what_the_spot_asks_for() {
+fn an_adapted_frame_reports_the_metered_spot_exposure() {
     let (scene, settings) = (snapshot(stars()), spot_settings());
     let adapted = draw(&scene, &settings, [Wanted::display(); 2], Some(-2.0));
     let full = draw(&scene, &settings, [Wanted::display(); 2], None);
@@ -138,7 +139,7 @@ fn a_spot_without_light_stays_within_the_limits() {
     assert_eq!((dark.exposure_ev100, dark.mean_luminance_cd_m2), (-9.0, 0.0));
     let sun = snapshot(vec![star(AHEAD, -26.7)]);
     assert_eq!(draw(&sun, &settings, [Wanted::display(); 2], None).exposure_ev100, 4.0);
-    // Nothing at all, glare and other methods: still within them, the same every time.
+    // A spot without light, with the default glare and other methods: within the limits, and reproducible.
     for method in [StarMethod::Auto, StarMethod::PackedCasSorted, StarMethod::CellSky, StarMethod::GaussianPsf] {
         let mut settings = RenderSettings { exposure: settings.exposure, ..RenderSettings::default() };
         settings.stars.method = method;

@@ -1,4 +1,5 @@
-//! Views with exposure, glare and tone mapping of their own: each is as it would be alone, and a group shares one exposure.
+//! Views with their own_settings exposure, glare and tone mapping: each equals the view drawn alone, and a group shares one
+//! exposure.
 
 use std::f64::consts::PI;
 
@@ -31,7 +32,7 @@ fn rig_of_three() -> Rig {
     ])
 }
 
-fn own(name: &str, change: impl FnOnce(&mut ViewSettings)) -> ViewSettings {
+fn own_settings(name: &str, change: impl FnOnce(&mut ViewSettings)) -> ViewSettings {
     let mut settings = ViewSettings::general(&RenderSettings::default());
     settings.group = ExposureGroup::OfView(name.to_owned());
     change(&mut settings);
@@ -44,15 +45,15 @@ fn draw(renderer: &mut Renderer, scene: &SceneSnapshot, groups: &[FrameGroup], n
 }
 
 #[test]
-fn each_view_is_as_it_would_be_alone_under_its_settings() {
+fn each_view_equals_the_view_drawn_alone_with_its_settings() {
     let (scene, rig) = (scene(), rig_of_three());
     let views = [
-        own("dome", |view| view.exposure.limiting_magnitude = 5.0),
-        own("ahead", |view| {
+        own_settings("dome", |view| view.exposure.limiting_magnitude = 5.0),
+        own_settings("ahead", |view| {
             view.exposure.metering = Metering::Mean;
             view.glare = GlareSettings { fraction: 0.4, ..GlareSettings::default() };
         }),
-        own("sky", |view| {
+        own_settings("sky", |view| {
             view.exposure.mode = ExposureMode::Manual;
             view.exposure.ev100 = -6.0;
             view.glare = GlareSettings::none();
@@ -62,7 +63,7 @@ fn each_view_is_as_it_would_be_alone_under_its_settings() {
     let groups = frame_groups(&rig, &RenderSettings::default(), &views);
     assert_eq!(groups.len(), 3);
     let mut one_renderer = renderer();
-    // Twice in turn: what is kept of the one must not reach the other.
+    // Two rounds: state kept for one group must not affect another.
     for round in 0..2 {
         for (number, group) in groups.iter().enumerate() {
             let frame = draw(&mut one_renderer, &scene, &groups, number);
@@ -75,7 +76,7 @@ fn each_view_is_as_it_would_be_alone_under_its_settings() {
                 assert_eq!(image.display, expected.display, "round {round}, view {number}");
                 assert_eq!(image.hdr, expected.hdr, "round {round}, view {number}");
             }
-            // With the settings of another view it is another picture.
+            // The settings of another view give another picture.
             let other = &groups[(number + 1) % 3].settings;
             let request = FrameRequest::new(&scene, &alone).settings(other).wanted(Wanted::display());
             assert_ne!(renderer().render(request).unwrap().images[0].display, frame.images[0].display);
@@ -84,12 +85,12 @@ fn each_view_is_as_it_would_be_alone_under_its_settings() {
 }
 
 #[test]
-fn frames_drawn_in_turn_make_nothing_once_all_is_there() {
+fn alternating_groups_create_no_gpu_objects_once_warm() {
     let (scene, rig) = (scene(), rig_of_three());
     let views = [
-        own("dome", |view| view.exposure.limiting_magnitude = 5.0),
-        own("ahead", |view| view.exposure.metering = Metering::Spot),
-        own("sky", |view| view.glare.fraction = 0.3),
+        own_settings("dome", |view| view.exposure.limiting_magnitude = 5.0),
+        own_settings("ahead", |view| view.exposure.metering = Metering::Spot),
+        own_settings("sky", |view| view.glare.fraction = 0.3),
     ];
     let groups = frame_groups(&rig, &RenderSettings::default(), &views);
     let mut renderer = new_renderer();
@@ -103,10 +104,10 @@ fn frames_drawn_in_turn_make_nothing_once_all_is_there() {
     assert!(made[0] > 0 && made[9..].iter().all(|made| *made == 0), "{made:?}");
 }
 
-/// The general view, and two of a group, of which one has no glare.
+/// One view with the general settings, and a group of two, one of them without glare.
 fn group_of_two(metering: Metering) -> [ViewSettings; 3] {
     let in_group = |glare: GlareSettings| {
-        let mut settings = own("", |view| view.glare = glare);
+        let mut settings = own_settings("", |view| view.glare = glare);
         settings.group = ExposureGroup::Named("two".to_owned());
         settings.exposure.metering = metering;
         settings.exposure.spot_deg = 20.0;
@@ -117,7 +118,7 @@ fn group_of_two(metering: Metering) -> [ViewSettings; 3] {
 }
 
 #[test]
-fn a_group_shares_one_exposure_whatever_else_its_views_differ_in() {
+fn views_of_a_group_share_one_exposure() {
     let (scene, rig) = (scene(), rig_of_three());
     for metering in [Metering::LimitingMagnitude, Metering::Mean, Metering::Spot] {
         let groups = frame_groups(&rig, &RenderSettings::default(), &group_of_two(metering));
@@ -126,12 +127,12 @@ fn a_group_shares_one_exposure_whatever_else_its_views_differ_in() {
         assert_eq!([&groups[0].views[..], &groups[1].views, &groups[2].views], [&[1][..], &[0], &[2]]);
         assert_eq!(first.exposure_ev100.to_bits(), second.exposure_ev100.to_bits(), "{metering:?}");
         assert_ne!(first.exposure_ev100, general.exposure_ev100, "{metering:?}");
-        // As of the group's views alone, with the settings of its first view.
+        // It equals the exposure of the group's views alone, with the settings of its first view.
         let both = rig.of_views(&[0, 2]);
         let request = FrameRequest::new(&scene, &both).settings(&groups[1].settings).wanted(Wanted::hdr());
         let expected = renderer.render(request).unwrap().exposure_ev100;
         assert!((first.exposure_ev100 - expected).abs() < 2e-5, "{metering:?}: {} {expected}", first.exposure_ev100);
-        // Not of all views, nor of each alone.
+        // It differs from the exposure of all views, and of each view alone.
         if metering == Metering::Mean {
             for wrong in [&[0, 1, 2][..], &[0], &[2]] {
                 let request_rig = rig.of_views(wrong);

@@ -1,4 +1,4 @@
-//! What is wanted of a frame decides what is drawn, and changes no image of it.
+//! Only the requested images of a frame are drawn, and the request changes no image.
 
 use std::{f64::consts::PI, sync::Arc};
 
@@ -39,21 +39,22 @@ fn draw(settings: &RenderSettings, wanted: [Wanted; 2]) -> Frame {
 }
 
 #[test]
-fn a_view_that_nobody_wants_is_not_drawn() {
+fn an_unrequested_view_is_not_drawn() {
     let settings = settings(StarMethod::Auto);
     let both = draw(&settings, [Wanted::display(); 2]);
     let one = draw(&settings, [NOTHING, Wanted::display()]);
     assert_eq!(one.images.len(), 1);
     assert!(both.views[0].stars_drawn > 0 && one.views[0].stars_drawn == 0);
     assert_eq!(one.views[1].stars_drawn, both.views[1].stars_drawn);
-    // The exposure is that of the first view, drawn or not.
+    // The exposure comes from the first view, whether it is drawn or not.
     assert_eq!(one.exposure_ev100, both.exposure_ev100);
     assert_eq!(one.images[0].display, both.images[1].display);
 }
 
-/// A lit body behind the second view, which fills a part of the first: the exposure is raised to it, though the first view is not drawn.
+/// A lit body fills a part of the first view only. The exposure takes it into account although the first view is not
+/// drawn.
 #[test]
-fn a_lit_body_in_a_view_that_nobody_wants_is_planned_and_not_drawn() {
+fn a_lit_body_in_an_unrequested_view_affects_exposure() {
     let settings = settings(StarMethod::Auto);
     let sun = Body::preset(SolarBody::Sun, "sun", DVec3::X * 1.496e11);
     let lit =
@@ -61,7 +62,7 @@ fn a_lit_body_in_a_view_that_nobody_wants_is_planned_and_not_drawn() {
     let mut scene = scene();
     let bodies = vec![Arc::new(sun), Arc::new(lit)];
     scene.objects = Arc::new(SceneObjects { bodies, ..Default::default() });
-    // The dome's zenith is up, where the body stands; the other view looks ahead.
+    // The body is near the zenith of the dome; the other view looks ahead.
     let rig = rig_of_two();
     let mut renderer = renderer();
     let mut draw = |scene: &SceneSnapshot, wanted: [Wanted; 2]| {
@@ -73,14 +74,14 @@ fn a_lit_body_in_a_view_that_nobody_wants_is_planned_and_not_drawn() {
     assert_eq!(one.exposure_ev100, both.exposure_ev100);
     assert_eq!(one.images[0].display, both.images[1].display);
     assert!(both.views[0].stars_drawn > 0 && one.views[0].stars_drawn == 0);
-    // Without the body the exposure is that of the night.
+    // Without the body, the exposure is the one of the night sky.
     scene.objects = Arc::default();
     let night = draw(&scene, [NOTHING, Wanted::display()]);
     assert!(one.exposure_ev100 > night.exposure_ev100 + 3.0, "{} {}", one.exposure_ev100, night.exposure_ev100);
 }
 
 #[test]
-fn the_meter_looks_at_views_that_nobody_wants() {
+fn mean_metering_includes_unrequested_views() {
     let exposure = ExposureSettings { mode: ExposureMode::Auto, metering: Metering::Mean, ..Default::default() };
     let settings = RenderSettings { exposure, ..settings(StarMethod::Auto) };
     let both = draw(&settings, [Wanted::display(); 2]);
@@ -90,14 +91,14 @@ fn the_meter_looks_at_views_that_nobody_wants() {
 }
 
 #[test]
-fn hdr_images_beside_them_change_no_display_image() {
+fn requesting_hdr_images_changes_no_display_image() {
     let settings = RenderSettings::default();
-    let shown = draw(&settings, [Wanted::display(); 2]);
+    let display = draw(&settings, [Wanted::display(); 2]);
     let both = draw(&settings, [Wanted::both(); 2]);
     let exact = draw(&settings, [Wanted::hdr(); 2]);
-    for ((shown, both), exact) in shown.images.iter().zip(&both.images).zip(&exact.images) {
-        assert_eq!(shown.display, both.display);
+    for ((display, both), exact) in display.images.iter().zip(&both.images).zip(&exact.images) {
+        assert_eq!(display.display, both.display);
         assert_eq!(exact.hdr, both.hdr);
-        assert!(shown.hdr.is_none() && exact.display.is_none());
+        assert!(display.hdr.is_none() && exact.display.is_none());
     }
 }

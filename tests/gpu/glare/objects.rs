@@ -1,4 +1,5 @@
-//! Glare of bodies and asteroids: light moves, none is lost, and a disc shows none of the parts that its glare is made of.
+//! Glare of bodies and asteroids: it conserves light, and a disc does not show the points that its glare is computed
+//! from.
 
 use std::sync::Arc;
 
@@ -42,7 +43,7 @@ fn wide_sun() -> SceneSnapshot {
     bodies(vec![sun])
 }
 
-/// A swarm of asteroids 40 degrees wide, each of them a few pixels or less.
+/// A swarm of asteroids 40 degrees wide, each at most a few pixels in size.
 fn swarm() -> SceneSnapshot {
     let shapes = Arc::new(ShapeSet::procedural(1));
     let parameters = FieldParameters {
@@ -71,23 +72,25 @@ fn swarm() -> SceneSnapshot {
     scene
 }
 
-/// The light of the whole sky is the same with glare, whichever share of it is scattered.
+/// The light of the whole sky does not change with glare, for any scattered fraction.
 #[test]
-fn glare_of_bodies_and_asteroids_moves_light_and_loses_none() {
+fn glare_of_bodies_and_asteroids_conserves_light() {
     let mut renderer = renderer();
     let rig = whole_sky();
     let mut light = |scene: &SceneSnapshot, settings: &RenderSettings| {
         total_illuminance_lx(&render_hdr(&mut renderer, scene, &rig, settings), &rig)
     };
     let dim = |scene: &SceneSnapshot| {
-        // The sun of the swarm would hide what asteroids lose: a thousandth of it stands for the rest.
+        // The sun of the swarm would outshine the asteroids, so it is dimmed to a thousandth and moved away.
         let mut objects = (*scene.objects).clone();
         if objects.fields.is_empty() {
             return scene.clone();
         }
         let mut sun = (*objects.bodies[0]).clone();
         sun.position_m = DVec3::new(AU_M, 1e13, 0.0);
-        sun.emission = sun.emission.map(|of| Emission { luminance_cd_m2: of.luminance_cd_m2.map(|l| l * 1e-3), ..of });
+        sun.emission = sun
+            .emission
+            .map(|emission| Emission { luminance_cd_m2: emission.luminance_cd_m2.map(|l| l * 1e-3), ..emission });
         objects.bodies = vec![Arc::new(sun)];
         SceneSnapshot { objects: Arc::new(objects), ..scene.clone() }
     };
@@ -95,26 +98,28 @@ fn glare_of_bodies_and_asteroids_moves_light_and_loses_none() {
         let without = light(&scene, &settings(StarMethod::Auto));
         for fraction in [0.1, 0.5] {
             let error = light(&scene, &with_glare(fraction)) / without - 1.0;
-            println!("{name}, {fraction} scattered: light {error:+.4}");
+            println!("{name}, {fraction} scattered: relative error of the light {error:+.4}");
             assert!(error.abs() < 0.01, "{name}, {fraction}: {error}");
         }
     }
 }
 
-/// The disc of a body with glare is the disc without it times a factor that hardly changes: no part of its glare stands out.
+/// Glare multiplies the disc of a body by a nearly constant factor, so the points that its glare is computed from are
+/// not visible.
 #[test]
-fn a_disc_shows_none_of_the_parts_of_its_glare() {
+fn glare_on_a_disc_is_uniform() {
     let mut renderer = renderer();
     let rig = rig(vec![("window", ViewKind::Perspective { size: [300, 300], fov_y_rad: 1.2 })]);
     let scene = wide_sun();
     let without = render_hdr(&mut renderer, &scene, &rig, &settings(StarMethod::Auto));
-    let with = render_hdr(&mut renderer, &scene, &rig, &with_glare(0.1));
-    let of = |frame: &steradian::render::Frame| -> Vec<f64> {
+    let glaring = render_hdr(&mut renderer, &scene, &rig, &with_glare(0.1));
+    let luminances = |frame: &steradian::render::Frame| -> Vec<f64> {
         let hdr = frame.images[0].hdr.as_ref().unwrap();
         hdr.iter().map(|[r, g, b, _]| luminance([*r, *g, *b].map(f64::from))).collect()
     };
-    let ratios: Vec<f64> = of(&with).iter().zip(of(&without)).filter(|(_, b)| *b > 3e5).map(|(a, b)| a / b).collect();
+    let ratios: Vec<f64> =
+        luminances(&glaring).iter().zip(luminances(&without)).filter(|(_, b)| *b > 3e5).map(|(a, b)| a / b).collect();
     let (least, most) = ratios.iter().fold((f64::MAX, 0.0_f64), |(l, m), r| (l.min(*r), m.max(*r)));
-    println!("{} pixels of the disc: {least:.4} to {most:.4} of their luminance", ratios.len());
+    println!("{} pixels of the disc: luminance with glare over without, {least:.4} to {most:.4}", ratios.len());
     assert!(ratios.len() > 20_000 && least > 0.93 && most < 1.0, "{least} {most}");
 }

@@ -1,4 +1,4 @@
-//! The published glare pyramids: what they do right, and by how much they fail where they are known to.
+//! The published glare pyramids: agreement with the f64 reference, and their known errors.
 
 use std::f64::consts::PI;
 
@@ -39,7 +39,7 @@ fn perspective(size: [u32; 2], degrees: f64) -> ViewKind {
     ViewKind::Perspective { size, fov_y_rad: degrees.to_radians() }
 }
 
-/// The images of a frame: R, G and B of every pixel.
+/// R, G and B of every pixel, of all images of a frame.
 fn images(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, settings: &RenderSettings) -> Vec<Vec<[f32; 4]>> {
     render_hdr(renderer, scene, rig, settings).images.into_iter().map(|image| image.hdr.unwrap()).collect()
 }
@@ -48,8 +48,8 @@ fn projections(rig: &Rig) -> Vec<&Projection> {
     rig.views().iter().flat_map(|view| &view.images).map(|image| &image.projection).collect()
 }
 
-/// Largest difference of any channel between a picture with glare and the twin's, which is made from the picture without, relative to
-/// what is expected there; and the relative difference of the sums over the picture.
+/// Compares a picture with glare with the f64 reference, which is computed from the picture without glare. Returns the
+/// largest relative difference of any channel, and the relative difference of the sums.
 fn differences(
     drawn: &[[f32; 4]],
     glaring: &[[f32; 4]],
@@ -64,9 +64,9 @@ fn differences(
     let mut sums = [0.0; 2];
     for (pixel, expected) in glaring.iter().zip(&expected) {
         for c in 0..3 {
-            let seen = f64::from(pixel[c]);
-            worst = worst.max((seen - expected[c]).abs() / (expected[c] + faintest));
-            sums[0] += seen;
+            let found = f64::from(pixel[c]);
+            worst = worst.max((found - expected[c]).abs() / (expected[c] + faintest));
+            sums[0] += found;
             sums[1] += expected[c];
         }
     }
@@ -79,7 +79,7 @@ fn stars_everywhere() -> SceneSnapshot {
 }
 
 #[test]
-fn the_adapter_agrees_with_the_twin_in_every_projection() {
+fn pyramids_equal_the_reference_in_every_projection() {
     let mut renderer = renderer();
     let mut kinds = all_views();
     kinds.push(("odd", perspective([127, 95], 60.0)));
@@ -93,15 +93,16 @@ fn the_adapter_agrees_with_the_twin_in_every_projection() {
             let glaring = images(&mut renderer, &scene, &rig, &with_glare_of(method, weights, 0.5));
             for ((drawn, glaring), projection) in drawn.iter().zip(&glaring).zip(projections(&rig)) {
                 let [worst, sum] = differences(drawn, glaring, projection, axes, weights);
-                let what = format!("{method:?} {weights:?} {:?}: {worst:e}, sum {sum:e}", projection.mapping().size());
-                assert!(worst < 2e-3 && sum < 1e-4, "{what}");
+                let message =
+                    format!("{method:?} {weights:?} {:?}: {worst:e}, sum {sum:e}", projection.mapping().size());
+                assert!(worst < 2e-3 && sum < 1e-4, "{message}");
             }
         }
     }
 }
 
 #[test]
-fn a_picture_of_another_method_does_not_agree_with_the_twin() {
+fn other_axes_weights_or_a_shift_fail_the_comparison() {
     let mut renderer = renderer();
     for kind in [perspective([128, 96], 90.0), fisheye(128, FisheyeMapping::Equidistant, 180.0)] {
         let rig = rig(vec![("view", kind)]);
@@ -120,9 +121,9 @@ fn a_picture_of_another_method_does_not_agree_with_the_twin() {
     }
 }
 
-/// Strips of an odd number of rows cut through the blocks of two by two pixels of the base.
+/// Strips with an odd number of rows cut the blocks of 2 x 2 pixels at the base of the pyramid.
 #[test]
-fn strips_in_several_batches_give_the_same_bits_as_a_whole_picture() {
+fn pyramids_in_strips_give_the_same_bits_as_a_whole_picture() {
     let strips = GpuOptions { binding_limit_bytes: Some(160 * 16 * 25), ..Default::default() };
     let (mut whole, mut cut) = (renderer(), renderer_with(&strips));
     let rig = rig(vec![
@@ -133,14 +134,14 @@ fn strips_in_several_batches_give_the_same_bits_as_a_whole_picture() {
     let scene = stars_everywhere();
     for method in METHODS {
         let settings = with_glare_of(method, PyramidWeights::Equal, 0.3);
-        // The plan chooses a unit of the sums per frame, not per batch, so that stars are the same too.
+        // The plan chooses one unit of the sums per frame, not per batch, so stars are equal too.
         assert_eq!(images(&mut whole, &scene, &rig, &settings), images(&mut cut, &scene, &rig, &settings));
     }
 }
 
-/// Half floats are scaled by the brightest channel of the frame itself.
+/// The scale of half floats depends on the brightest channel of the current frame only.
 #[test]
-fn a_frame_does_not_depend_on_how_bright_the_one_before_was() {
+fn a_frame_does_not_depend_on_the_brightness_of_the_previous_one() {
     let rig = rig(vec![("view", perspective([64, 64], 60.0))]);
     let scenes = [-20.0, 15.0, -26.0, 21.0].map(|magnitude| snapshot(vec![star(DVec3::NEG_Z, magnitude)]));
     let mut one_for_all = renderer();
@@ -151,13 +152,13 @@ fn a_frame_does_not_depend_on_how_bright_the_one_before_was() {
             assert_eq!(image, images(&mut new_renderer(), scene, &rig, &settings));
             image[0].iter().map(|[r, ..]| f64::from(*r)).sum::<f64>()
         });
-        // What is 35 magnitudes fainter is fainter by 10^14.
+        // A difference of 35 magnitudes is a factor of 10^14.
         assert!((light[0] / light[1] / 1e14 - 1.0).abs() < 3.4e-4, "{light:?}");
         assert!(light.iter().all(|light| light.is_finite() && *light > 0.0), "{light:?}");
     }
 }
 
-/// Scattered light alone, in cd/m^2, of one view: with a fraction of 1 nothing else is left.
+/// Scattered light of one view, cd/m^2: with a fraction of 1 only scattered light remains.
 fn veil(
     renderer: &mut Renderer,
     scene: &SceneSnapshot,
@@ -182,8 +183,9 @@ fn lux(veil: &[f64], projection: &Projection) -> f64 {
         .sum()
 }
 
-/// `direction` turned by `angle_rad` towards the one at `azimuth_rad` around it, from away from the axis of view on.
-fn aside(direction: DVec3, angle_rad: f64, azimuth_rad: f64) -> DVec3 {
+/// `direction` rotated by `angle_rad` in the direction of `azimuth_rad`, which is counted from the outward direction,
+/// away from the view axis.
+fn rotated(direction: DVec3, angle_rad: f64, azimuth_rad: f64) -> DVec3 {
     let outwards = (DVec3::Z - direction * direction.z).normalize();
     let across = direction.cross(outwards);
     direction * angle_rad.cos() + (outwards * azimuth_rad.cos() + across * azimuth_rad.sin()) * angle_rad.sin()
@@ -192,15 +194,15 @@ fn aside(direction: DVec3, angle_rad: f64, azimuth_rad: f64) -> DVec3 {
 /// Interpolated luminance in a direction.
 fn luminance_towards(veil: &[f64], projection: &Projection, direction: DVec3) -> f64 {
     let mapping = projection.mapping();
-    let at = mapping.pixel_from_direction(direction).unwrap() - 0.5;
-    let (first, part) = (at.floor(), at - at.floor());
+    let position = mapping.pixel_from_direction(direction).unwrap() - 0.5;
+    let (first, part) = (position.floor(), position - position.floor());
     let pixel = |i: u32, j: u32| veil[((first.y as u32 + j) * mapping.size()[0] + first.x as u32 + i) as usize];
     let row = |j: u32| pixel(0, j) * (1.0 - part.x) + pixel(1, j) * part.x;
     row(0) * (1.0 - part.y) + row(1) * part.y
 }
 
-/// Share of the light of a star in that direction that its glare holds, and the glare.
-fn kept(
+/// Returns the light of the glare of a star over the light of the star, and the luminance of the glare.
+fn glare_of_star(
     renderer: &mut Renderer,
     rig: &Rig,
     direction: DVec3,
@@ -212,12 +214,12 @@ fn kept(
 }
 
 #[test]
-fn glare_of_a_star_in_the_middle_is_symmetric_and_the_sum_of_gaussians_of_its_weights() {
+fn glare_of_a_central_star_is_symmetric_and_has_the_weighted_profile() {
     let mut renderer = renderer();
     let rig = rig(vec![("view", perspective([256, 256], 20.0))]);
     for method in METHODS {
         for (weights, slope) in WEIGHTS.into_iter().zip([-2.0, -3.0]) {
-            let (_, veil) = kept(&mut renderer, &rig, DVec3::NEG_Z, method, weights);
+            let (_, veil) = glare_of_star(&mut renderer, &rig, DVec3::NEG_Z, method, weights);
             for (index, luminance) in veil.iter().enumerate() {
                 let (x, y) = (index % 256, index / 256);
                 for other in [veil[y * 256 + 255 - x], veil[(255 - y) * 256 + x]] {
@@ -225,86 +227,94 @@ fn glare_of_a_star_in_the_middle_is_symmetric_and_the_sum_of_gaussians_of_its_we
                 }
             }
             let plan = PyramidPlan::new([256, 256]);
-            for aside in [20, 40] {
-                let expected = plan.per_px2(weights, f64::from(aside) + 0.5);
-                let found = veil[128 * 256 + 128 + aside as usize] / veil.iter().sum::<f64>();
+            for distance_px in [20, 40] {
+                let expected = plan.per_px2(weights, f64::from(distance_px) + 0.5);
+                let found = veil[128 * 256 + 128 + distance_px as usize] / veil.iter().sum::<f64>();
                 assert!((found / expected - 1.0).abs() < 0.025, "{method:?} {weights:?}: {found} {expected}");
             }
-            // From 10 to 40 pixels aside.
+            // Slope from 10 to 40 pixels off the star.
             let found = (veil[128 * 256 + 168] / veil[128 * 256 + 138]).ln() / (40.5_f64 / 10.5).ln();
             assert!((found - slope).abs() < 0.06, "{method:?} {weights:?}: {found}");
         }
     }
 }
 
-/// What is blurred is luminance: where pixels are of almost the same solid angle its light is kept, but for what leaves the
-/// picture. In a wide picture the widest levels reach pixels of smaller solid angles, along great circles more pixels of them.
+/// The pyramids blur luminance. If all pixels have almost the same solid angle, light is kept except for the part that
+/// leaves the picture. In a wide picture the widest levels reach pixels of smaller solid angles; along great circles
+/// they reach more of them.
 #[test]
-fn light_of_a_star_in_the_middle_is_kept_in_a_narrow_picture_and_not_in_a_wide_one() {
+fn glare_keeps_light_in_narrow_pictures_but_not_in_wide_ones() {
     let mut renderer = renderer();
-    // Shares with equal and with halved weights, on the screen and in view space.
+    // Kept shares with equal and with halved weights, on the screen axes and on the view axes.
     for (degrees, expected) in [(20.0, [0.973, 0.997, 0.980, 0.998]), (140.0, [0.674, 0.916, 1.087, 1.025])] {
         let rig = rig(vec![("view", perspective([256, 256], degrees))]);
         let cases = METHODS.into_iter().flat_map(|method| WEIGHTS.map(|weights| (method, weights)));
         for ((method, weights), expected) in cases.zip(expected) {
-            let (found, _) = kept(&mut renderer, &rig, DVec3::NEG_Z, method, weights);
+            let (found, _) = glare_of_star(&mut renderer, &rig, DVec3::NEG_Z, method, weights);
             assert!((found - expected).abs() < 2.2e-3, "{degrees} {method:?} {weights:?}: {found}");
         }
     }
 }
 
-/// On a flat picture a small angle takes 1 / cos a more pixels away from the axis than across, at the angle a off it. So glare that is
-/// round on the screen and falls off as the square of the distance is cos^2 a as bright there: 0.5 at 45 degrees, 0.25 at 60. The
-/// other method comes to 0.88 to 1.00: its taps are a few texels apart where pixels are small.
+/// At an angle a off the axis of a flat picture, a small angle covers 1 / cos a times as many pixels radially as across.
+/// Glare that is round on the screen and falls off with the square of the distance is therefore cos^2 a times as bright
+/// there: 0.5 at 45 degrees, 0.25 at 60. The view-space method has 0.88 to 1.00, because its taps are a few texels apart
+/// where pixels are small.
 #[test]
-fn off_the_axis_glare_is_an_ellipse_on_the_screens_axes_and_rounder_on_those_of_view_space() {
+fn off_axis_glare_is_elliptic_on_screen_axes_and_rounder_on_view_axes() {
     let mut renderer = renderer();
     let rig = rig(vec![("view", perspective([512, 512], 150.0))]);
-    for off_deg in [45.0_f64, 60.0] {
+    for off_axis_deg in [45.0_f64, 60.0] {
         for azimuth_deg in [0.0_f64, 45.0, 90.0] {
-            let (sin, cos) = off_deg.to_radians().sin_cos();
+            let (sin, cos) = off_axis_deg.to_radians().sin_cos();
             let (up, right) = azimuth_deg.to_radians().sin_cos();
             let direction = DVec3::new(sin * right, sin * up, -cos);
             let [screen, view] = METHODS.map(|method| {
-                let (_, veil) = kept(&mut renderer, &rig, direction, method, PyramidWeights::Equal);
+                let (_, veil) = glare_of_star(&mut renderer, &rig, direction, method, PyramidWeights::Equal);
                 let luminance = |azimuth_rad: f64| {
-                    // The mean over a few rings: single ones show the taps of the blurs.
+                    // The mean over a few rings, because single rings show the taps of the blurs.
                     let ring = |angle_deg: f64| {
-                        let direction = aside(direction, angle_deg.to_radians(), azimuth_rad);
+                        let direction = rotated(direction, angle_deg.to_radians(), azimuth_rad);
                         luminance_towards(&veil, projections(&rig)[0], direction) * angle_deg * angle_deg
                     };
                     [5.0, 6.0, 7.0, 8.0].map(ring).iter().sum::<f64>()
                 };
                 (luminance(0.0) + luminance(PI)) / (luminance(0.5 * PI) + luminance(1.5 * PI))
             });
-            assert!((screen / (cos * cos) - 1.0).abs() < 0.04, "{off_deg} {azimuth_deg}: {screen}");
-            assert!((0.86..1.02).contains(&view), "{off_deg} {azimuth_deg}: {view}");
+            assert!((screen / (cos * cos) - 1.0).abs() < 0.04, "{off_axis_deg} {azimuth_deg}: {screen}");
+            assert!((0.86..1.02).contains(&view), "{off_axis_deg} {azimuth_deg}: {view}");
         }
     }
 }
 
-/// A star that comes to the right edge and leaves the picture: pixels from the middle.
+/// A star approaches the right edge and leaves the picture; positions in pixels from the centre.
 #[test]
-fn edges_smear_a_star_and_one_just_outside_gives_nothing() {
+fn glare_is_too_bright_at_edges_and_missing_beyond_them() {
     let mut renderer = renderer();
     let rig = rig(vec![("view", perspective([256, 256], 60.0))]);
     let step = 2.0 * (PI / 6.0).tan() / 256.0;
     for (method, at_edge) in METHODS.into_iter().zip([1.78, 1.21]) {
-        let mut kept_at = |px: f64| {
-            let (kept, veil) =
-                kept(&mut renderer, &rig, DVec3::new(px * step, 0.5 * step, -1.0), method, PyramidWeights::Equal);
+        let mut glare_at = |px: f64| {
+            let (kept, veil) = glare_of_star(
+                &mut renderer,
+                &rig,
+                DVec3::new(px * step, 0.5 * step, -1.0),
+                method,
+                PyramidWeights::Equal,
+            );
             (kept, veil.iter().fold(0.0_f64, |a, b| a.max(*b)))
         };
-        // Half of the glare of a star at the edge belongs outside of the picture. More than all of its light is inside.
-        let (edge, _) = kept_at(126.5);
+        // Half of the glare of a star at the edge should be outside of the picture, but the picture contains more light than
+        // the star has.
+        let (edge, _) = glare_at(126.5);
         assert!((edge - at_edge).abs() < 0.02, "{method:?}: {edge}");
-        // As soon as no pixel holds a part of the star, the veil is gone: where half of its light should lie in the picture.
-        assert_eq!(kept_at(131.0), (0.0, 0.0), "{method:?}");
+        // Once no pixel contains any of the star, the veil vanishes, although half of its light should be in the picture.
+        assert_eq!(glare_at(131.0), (0.0, 0.0), "{method:?}");
     }
 }
 
 #[test]
-fn nothing_crosses_the_edge_of_a_cubes_face() {
+fn glare_does_not_cross_the_edge_of_a_cube_face() {
     let mut renderer = renderer();
     let rig = rig(vec![("cube", cube(64))]);
     let at_edge = DVec3::new(0.9, 0.0, -1.0);
@@ -317,13 +327,13 @@ fn nothing_crosses_the_edge_of_a_cubes_face() {
 }
 
 #[test]
-fn taps_behind_the_eye_mirror_a_star_into_the_other_side_of_a_wide_picture() {
+fn taps_behind_the_eye_mirror_a_star_in_a_wide_picture() {
     let mut renderer = renderer();
     let rig = rig(vec![("view", perspective([128, 128], 150.0))]);
-    let left = DVec3::new(-70_f64.to_radians().tan(), 0.0, -1.0);
+    let left_direction = DVec3::new(-70_f64.to_radians().tan(), 0.0, -1.0);
     let [screen, view] = METHODS.map(|method| {
-        let (_, veil) = kept(&mut renderer, &rig, left, method, PyramidWeights::Equal);
-        // The right border beside a place half way from the middle to it.
+        let (_, veil) = glare_of_star(&mut renderer, &rig, left_direction, method, PyramidWeights::Equal);
+        // Luminance at the right border, relative to a point half way between the centre and the border.
         veil[64 * 128 + 124] / veil[64 * 128 + 84]
     });
     assert!(screen < 0.2, "{screen}");

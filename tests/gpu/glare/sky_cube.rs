@@ -1,4 +1,5 @@
-//! `sky_cube` beyond what `verify` shows: what is kept from frame to frame, and lists that are too short for their sprites.
+//! `sky_cube` beyond the checks of `verify`: state kept between frames, short sprite lists, parallax, aberration, and
+//! kernels that end.
 
 use crate::common::*;
 use glam::{DQuat, DVec3};
@@ -41,9 +42,9 @@ fn pixels(renderer: &mut Renderer, scene: &SceneSnapshot, settings: &RenderSetti
     frame.images.into_iter().flat_map(|image| image.hdr.unwrap()).collect()
 }
 
-/// What is kept of the sky is that of the scene, the camera's place and the settings at hand, wherever the frame before was.
+/// The cached sky depends only on the current scene, camera position and settings.
 #[test]
-fn a_frame_does_not_depend_on_the_frames_before() {
+fn glare_does_not_depend_on_earlier_frames() {
     let scene = crowd(400);
     let mut turned = scene.clone();
     turned.camera.world_from_camera = DQuat::from_rotation_y(1.0);
@@ -52,7 +53,7 @@ fn a_frame_does_not_depend_on_the_frames_before() {
     let other = crowd(300);
     let mut wider = scattered();
     wider.glare.inner_deg = 0.5;
-    let mut held = renderer();
+    let mut used = renderer();
     let frames = [
         (&scene, scattered()),
         (&turned, scattered()),
@@ -61,20 +62,20 @@ fn a_frame_does_not_depend_on_the_frames_before() {
         (&flown, scattered()),
         (&scene, scattered()),
     ];
-    let of_held: Vec<_> = frames.iter().map(|(scene, settings)| pixels(&mut held, scene, settings)).collect();
-    for ((scene, settings), seen) in frames.iter().zip(&of_held) {
-        assert!(pixels(&mut new_renderer(), scene, settings) == *seen, "a fresh renderer draws the same bits");
+    let of_used: Vec<_> = frames.iter().map(|(scene, settings)| pixels(&mut used, scene, settings)).collect();
+    for ((scene, settings), drawn) in frames.iter().zip(&of_used) {
+        assert!(pixels(&mut new_renderer(), scene, settings) == *drawn, "a fresh renderer draws the same bits");
     }
     assert!(
-        of_held[0] == of_held[5] && of_held[0] != of_held[1] && of_held[0] != of_held[2] && of_held[0] != of_held[3]
+        of_used[0] == of_used[5] && of_used[0] != of_used[1] && of_used[0] != of_used[2] && of_used[0] != of_used[3]
     );
 }
 
-/// A star so near that its place in the sky changes between the middle of a map and the camera glares where the camera sees it.
+/// The glare of a star near enough for parallax inside of a cached map is around the star as the camera sees it.
 #[test]
-fn a_near_star_glares_where_the_camera_sees_it() {
+fn glare_of_a_near_star_follows_parallax() {
     let rig = rig(vec![("window", ViewKind::Perspective { size: [100, 100], fov_y_rad: 0.01 })]);
-    let seen = |camera_m: DVec3, star_m: DVec3| {
+    let draw = |camera_m: DVec3, star_m: DVec3| {
         let mut scene = snapshot(vec![star_at(star_m / PARSEC_M, 5.0)]);
         scene.camera.position_m = camera_m;
         let frame = render_hdr(&mut renderer(), &scene, &rig, &scattered());
@@ -84,17 +85,17 @@ fn a_near_star_glares_where_the_camera_sees_it() {
         a.iter().zip(b).map(|(a, b)| f64::from((a[1] / b[1] - 1.0).abs())).fold(0.0, f64::max)
     };
     let (camera_m, ahead_m) = (DVec3::new(0.45e9, -0.2e9, 0.0), DVec3::new(0.0, 0.0, -2e12));
-    let from_the_middle = seen(DVec3::ZERO, ahead_m);
-    let from_aside = seen(camera_m, camera_m + ahead_m);
-    let same = difference(&from_aside, &from_the_middle);
-    let beside = difference(&seen(camera_m, ahead_m), &from_the_middle);
-    println!("seen from aside: {same:.1e}; its parallax changes {beside:.2}");
-    assert!(same < 1e-6 && beside > 0.05);
+    let from_the_centre = draw(DVec3::ZERO, ahead_m);
+    let both_shifted = draw(camera_m, camera_m + ahead_m);
+    let same = difference(&both_shifted, &from_the_centre);
+    let parallax = difference(&draw(camera_m, ahead_m), &from_the_centre);
+    println!("camera and star shifted together: {same:.1e}; camera shifted alone: {parallax:.2}");
+    assert!(same < 1e-6 && parallax > 0.05);
 }
 
-/// Where lists of sprites are cut short by what may be bound, pixels look through those of their square, and then through the sky.
+/// If the binding limit cuts sprite lists short, pixels search the list of their square, and then the sky.
 #[test]
-fn lists_that_are_too_short_lose_no_light() {
+fn short_sprite_lists_lose_no_light() {
     let scene = crowd(3000);
     let whole = pixels(&mut renderer(), &scene, &scattered());
     let sum = |pixels: &[[f32; 4]]| pixels.iter().map(|pixel| f64::from(pixel[1])).sum::<f64>();
@@ -111,7 +112,7 @@ fn lists_that_are_too_short_lose_no_light() {
     }
 }
 
-/// A camera that moves sees the glare where it sees the star.
+/// A moving camera sees the glare around the aberrated position of the star.
 #[test]
 fn glare_follows_aberration() {
     let mut scene = snapshot(vec![star(DVec3::new(0.9, 0.0, -0.2), 0.0)]);
@@ -123,10 +124,10 @@ fn glare_follows_aberration() {
         (brightest % 200, hdr[brightest][1])
     };
     let (column, at_rest) = brightest(&scene);
-    assert_eq!(column, 199, "the star stands to the right of the picture");
+    assert_eq!(column, 199, "the star is to the right of the picture");
     scene.camera.velocity_c = DVec3::new(0.0, 0.0, -0.9);
     let (column, moving) = brightest(&scene);
-    // tan(seen) = sin a / (gamma (cos a + beta)), a from the direction of flight.
+    // tan(apparent) = sin a / (gamma (cos a + beta)), with a measured from the direction of flight.
     let sine = 0.9 / 0.9_f64.hypot(0.2);
     let cosine = 0.2 / 0.9_f64.hypot(0.2);
     let tangent = sine * (1.0 - 0.81_f64).sqrt() / (cosine + 0.9);
@@ -135,9 +136,9 @@ fn glare_follows_aberration() {
     assert!(moving > 10.0 * at_rest);
 }
 
-/// A table that ends near its source: nothing beyond, and no star is drawn over the whole sky for it.
+/// A kernel table that ends near the source gives no light beyond, and does not draw the star over the whole sky.
 #[test]
-fn a_table_that_ends_gives_light_where_it_has_some() {
+fn a_kernel_table_gives_light_only_up_to_its_end() {
     let folder = tempfile::tempdir().unwrap();
     let psf_file = folder.path().join("narrow.csv");
     std::fs::write(&psf_file, "theta_deg,per_sr\n0.1,100\n1,1\n4,0.0625\n5,0\n").unwrap();
@@ -154,21 +155,20 @@ fn a_table_that_ends_gives_light_where_it_has_some() {
     for column in 150..300_u32 {
         let angle = mapping.direction_from_pixel(pixel_centre(column, 150)).unwrap().angle_between(DVec3::NEG_Z);
         let expected = illuminance_lx * kernel.per_sr(angle);
-        let seen = f64::from(hdr[150 * 300 + column as usize][1]);
+        let found = f64::from(hdr[150 * 300 + column as usize][1]);
         let scale = illuminance_lx * kernel.per_sr(0.05);
-        // The light is neutral to a tenth; within two pixels it is spread, and towards the
-        // end of the table it fades.
+        // The light has no colour to within a tenth. It is spread over two pixels, and fades towards the end of the table.
         if (0.004..0.03).contains(&angle) {
-            assert!((seen / expected - 1.0).abs() < 0.2, "{angle}: {seen} {expected}");
+            assert!((found / expected - 1.0).abs() < 0.2, "{angle}: {found} {expected}");
         } else if angle > 0.2 {
-            assert!(seen < 0.02 * scale, "{angle}: {seen}");
+            assert!(found < 0.02 * scale, "{angle}: {found}");
         }
     }
 }
 
-/// A procedural sky has no stars of the catalogue to glare.
+/// The procedural sky has no catalogue stars that could cause glare.
 #[test]
-fn the_glare_of_stars_that_are_not_drawn_is_refused() {
+fn glare_with_the_procedural_sky_is_refused() {
     let mut settings = scattered();
     settings.stars.method = StarMethod::CellSky;
     let error = renderer()

@@ -1,5 +1,5 @@
-//! The published star methods that blend: their light against closed forms, their shape in the sky, the GPU against the f64
-//! twin, cube faces, strips and the fallback to halves.
+//! The published star methods that blend: their light compared with closed forms, their shape in the sky, the GPU
+//! compared with the f64 reference, cube faces, strips, and the fallback to 16-bit floats.
 
 use std::{
     f64::consts::{FRAC_PI_4, PI},
@@ -35,10 +35,11 @@ use steradian::{
     },
 };
 
-/// Exposure of all tests: dark, so that `psf_texture` is hardly cropped, and known, so that the twin can know it too.
+/// Exposure of all tests. It is dark, so that `psf_texture` is hardly cropped, and set manually, so that the f64 reference
+/// can use it.
 const EV100: f64 = -14.0;
-/// What the published glare disc makes of a star: 0.8 from the cone, and from the glare 0.2 times a half times the mean of
-/// max(0, 0.5 / (r + 0.1)^2 - 0.5) over the disc.
+/// Light of a star drawn as the published glare disc, relative to the star: 0.8 from the cone, plus 0.2 times a half times
+/// the mean of max(0, 0.5 / (r + 0.1)^2 - 0.5) over the disc from the glare.
 const GLARE_DISC_LIGHT: f64 = 0.8 + 0.2 * 0.5 * 0.997_585;
 
 fn blending() -> impl Iterator<Item = StarMethod> {
@@ -60,7 +61,7 @@ fn mapping(rig: &Rig, view: usize) -> &dyn PlaneMapping {
     rig.views()[view].images[0].projection.mapping()
 }
 
-/// The picture of the f64 twin.
+/// The picture of the f64 reference.
 fn twin(scene: &SceneSnapshot, rig: &Rig, view: usize, settings: &RenderSettings) -> Vec<[f64; 3]> {
     let image = sprite(SPRITE_SIZE);
     let psf = psf_of(settings);
@@ -76,7 +77,7 @@ fn psf_of(settings: &RenderSettings) -> Option<DrawnPsf> {
     (settings.stars.method == StarMethod::PsfTexture).then(|| DrawnPsf::new(&texture()))
 }
 
-/// No test here comes near any adapter's limit.
+/// Larger than any texture side in these tests; every adapter supports it.
 fn renderer_side_limit() -> u32 {
     8192
 }
@@ -108,14 +109,14 @@ fn sky() -> Vec<StarRecord> {
 
 fn limit_of(method: StarMethod) -> f64 {
     match method {
-        // Pixels whose centres lie within f32 of the edge of a disc are in for one and out for the other.
+        // A pixel centre within the precision of f32 of the edge of a disc can be inside for one and outside for the other.
         StarMethod::Disc => 5e-3,
         _ => 1e-3,
     }
 }
 
 #[test]
-fn the_gpu_draws_what_the_twin_draws_on_a_plane_and_in_a_fisheye() {
+fn the_gpu_equals_the_reference_on_a_plane_and_in_a_fisheye() {
     let mut renderer = renderer();
     let rig = rig(vec![
         ("flat", ViewKind::Perspective { size: [320, 200], fov_y_rad: 1.4 }),
@@ -136,9 +137,9 @@ fn the_gpu_draws_what_the_twin_draws_on_a_plane_and_in_a_fisheye() {
     }
 }
 
-/// The comparison above, given the picture of another method, and of the right one with a star missing.
+/// The comparison above must fail for the picture of another method, and for one with a missing star.
 #[test]
-fn the_comparison_with_the_twin_finds_another_method_and_a_missing_star() {
+fn another_method_or_a_missing_star_fails_the_comparison() {
     let mut renderer = renderer();
     let rig = rig(vec![("flat", ViewKind::Perspective { size: [320, 200], fov_y_rad: 1.4 })]);
     let scene = snapshot(sky());
@@ -155,8 +156,8 @@ fn the_comparison_with_the_twin_finds_another_method_and_a_missing_star() {
     assert!(difference(&frame, 0, &twin(&snapshot(short), &rig, 0, &settings)) > limit);
 }
 
-/// Light of one star of magnitude -1 in a view of 110 degrees, over `expected_lx(direction)`: mean over some sub-pixel
-/// positions near the centre and 45 degrees off the axis.
+/// Light of one star of magnitude -1 in a view of 110 degrees, over `expected_lx(mapping, pixel)`: mean over sub-pixel
+/// positions near the centre, and near 45 degrees off the axis.
 fn light_over(
     renderer: &mut Renderer,
     settings: &RenderSettings,
@@ -167,24 +168,24 @@ fn light_over(
     let off_axis = mapping.pixel_from_direction(DVec3::new(0.6, 0.8, -1.0)).expect("in view");
     [DVec2::splat(300.0), off_axis].map(|place| {
         let ratios = (0..8).map(|i| {
-            let at = place.floor() + DVec2::new(0.06 + 0.125 * f64::from(i), (0.31 + 0.618 * f64::from(i)).fract());
-            let scene = snapshot(vec![star(mapping.direction_from_pixel(at).expect("in view"), -1.0)]);
+            let pixel = place.floor() + DVec2::new(0.06 + 0.125 * f64::from(i), (0.31 + 0.618 * f64::from(i)).fract());
+            let scene = snapshot(vec![star(mapping.direction_from_pixel(pixel).expect("in view"), -1.0)]);
             let frame = render_hdr(renderer, &scene, &rig, settings);
-            illuminance_lx(&frame.images[0], mapping) / expected_lx(mapping, at)
+            illuminance_lx(&frame.images[0], mapping) / expected_lx(mapping, pixel)
         });
         ratios.sum::<f64>() / 8.0
     })
 }
 
-/// Every method's light against the closed form of what was published, which is not always the light of the star.
+/// The light of every method equals the closed form of the published formula, which is not always the light of the star.
 #[test]
-fn the_light_of_a_star_is_the_published_one_in_the_centre_and_off_axis() {
+fn the_light_of_a_star_equals_the_published_formula() {
     let mut renderer = renderer();
     let star_lx = illuminance_lx_from_magnitude(-1.0);
     let pixel_sr = |mapping: &dyn PlaneMapping, at: DVec2| mapping.solid_angle_sr(at.x as u32, at.y as u32);
-    // Tolerances: sums over the pixel centres of a disc of some 7 pixels radius stand for an integral, to 1 % where the edge
-    // is sharp; pixels have one solid angle across a footprint only to its size (1 % at 45 degrees); solid angles of points
-    // are triangles in f32.
+    // Tolerances: the sum over the pixel centres of a disc with a radius of about 7 pixels approximates an integral, within
+    // 1 % if the edge is sharp; the solid angle varies across a footprint (by 1 % at 45 degrees); the solid angles of points
+    // are computed from triangles in f32.
     for (method, light, tolerance) in [
         (StarMethod::HardwarePoint, 1.0, 2e-3),
         (StarMethod::Disc, 1.0, 1e-2),
@@ -197,7 +198,7 @@ fn the_light_of_a_star_is_the_published_one_in_the_centre_and_off_axis() {
         settings.stars.billboard.diameter_arcmin = 240.0;
         let found = light_over(&mut renderer, &settings, |_, _| star_lx * light);
         println!(
-            "{}: light over {light:.4} of the star's: {:.4} centre, {:.4} at 45 degrees",
+            "{}: light over {light:.4} times the light of the star: {:.4} in the centre, {:.4} at 45 degrees",
             method.name(),
             found[0],
             found[1]
@@ -205,18 +206,25 @@ fn the_light_of_a_star_is_the_published_one_in_the_centre_and_off_axis() {
         assert!(found.iter().all(|found| (found - 1.0).abs() < tolerance), "{}: {found:?}", method.name());
     }
 
-    // Not normalised: the shares of a disc of one pixel's diameter sum to 1 where it stands on a centre or an edge, more between.
+    // This method is not normalised: the shares of a disc with a diameter of one pixel sum to 1 if the star is on the centre
+    // or on an edge of a pixel, and to more in between.
     let found = light_over(&mut renderer, &manual(StarMethod::HardwareSmoothPoint), |_, _| star_lx);
-    println!("hardware_smooth_point: light over the star's: {:.4} centre, {:.4} at 45 degrees", found[0], found[1]);
+    println!(
+        "hardware_smooth_point: light over the light of the star: {:.4} in the centre, {:.4} at 45 degrees",
+        found[0], found[1]
+    );
     assert!(found.iter().all(|found| (1.0..1.2).contains(found)), "{found:?}");
 
-    // Relative methods: brightness in units of white, over a number of pixels.
+    // Methods with relative brightness: in units of display white, over a number of pixels.
     let mut settings = manual(StarMethod::ScreenBillboard);
     settings.stars.billboard.screen_size_px = 12.0;
     let brightness = 10f64.powf(0.4 * (1.0 + 1.0));
     let spot = |mapping: &dyn PlaneMapping, at: DVec2| brightness * white() * PI * 36.0 / 3.0 * pixel_sr(mapping, at);
     let found = light_over(&mut renderer, &settings, spot);
-    println!("screen_billboard: light over the closed form: {:.4} centre, {:.4} at 45 degrees", found[0], found[1]);
+    println!(
+        "screen_billboard: light over the closed form: {:.4} in the centre, {:.4} at 45 degrees",
+        found[0], found[1]
+    );
     assert!(found.iter().all(|found| (found - 1.0).abs() < 5e-3), "{found:?}");
 
     for method in [StarMethod::GaussianPsf, StarMethod::GaussianPsfIntegrated] {
@@ -226,7 +234,7 @@ fn the_light_of_a_star_is_the_published_one_in_the_centre_and_off_axis() {
         let found =
             light_over(&mut renderer, &settings, |mapping, at| brightness * white() * area * pixel_sr(mapping, at));
         println!(
-            "{}: light over the closed form: {:.4} centre, {:.4} at 45 degrees",
+            "{}: light over the closed form: {:.4} in the centre, {:.4} at 45 degrees",
             method.name(),
             found[0],
             found[1]
@@ -235,9 +243,9 @@ fn the_light_of_a_star_is_the_published_one_in_the_centre_and_off_axis() {
     }
 }
 
-/// A point-spread function whose core is resolved holds the light of the star; so does its sum over the sky by angle.
+/// A point-spread function with a resolved core contains the light of the star.
 #[test]
-fn a_resolved_point_spread_function_holds_the_light() {
+fn a_resolved_point_spread_function_keeps_the_light() {
     let mut renderer = renderer();
     let mut settings = manual(StarMethod::PsfTexture);
     settings.exposure.ev100 = -40.0;
@@ -250,7 +258,7 @@ fn a_resolved_point_spread_function_holds_the_light() {
         let frame = render_hdr(&mut renderer, &scene, &rig, &settings);
         let error = illuminance_lx(&frame.images[0], mapping) / illuminance_lx_from_magnitude(0.0) - 1.0;
         println!("psf_texture, pixels of {:.2} texels: error of the light {error:.4}", 24.0 / 900.0 * 512.0 / 20.0);
-        // Samples at pixel centres of a core of two texels or so.
+        // The core is about two texels wide and is sampled at pixel centres.
         assert!(error.abs() < 0.05);
     }
 }
@@ -259,8 +267,7 @@ fn ellipticity(image: &HdrView<'_>, direction: DVec3, radius_rad: f64) -> f64 {
     shape_rad(&[*image], direction, radius_rad).expect("light").ellipticity().expect("no point")
 }
 
-/// At 45 degrees off the axis, in view space: billboards in the sky are round, squares on the screen are ellipses of
-/// 1 - cos 45 degrees.
+/// At 45 degrees off the axis: discs in the sky are round, screen-space squares have an ellipticity of 1 - cos 45 degrees.
 #[test]
 fn discs_are_round_off_axis_and_screen_billboards_are_not() {
     let mut renderer = renderer();
@@ -291,7 +298,7 @@ fn mean_and_std(values: &[f64]) -> (f64, f64) {
     (mean, (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt())
 }
 
-/// Light of many equal stars at as many sub-pixel positions.
+/// Light of many equal stars at different sub-pixel positions.
 fn sub_pixel_light(renderer: &mut Renderer, method: StarMethod) -> Vec<f64> {
     let rig = rig(vec![("flat", ViewKind::Perspective { size: [640, 640], fov_y_rad: 0.01 })]);
     let mapping = mapping(&rig, 0);
@@ -318,14 +325,14 @@ fn a_sampled_gaussian_flickers_and_an_integrated_one_does_not() {
         std / mean
     };
     let (sampled, integrated) = (std(StarMethod::GaussianPsf), std(StarMethod::GaussianPsfIntegrated));
-    println!("std of a star's light at sigma 0.5 px: sampled {sampled:.5}, integrated {integrated:.5}");
+    println!("std of the light of a star at sigma 0.5 px: sampled {sampled:.5}, integrated {integrated:.5}");
     assert!((sampled - 0.014).abs() < 0.002 && integrated < 6.4e-5);
 }
 
-/// The point-spread function covers the same angle in views of any shape and projection: solid angle of the lit pixels of a
-/// star that is not cropped, against that of a square of angles by quadrature.
+/// The point-spread function covers the same solid angle in views of any shape and projection: the lit pixels of a star
+/// that is not cropped, compared with a square of angles by quadrature.
 #[test]
-fn a_point_spread_function_has_one_size_in_the_sky() {
+fn a_point_spread_function_has_the_same_size_in_every_view() {
     let mut renderer = renderer();
     let mut settings = manual(StarMethod::PsfTexture);
     settings.exposure.ev100 = -60.0;
@@ -351,8 +358,9 @@ fn a_point_spread_function_has_one_size_in_the_sky() {
         })
     };
     let found = lit(&settings);
-    println!("psf_texture: solid angle over the right one in 16:9, 9:16 and a fisheye: {found:.4?}");
-    // A part of a pixel more or less along an edge of 110 to 170; interpolation between texels of a cube lights up to one more.
+    println!("psf_texture: solid angle over the expected one in 16:9, 9:16 and a fisheye: {found:.4?}");
+    // Along an edge of 110 to 170 pixels, a fraction of a pixel can be lit or not; interpolation between texels of a cube
+    // lights up to one pixel more.
     let limits = [0.01, 0.01, 0.03];
     let within = |found: [f64; 3]| (0..3).map(|view| (found[view] - 1.0).abs() < limits[view]).collect::<Vec<_>>();
     assert_eq!(within(found), [true; 3]);
@@ -361,9 +369,9 @@ fn a_point_spread_function_has_one_size_in_the_sky() {
     assert_eq!(within(lit(&settings)), [false; 3]);
 }
 
-/// A disc and a sprite across the edges and corners of the cube behind a fisheye view.
+/// A disc and a sprite move across the edges and corners of the cube behind a fisheye view.
 #[test]
-fn no_seam_shows_where_the_faces_of_the_cube_meet() {
+fn no_seam_is_visible_between_cube_faces() {
     let mut renderer = renderer();
     let rig = rig(vec![(
         "lens",
@@ -393,18 +401,18 @@ fn no_seam_shows_where_the_faces_of_the_cube_meet() {
             "{}: variation of the light {across:.2e} across edge and corner, {within:.2e} within a face",
             method.name()
         );
-        // What varies is where pixel centres fall on the profile, and no more than that.
+        // The light varies only with the position of the pixel centres on the profile.
         assert!(across < 1.5 * within);
     }
-    // A single position of forty-eight at which a quarter of the light is lost, as at a corner without a guard.
+    // For comparison: a quarter of the light is lost at one of 48 positions, as at a corner without a guard band.
     let mut light = vec![1.0; 48];
     light[30] = 0.75;
     assert!(relative_variation(&light).expect("light") > 1.5 * 1.7e-3);
 }
 
-/// What the way through cube faces costs a point, star by star: the mean light stays, the single star's does not.
+/// Resampling from cube faces keeps the mean light of points, but not the light of each one.
 #[test]
-fn points_through_cube_faces_keep_their_light_on_average_only() {
+fn points_through_cube_faces_keep_only_their_mean_light() {
     let mut renderer = renderer();
     let kind = ViewKind::Fisheye { size: [400, 400], mapping: FisheyeMapping::Equidistant, fov_rad: PI };
     let rig = rig(vec![("lens", kind)]);
@@ -424,16 +432,16 @@ fn points_through_cube_faces_keep_their_light_on_average_only() {
         let least = light.iter().copied().fold(f64::INFINITY, f64::min);
         let most = light.iter().copied().fold(0.0, f64::max);
         println!(
-            "{} through cube faces: light {mean:.3} of the stars', std {std:.3}, {least:.2} to {most:.2}",
+            "{} through cube faces: mean light {mean:.3} of the catalogue's, std {std:.3}, {least:.2} to {most:.2}",
             method.name()
         );
         assert!((mean - 1.0).abs() < 0.1 && std > 0.05);
     }
 }
 
-/// Strips of a few rows give the bits of the whole picture, and the stars counted are those of our own methods.
+/// Strips of a few rows give the same bits as the whole picture, and the star counts equal those of our own methods.
 #[test]
-fn strips_change_nothing_and_stars_are_counted() {
+fn billboards_in_strips_give_the_same_bits_and_counts() {
     let kinds = || {
         vec![
             ("flat", ViewKind::Perspective { size: [160, 120], fov_y_rad: 1.2 }),
@@ -457,8 +465,8 @@ fn strips_change_nothing_and_stars_are_counted() {
     }
 }
 
-/// A picture of a few degrees needs one face of the cube, as fine as the picture; faces that would take more memory than a frame
-/// may are refused before anything is made.
+/// A narrow picture needs one face of the cube, with the resolution of the picture. Faces that exceed the memory limit of
+/// a frame are refused before anything is allocated.
 #[test]
 fn a_narrow_fisheye_is_drawn_on_one_face_and_vast_faces_are_refused() {
     let lens = |side: u32, degrees: f64| {
@@ -472,7 +480,7 @@ fn a_narrow_fisheye_is_drawn_on_one_face_and_vast_faces_are_refused() {
     settings.stars.billboard.diameter_arcmin = 60.0;
     let frame = render_hdr(&mut renderer, &scene, &narrow, &settings);
     let light = illuminance_lx(&frame.images[0], mapping(&narrow, 0)) / illuminance_lx_from_magnitude(2.0);
-    println!("a disc of a degree in a fisheye of 8 degrees: {light:.4} of its light");
+    println!("a disc of a degree in a fisheye of 8 degrees: light over the light of the star {light:.4}");
     assert!((light - 1.0).abs() < 6e-3);
     assert!(difference(&frame, 0, &twin(&scene, &narrow, 0, &settings)) < 4.2e-5);
 
@@ -489,7 +497,7 @@ fn a_narrow_fisheye_is_drawn_on_one_face_and_vast_faces_are_refused() {
 }
 
 #[test]
-fn halves_are_a_fallback_that_is_told() {
+fn the_fallback_to_16_bit_blending_is_reported() {
     let mut halves = renderer_with(&GpuOptions { force_half_blending: true, ..Default::default() });
     assert!(halves.adapter().fallbacks.iter().any(|fallback| fallback.contains("16-bit")));
     let rig = rig(vec![("flat", ViewKind::Perspective { size: [200, 200], fov_y_rad: 1.2 })]);
@@ -499,11 +507,12 @@ fn halves_are_a_fallback_that_is_told() {
     let frame = render_hdr(&mut halves, &scene, &rig, &settings);
     assert_eq!(frame.plan.accumulator, "additive blending, 16-bit floats");
     let error = illuminance_lx(&frame.images[0], mapping(&rig, 0)) / illuminance_lx_from_magnitude(-4.0) - 1.0;
-    println!("smooth_disc blended in halves: error of the light {error:.1e}");
+    println!("smooth_disc blended in halves: relative error of the light {error:.1e}");
     assert!(error.abs() < 1.9e-4);
 }
 
-/// Nothing that is not finite: stars at the camera, beside it and behind it, and a star far too bright for the published exponent.
+/// All values are finite for stars at the camera, next to it and behind it, and for a star far too bright for the published
+/// exponent.
 #[test]
 fn stars_at_the_camera_and_the_sun_stay_finite() {
     let mut renderer = renderer();
@@ -526,17 +535,19 @@ fn stars_at_the_camera_and_the_sun_stay_finite() {
     }
 }
 
-/// The published exponent, a product of two spans of magnitudes, ends the sky far above its own limit.
+/// The published exponent, a product of two ranges of magnitudes, hides stars far brighter than its own limit.
 #[test]
 fn the_published_exponent_hides_stars_brighter_than_the_limiting_magnitude() {
     let plan = BillboardPlan::new(&manual(StarMethod::GaussianPsf).stars, EV100, EV100, None);
     let last = magnitude_from_illuminance_lx(plan.faintest_lx);
-    println!("gaussian_psf with limiting magnitude 7 and saturation magnitude 1: the last star seen has {last:.2}");
+    println!(
+        "gaussian_psf with limiting magnitude 7 and saturation magnitude 1: the faintest visible star has {last:.2}"
+    );
     assert!(last < 3.0);
 }
 
-/// A function from a file is drawn like the one that was computed; a file that is not there fails the frame alone, and settings
-/// that change are seen.
+/// A function from a file is drawn like the computed one. A missing file fails one frame only, and changed settings take
+/// effect.
 #[test]
 fn a_point_spread_function_comes_from_a_file_or_fails_one_frame() {
     let mut renderer = renderer();
@@ -564,18 +575,18 @@ fn a_point_spread_function_comes_from_a_file_or_fails_one_frame() {
     );
 
     let difference = |found: &[[f32; 4]]| {
-        let sum = |of: &dyn Fn(usize) -> f32| (0..found.len()).map(|i| f64::from(of(i))).sum::<f64>();
+        let sum = |value: &dyn Fn(usize) -> f32| (0..found.len()).map(|i| f64::from(value(i))).sum::<f64>();
         sum(&|i| (found[i][1] - expected[i][1]).abs()) / sum(&|i| expected[i][1])
     };
     let found = light(&render_hdr(&mut renderer, &scene, &rig, &with_file(path)));
-    println!("psf_texture from a file against the same computed: {:.1e}", difference(&found));
+    println!("psf_texture from a file against the computed one: {:.1e}", difference(&found));
     assert!(difference(&found) < 1e-6);
     let mut other = computed.clone();
     other.stars.psf_texture.aperture = "hubble".to_owned();
     let found = light(&render_hdr(&mut renderer, &scene, &rig, &other));
     println!("another aperture: {:.1e}", difference(&found));
     assert!(difference(&found) > 0.05);
-    // Another method between leaves the function as it was.
+    // A frame with another method does not affect the function.
     render_hdr(&mut renderer, &scene, &rig, &manual(StarMethod::Sprite));
     let found = light(&render_hdr(&mut renderer, &scene, &rig, &computed));
     assert_eq!(difference(&found), 0.0);

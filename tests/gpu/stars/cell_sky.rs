@@ -1,4 +1,4 @@
-//! The procedural sky on the adapter: the shader is valid, and says what its twin in f64 says.
+//! The procedural sky on the adapter: the shader is valid and agrees with the f64 reference.
 
 use crate::common::*;
 use glam::{DQuat, DVec3};
@@ -16,7 +16,7 @@ use steradian::{
 };
 use wgpu::util::DeviceExt;
 
-/// An entry point about the function: directions in, brightness out.
+/// Entry point that calls the function: directions in, brightness out.
 const ENTRY: &str = "
 struct Parameters { pixel_rad: f32, radius_px: f32, cells: u32, layers: u32, seed: u32 }
 @group(0) @binding(0) var<storage, read> directions: array<vec4<f32>>;
@@ -32,7 +32,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 ";
 
-/// The sky and what it imports.
+/// The shader of the sky with its imports.
 fn sky() -> String {
     Shader::new("stars/cell_sky").text().unwrap()
 }
@@ -50,7 +50,7 @@ fn validate(text: &str) -> Result<naga::Module, String> {
 }
 
 #[test]
-fn the_shader_is_valid_and_brings_no_entry_point_or_binding() {
+fn the_shader_is_valid_and_has_no_entry_point_or_binding() {
     validate(&source()).unwrap();
     let alone = validate(&sky()).unwrap();
     assert_eq!((alone.entry_points.len(), alone.global_variables.len()), (0, 0));
@@ -115,7 +115,7 @@ fn on_the_adapter(directions: &[DVec3], pixel_rad: f64, settings: &CellSkySettin
     bytemuck::cast_slice(&view).to_vec()
 }
 
-/// Share of the directions in which the two differ by more than `limit` in a channel.
+/// Share of the directions in which the two differing by more than `limit` in any channel.
 fn share_that_differs(
     found: &[[f32; 4]],
     directions: &[DVec3],
@@ -131,7 +131,7 @@ fn share_that_differs(
 }
 
 #[test]
-fn the_shader_says_what_its_twin_says() {
+fn the_shader_equals_its_reference() {
     // Wide stars in coarse cells, so that most directions have some light.
     let settings = CellSkySettings { cells: 40, layers: 3, radius_px: 2.0, seed: 7 };
     let pixel_rad = 0.006;
@@ -144,11 +144,11 @@ fn the_shader_says_what_its_twin_says() {
         .collect();
     let found = on_the_adapter(&directions, pixel_rad, &settings);
     let lit = found.iter().filter(|rgb| rgb[1] > 0.0).count() as f64 / found.len() as f64;
-    // A cell's border or the density's threshold may fall on the other side in f32.
-    let differ = share_that_differs(&found, &directions, pixel_rad, &settings, 2e-4);
-    println!("{:.1} % of the directions have light, {differ:.1e} of them all differ", 100.0 * lit);
+    // In f32 a direction near the border of a cell, or a cell near the density threshold, can fall on the other side.
+    let differing = share_that_differs(&found, &directions, pixel_rad, &settings, 2e-4);
+    println!("{:.1} % of the directions have light, {differing:.1e} of all directions disagree", 100.0 * lit);
     assert!(lit > 0.2, "{lit}");
-    assert!(differ < 1e-3, "{differ}");
+    assert!(differing < 1e-3, "{differing}");
     for wrong in [
         CellSkySettings { seed: 8, ..settings },
         CellSkySettings { layers: 2, ..settings },
@@ -182,15 +182,15 @@ fn picture(projection: &Projection, world_from_view: DQuat, settings: &CellSkySe
 /// Sum of the absolute differences over the sum of the expected light.
 fn difference(found: &[[f32; 4]], expected: &[[f64; 3]]) -> f64 {
     let total: f64 = expected.iter().flatten().sum();
-    let off =
+    let error =
         |found: &[f32; 4], expected: &[f64; 3]| (0..3).map(|c| (f64::from(found[c]) - expected[c]).abs()).sum::<f64>();
-    found.iter().zip(expected).map(|(found, expected)| off(found, expected)).sum::<f64>() / total
+    found.iter().zip(expected).map(|(found, expected)| error(found, expected)).sum::<f64>() / total
 }
 
 #[test]
-fn the_renderer_draws_the_twin_in_every_projection() {
+fn the_procedural_sky_equals_the_reference_in_every_projection() {
     let mut renderer = renderer();
-    // A camera that looks askew, and a view that is turned in it.
+    // A rotated camera, and a view rotated relative to it.
     let world_from_camera = DQuat::from_rotation_y(0.7) * DQuat::from_rotation_x(-0.4);
     let camera_from_view = DQuat::from_rotation_z(0.3) * DQuat::from_rotation_y(1.9);
     let kinds = [
@@ -202,7 +202,7 @@ fn the_renderer_draws_the_twin_in_every_projection() {
     let views = kinds.map(|(name, kind)| View::new(name, kind, camera_from_view, DVec3::ZERO).unwrap());
     let rig = Rig::new(views.into()).unwrap();
     let camera = Camera { world_from_camera, ..Camera::default() };
-    // A catalogue does not show.
+    // A star of the catalogue must not appear.
     let scene = SceneSnapshot { camera, ..snapshot(vec![star(DVec3::NEG_Z, -5.0)]) };
     let mut settings = settings(StarMethod::CellSky);
     settings.exposure.mode = ExposureMode::Manual;
@@ -217,25 +217,26 @@ fn the_renderer_draws_the_twin_in_every_projection() {
     for (view, image) in rig.views().iter().zip(&frame.images) {
         let projection = &view.images[0].projection;
         let found = image.hdr.as_ref().unwrap();
-        let of = |settings: &CellSkySettings| difference(found, &picture(projection, world_from_view, settings));
+        let difference_from =
+            |settings: &CellSkySettings| difference(found, &picture(projection, world_from_view, settings));
         let lit = found.iter().filter(|pixel| pixel[1] > 0.0).count() as f64 / found.len() as f64;
-        println!("{}: {:.1} % of the pixels lit, difference {:.1e}", view.name, 100.0 * lit, of(&sky));
+        println!("{}: {:.1} % of the pixels lit, difference {:.1e}", view.name, 100.0 * lit, difference_from(&sky));
         assert!(lit > 0.05, "{}", view.name);
-        assert!(of(&sky) < 3e-5, "{}", view.name);
+        assert!(difference_from(&sky) < 3e-5, "{}", view.name);
         for wrong in [
             CellSkySettings { seed: 4, ..sky },
             CellSkySettings { layers: 4, ..sky },
             CellSkySettings { cells: 25, ..sky },
             CellSkySettings { radius_px: 0.95, ..sky },
         ] {
-            assert!(of(&wrong) > 1e-2, "{} {wrong:?}", view.name);
+            assert!(difference_from(&wrong) > 1e-2, "{} {wrong:?}", view.name);
         }
         assert!(difference(found, &picture(projection, world_from_camera, &sky)) > 0.5, "{}", view.name);
     }
 }
 
 #[test]
-fn strips_change_nothing_and_a_moving_camera_is_refused() {
+fn the_sky_in_strips_is_identical_and_a_moving_camera_is_refused() {
     let rig = rig(vec![("flat", ViewKind::Perspective { size: [160, 120], fov_y_rad: 1.2 })]);
     let scene = snapshot(vec![]);
     let settings = settings(StarMethod::CellSky);

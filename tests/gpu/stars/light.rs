@@ -1,6 +1,6 @@
-//! The light of stars: every view shows exactly the illuminance that the catalogue says, wherever the star stands.
+//! The light of stars: every view shows the illuminance of the catalogue, wherever the star is.
 //!
-//! Solid angles come from f64 here, never from the shader.
+//! Solid angles are computed in f64 here, independently of the shader.
 
 use std::f64::consts::{PI, TAU};
 
@@ -18,9 +18,9 @@ use steradian::{
     },
 };
 
-/// Every whole magnitude from -1 to 15, a catalogue each, at 50 directions in every projection.
+/// Every whole magnitude from -1 to 15, one catalogue each, with stars in 50 directions in every projection.
 #[test]
-fn every_magnitude_has_its_light_in_every_projection() {
+fn every_magnitude_has_its_illuminance_in_every_projection() {
     let mut renderer = renderer();
     let mut worst = figures::STAR_FLUX.worst();
     for (name, kind) in all_views() {
@@ -40,9 +40,9 @@ fn every_magnitude_has_its_light_in_every_projection() {
     worst.print();
 }
 
-/// The check above must fail when the light is wrong: the same stars a ten-thousandth brighter.
+/// The check above must fail if the stars are brighter by a ten-thousandth.
 #[test]
-fn a_ten_thousandth_too_much_light_is_found() {
+fn light_wrong_by_a_ten_thousandth_fails_the_check() {
     let (name, kind) = all_views().remove(0);
     let directions = directions_inside(&view("v", kind.clone()), 50, 12);
     let rig = rig(vec![(name, kind)]);
@@ -53,9 +53,9 @@ fn a_ten_thousandth_too_much_light_is_found() {
     assert!(!figures::STAR_FLUX.holds(error), "{error}");
 }
 
-/// The twelve edges and eight corners of the cube, both poles and the date line: stars on them and swept across them.
+/// The twelve edges and eight corners of the cube, both poles and the date line, with stars on them and swept across them.
 #[test]
-fn light_is_whole_on_every_edge_corner_pole_and_date_line() {
+fn stars_keep_their_light_on_edges_corners_poles_and_date_line() {
     let mut renderer = renderer();
     let places = hard_places();
     let mut worst = figures::STAR_FLUX_AT_EDGES.worst();
@@ -70,7 +70,7 @@ fn light_is_whole_on_every_edge_corner_pole_and_date_line() {
             for direction in &places {
                 let across = direction.any_orthonormal_vector();
                 for step in -4..=4 {
-                    // Sub-pixel steps across, and the place itself.
+                    // Sub-pixel steps across the place, and the place itself.
                     let swept = direction
                         + across * (f64::from(step) * 0.011)
                         + direction.cross(across) * (f64::from(step) * 0.003);
@@ -89,7 +89,7 @@ fn light_is_whole_on_every_edge_corner_pole_and_date_line() {
     worst.print();
 }
 
-/// From the centre of the picture to its corner the light stays the same.
+/// The light is constant from the centre of the picture to its corner.
 #[test]
 fn a_star_swept_from_centre_to_corner_keeps_its_light() {
     let mut renderer = renderer();
@@ -112,14 +112,14 @@ fn a_star_swept_from_centre_to_corner_keeps_its_light() {
             fluxes.push(illuminance_lx(&frame.images[0], mapping));
         }
         let variation = relative_variation(&fluxes).expect("light");
-        println!("{name}: light constant to {variation:.1e}");
+        println!("{name}: relative variation of the light {variation:.1e}");
         assert!(variation < 4e-6, "{name}: {variation}");
     }
 }
 
-/// A cubemap of which only some faces are rendered shows these faces as the whole one does.
+/// Faces of a cubemap look the same whether all faces are rendered or only some.
 #[test]
-fn a_cubemap_with_fewer_faces_shows_the_same_faces() {
+fn rendered_cube_faces_do_not_depend_on_the_other_faces() {
     let mut renderer = renderer();
     let records: Vec<StarRecord> = spiral(5000).map(|direction| star(direction, 5.0)).collect();
     let scene = snapshot(records);
@@ -131,14 +131,14 @@ fn a_cubemap_with_fewer_faces_shows_the_same_faces() {
         let other = whole.images.iter().find(|other| other.part == image.part).expect("the same face");
         let (some, all) = (image.hdr.as_ref().expect("asked for"), other.hdr.as_ref().expect("asked for"));
         let brightest = all.iter().map(|pixel| pixel[1]).fold(0.0, f32::max);
-        // The fixed-point unit depends on all the light of the frame, so the last digits may differ, no more.
+        // The fixed-point unit depends on all the light of the frame, so the last digits may differ.
         for (a, b) in some.iter().flatten().zip(all.iter().flatten()) {
             assert!((a - b).abs() <= 1e-6 * brightest, "{:?}: {a} instead of {b}", image.part);
         }
     }
 }
 
-/// Centroid and width over sub-pixel positions.
+/// Centroid and width at sub-pixel positions.
 #[test]
 fn sub_pixel_sweep_keeps_centroid_and_width() {
     let mut renderer = renderer();
@@ -153,7 +153,7 @@ fn sub_pixel_sweep_keeps_centroid_and_width() {
         let frame =
             render_hdr(&mut renderer, &snapshot(vec![star(direction, 1.0)]), &rig, &settings(StarMethod::BSpline));
         let image = hdr_view(&frame.images[0], mapping);
-        // A window of the whole picture, so that stray light counts.
+        // The radius covers the whole picture, so that stray light counts.
         centroid.add(centroid_error_px(&image, place, 100.0).expect("a star"), place);
         widths.push(shape_px(&image, place, 100.0).expect("a star").rms_radius());
     }
@@ -161,7 +161,7 @@ fn sub_pixel_sweep_keeps_centroid_and_width() {
     figures::WIDTH.check(relative_variation(&widths).expect("widths"));
 }
 
-/// Light adds, temperatures do not: two stars of 3000 and 20000 K in a pixel.
+/// Light adds, temperatures do not: two stars of 3000 K and 20000 K in one pixel.
 #[test]
 fn two_colours_in_one_pixel_add_as_light() {
     let rig = rig(vec![("v", ViewKind::Perspective { size: [9, 9], fov_y_rad: 0.5 })]);
@@ -173,17 +173,17 @@ fn two_colours_in_one_pixel_add_as_light() {
         &settings(StarMethod::BSpline),
     );
     let [r, g, b, _] = frame.images[0].hdr.as_ref().expect("asked for")[4 * 9 + 4];
-    let seen = [r, g, b].map(f64::from);
+    let rgb = [r, g, b].map(f64::from);
     let (red, blue) = (rec709_in_gamut(3000.0), rec709_in_gamut(20_000.0));
     let expected = [red[0] + blue[0], red[1] + blue[1], red[2] + blue[2]];
-    let error = uv_distance(seen, expected).expect("light");
-    // What averaging the temperatures would show lies ten times the limit away.
+    let error = uv_distance(rgb, expected).expect("light");
+    // The colour of the mean temperature would differ by more than a hundred times the limit.
     let wrong = uv_distance(rec709_in_gamut(11_500.0), expected).expect("light");
-    println!("u'v' of 3000 K + 20000 K: off by {error:.1e}; averaged temperatures would be by {wrong:.1e}");
+    println!("u'v' of 3000 K + 20000 K: error {error:.1e}; error of the mean temperature {wrong:.1e}");
     assert!(error < 1.5e-4 && wrong > 0.03);
 }
 
-/// The twin in f64 draws the same picture.
+/// Every kernel equals the f64 reference in every projection.
 #[test]
 fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
     use steradian::{
@@ -206,7 +206,7 @@ fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
         (StarMethod::BSpline, StarKernel::Splat(SplatKernel::BSpline), &scene),
         (StarMethod::Tent, StarKernel::Splat(SplatKernel::Tent), &scene),
         (StarMethod::PixelGaussian, StarKernel::Gaussian(gaussian), &few),
-        // With display white next to nothing every star is bright enough for the Gaussian on the plane.
+        // With a very low display white, every star is bright enough for the plane Gaussian.
         (StarMethod::Auto, StarKernel::Bright(1.0), &scene),
     ] {
         for (name, kind) in all_views() {
@@ -218,14 +218,15 @@ fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
                 let mapping = view_image.projection.mapping();
                 let eye = Eye { world_from_view: view_image.camera_from_view, ..Eye::default() };
                 let twin = draw(&scene.stars, eye, mapping, |_| Some(kernel));
-                // Pixels at the antipode of a full sphere are so small that the Gaussian's light there is a few units.
+                // At the antipode of a full sphere, pixels are so small that the light of the Gaussian there is a few units of the sums.
                 let rounding = frame.plan.certificate.iter().find(|entry| entry.what.starts_with("rounding"));
                 let free_lx = match method {
                     StarMethod::PixelGaussian => 10.0 * rounding.expect("certified").bound,
                     _ => 0.0,
                 };
                 let worst = differences_from_twin(image, &twin, mapping, free_lx, |rgb| rgb);
-                // The Gaussian's light goes by the solid angles of the pixels, which at the orthographic rim err by as much.
+                // The light of the Gaussian is proportional to the solid angles of the pixels, whose f32 errors at the orthographic rim
+                // are as large as this limit.
                 let steep = name.starts_with("orthographic") && method == StarMethod::PixelGaussian;
                 let limit = if steep { 1e-2 } else { 1e-3 };
                 assert!(worst < limit, "{name} {method:?} {:?}: relative difference {worst}", image.part);

@@ -1,4 +1,4 @@
-//! The published rasteriser on the adapter against its twin in f64.
+//! The published rasterisers on the adapter, compared with their f64 reference.
 
 use crate::common::*;
 use steradian::{
@@ -8,17 +8,17 @@ use steradian::{
     render::FrameImage,
 };
 
-/// Largest difference of a pixel's luminance over the brightest of the image.
+/// Largest difference of any channel, relative to the brightest channel of the image.
 fn difference(image: &FrameImage, twin: &[[f64; 3]]) -> f64 {
     let brightest = twin.iter().flatten().fold(0.0_f64, |most, value| most.max(*value));
     let pixels = image.hdr.as_ref().unwrap().iter().zip(twin);
     pixels
-        .flat_map(|(seen, expected)| (0..3).map(move |i| (f64::from(seen[i]) - expected[i]).abs() / brightest))
+        .flat_map(|(drawn, expected)| (0..3).map(move |i| (f64::from(drawn[i]) - expected[i]).abs() / brightest))
         .fold(0.0, f64::max)
 }
 
 #[test]
-fn the_packed_rasterisers_draw_what_their_twin_draws() {
+fn the_packed_rasterisers_equal_their_reference() {
     let mut renderer = renderer();
     let records: Vec<StarRecord> = spiral(800)
         .enumerate()
@@ -39,7 +39,7 @@ fn the_packed_rasterisers_draw_what_their_twin_draws() {
                 worst.1 = worst.1.max(difference(same, &twin));
             }
             println!("{name}, {}: {:.1e} of the brightest pixel; the B-spline {:.1e}", method.name(), worst.0, worst.1);
-            // Halves round by 5e-4 at each of a few adds, and triangles in f32 err by more where pixels are small.
+            // Half floats round by 5e-4 at each of a few additions, and the triangles in f32 are less accurate for small pixels.
             assert!(worst.0 < 1e-2 && worst.1 > 0.1, "{name} {method:?}: {worst:?}");
         }
     }

@@ -1,6 +1,6 @@
-//! A moving camera: direction, light and colour of every star against the closed forms, and against the twin in f64.
+//! A moving camera: direction, light and colour of every star, compared with closed forms and with the f64 reference.
 //!
-//! The closed forms stand here once more, so that nothing is compared with itself.
+//! The closed forms are written out here once more, so that the code is not compared with itself.
 
 use std::sync::Arc;
 
@@ -34,12 +34,13 @@ fn doppler(beta: f64, a: f64) -> f64 {
     (1.0 + beta * a.cos()) / (1.0 - beta * beta).sqrt()
 }
 
-/// The angle from the velocity at which a star is seen; by tangents, which keep their digits at both ends.
+/// The angle from the velocity at which a star appears. The form with tangents is accurate near 0 and pi.
 fn aberrated(beta: f64, a: f64) -> f64 {
     2.0 * (((1.0 - beta) / (1.0 + beta)).sqrt() * (a / 2.0).tan()).atan()
 }
 
-/// The law of physics.md.
+/// Ratio of the light of a blackbody star in flight to its light at rest. Blackbody spectra keep their shape, with the
+/// temperature multiplied by the Doppler factor; the solid angle shrinks by its square.
 fn light(kelvin: f64, doppler: f64) -> f64 {
     luminance_cd_m2(doppler * kelvin) / luminance_cd_m2(kelvin) / (doppler * doppler)
 }
@@ -48,22 +49,22 @@ fn moving(records: Vec<StarRecord>, camera: Camera) -> SceneSnapshot {
     SceneSnapshot { revision: 1, stars: Arc::new(StarSet::from_records(records)), objects: Default::default(), camera }
 }
 
-/// A narrow view, and its pixels.
+/// A narrow view of 48 x 48 pixels.
 fn narrow() -> Rig {
     rig(vec![("narrow", ViewKind::Perspective { size: [48, 48], fov_y_rad: 0.04 })])
 }
 
-/// What one star looks like.
-struct Seen {
+/// Measured image of one star.
+struct Measured {
     illuminance_lx: f64,
-    /// Distance of its centroid from where the closed form has it, pixels; NaN if it does not shine.
+    /// Distance of the centroid from the expected position, pixels; NaN if the star is not visible.
     centroid_error_px: f64,
-    /// Mean colour of all pixels.
+    /// Sum of all pixels by channel.
     rgb: [f64; 3],
 }
 
-/// One star in flight, in a view that looks a few pixels past where `expected` says it is seen.
-fn look_at(renderer: &mut Renderer, record: StarRecord, camera: Camera, expected: DVec3, offset_px: DVec2) -> Seen {
+/// Draws one star in flight, in a view whose centre is a few pixels off the direction `expected`.
+fn look_at(renderer: &mut Renderer, record: StarRecord, camera: Camera, expected: DVec3, offset_px: DVec2) -> Measured {
     let rig = narrow();
     let mapping = rig.views()[0].images[0].projection.mapping();
     let axis = mapping.direction_from_pixel(DVec2::splat(24.0) + offset_px).expect("inside");
@@ -73,30 +74,30 @@ fn look_at(renderer: &mut Renderer, record: StarRecord, camera: Camera, expected
     let pixels = frame.images[0].hdr.as_ref().expect("asked for");
     let place = mapping.pixel_from_direction(world_from_camera.conjugate() * expected).expect("inside");
     let image = hdr_view(&frame.images[0], mapping);
-    Seen {
+    Measured {
         illuminance_lx: illuminance_lx(&frame.images[0], mapping),
         centroid_error_px: centroid_px(&image, place, 100.0).map_or(f64::NAN, |found| (found - place).length()),
         rgb: [0, 1, 2].map(|channel| pixels.iter().map(|pixel| f64::from(pixel[channel])).sum()),
     }
 }
 
-/// Where the star of a case stands, and where it is seen.
+/// Direction of a star at rest, at the angle `a` from the velocity, and its aberrated direction.
 fn place_and_sight(beta: f64, a: f64, turn: f64) -> (DVec3, DVec3) {
     let ahead = direction_of_travel();
     let (u, v) = ahead.any_orthonormal_pair();
     let side = u * turn.cos() + v * turn.sin();
-    let at = |angle: f64| ahead * angle.cos() + side * angle.sin();
-    (at(a), at(aberrated(beta, a)))
+    let direction_at = |angle: f64| ahead * angle.cos() + side * angle.sin();
+    (direction_at(a), direction_at(aberrated(beta, a)))
 }
 
-/// What is known of the case's star after packing: illuminance at rest and temperature.
+/// Illuminance at rest and temperature of a star after packing, which rounds them.
 fn packed(record: StarRecord) -> (f64, f64) {
     let set = StarSet::from_records(vec![record]);
     (set.stars[0].illuminance_at_1_pc_lx(), temperature_of_step_k(set.stars[0].temperature_step()))
 }
 
 #[test]
-fn direction_light_and_colour_are_those_of_the_closed_forms() {
+fn direction_light_and_colour_equal_the_closed_forms() {
     let mut renderer = renderer();
     for beta in SPEEDS {
         let (mut centroid, mut flux, mut colour, mut dark) = (0.0_f64, 0.0_f64, 0.0_f64, 0);
@@ -112,62 +113,66 @@ fn direction_light_and_colour_are_those_of_the_closed_forms() {
                 let velocity_c = direction_of_travel() * beta;
                 let camera = Camera { velocity_c, ..Camera::default() };
                 let offset = DVec2::new(1.7 * i as f64 - 5.0, 2.3 * j as f64 - 4.0) * 1.111;
-                let seen = look_at(&mut renderer, record, camera, expected, offset);
+                let measured = look_at(&mut renderer, record, camera, expected, offset);
                 cases += 1;
                 if expected_lx < 1e-12 * at_rest_lx {
-                    // Shifted far into the infrared: beyond what f32 and display can tell from nothing.
-                    assert!(seen.illuminance_lx < 2e-12 * at_rest_lx);
+                    // Shifted far into the infrared: too faint for f32.
+                    assert!(measured.illuminance_lx < 2e-12 * at_rest_lx);
                     dark += 1;
                     continue;
                 }
                 let case = format!("{beta} c, {degrees} degrees, {kelvin:.0} K");
-                let flux_error = (seen.illuminance_lx / expected_lx - 1.0).abs();
-                let colour_error = uv_distance(seen.rgb, rec709_in_gamut(d * kelvin)).expect("light");
-                assert!(flux_error < 1.1e-4, "{case}: light off by {flux_error:.1e}");
-                assert!(seen.centroid_error_px < 2.1e-3, "{case}: centroid off by {} px", seen.centroid_error_px);
-                assert!(colour_error < 8.2e-4, "{case}: u'v' off by {colour_error}");
+                let flux_error = (measured.illuminance_lx / expected_lx - 1.0).abs();
+                let colour_error = uv_distance(measured.rgb, rec709_in_gamut(d * kelvin)).expect("light");
+                assert!(flux_error < 1.1e-4, "{case}: relative error of the light {flux_error:.1e}");
+                assert!(
+                    measured.centroid_error_px < 2.1e-3,
+                    "{case}: centroid off by {} px",
+                    measured.centroid_error_px
+                );
+                assert!(colour_error < 8.2e-4, "{case}: error of u'v' {colour_error}");
                 (centroid, flux, colour) =
-                    (centroid.max(seen.centroid_error_px), flux.max(flux_error), colour.max(colour_error));
+                    (centroid.max(measured.centroid_error_px), flux.max(flux_error), colour.max(colour_error));
             }
         }
         println!(
-            "{beta} c, {cases} cases ({dark} in the dark): light within {flux:.1e}, centroid {centroid:.1e} px, u'v' {colour:.1e}"
+            "{beta} c, {cases} cases ({dark} too faint), largest errors: light {flux:.1e}, centroid {centroid:.1e} px, u'v' {colour:.1e}"
         );
         assert!(dark < cases / 3);
     }
 }
 
-/// What the comparison above must not accept: other laws, and no law.
+/// The comparison above must fail for other laws, and for the light at rest.
 #[test]
-fn other_laws_fail() {
+fn other_relativistic_laws_fail_the_comparison() {
     let mut renderer = renderer();
     let record = StarRecord { temperature_k: 5800.0, ..star(direction_of_travel(), 2.0) };
     let (at_rest_lx, kelvin) = packed(record);
     let d = doppler(0.9, 0.0);
     let camera = Camera { velocity_c: direction_of_travel() * 0.9, ..Camera::default() };
-    let seen = look_at(&mut renderer, record, camera, direction_of_travel(), DVec2::new(0.4, 1.3));
-    let growth = seen.illuminance_lx / at_rest_lx;
+    let measured = look_at(&mut renderer, record, camera, direction_of_travel(), DVec2::new(0.4, 1.3));
+    let growth = measured.illuminance_lx / at_rest_lx;
     println!("5800 K head-on at 0.9 c: {growth:.4} times the light; D^2 = {:.1}, D^4 = {:.1}", d.powi(2), d.powi(4));
     assert!((growth / light(kelvin, d) - 1.0).abs() < 4e-6);
     assert!((growth - 2.6).abs() < 2.8e-3);
     for wrong in [1.0, d.powi(2), d.powi(4), light(kelvin, d) * d * d, light(kelvin, 1.0 / d)] {
         assert!((growth / wrong - 1.0).abs() > 0.5, "{wrong}");
     }
-    // The colour at rest, and the place without aberration or with its sense reversed.
-    assert!(uv_distance(seen.rgb, rec709_in_gamut(kelvin)).expect("light") > 0.03);
+    // The colour at rest, and the position without aberration or with the opposite sign.
+    assert!(uv_distance(measured.rgb, rec709_in_gamut(kelvin)).expect("light") > 0.03);
     let (direction, expected) = place_and_sight(0.9, 1.0, 0.4);
     for wrong in [direction, place_and_sight(-0.9, 1.0, 0.4).1] {
         let record = StarRecord { position: direction, ..record };
         let error = look_at(&mut renderer, record, camera, wrong, DVec2::ZERO).centroid_error_px;
-        assert!(error.is_nan(), "a star where there is none");
+        assert!(error.is_nan(), "no star is expected here");
         let right = look_at(&mut renderer, record, camera, expected, DVec2::ZERO).centroid_error_px;
         assert!(right < 8e-5);
     }
 }
 
-/// Stars with a distance, seen from far away from the Sun; the nearest of them go through f64 one by one.
+/// Stars with a known distance, seen from far away from the Sun. The nearest of them are processed one by one in f64.
 #[test]
-fn stars_near_the_camera_obey_the_same_laws() {
+fn stars_near_a_moving_camera_equal_the_closed_forms() {
     let mut renderer = renderer();
     let camera_pc = DVec3::new(12.0, -7.0, 3.0);
     let mut worst = (0.0_f64, 0.0_f64);
@@ -181,14 +186,14 @@ fn stars_near_the_camera_obey_the_same_laws() {
                 let (at_1_pc_lx, kelvin) = packed(record);
                 let velocity_c = direction_of_travel() * beta;
                 let camera = Camera { position_m: camera_pc * PARSEC_M, velocity_c, ..Camera::default() };
-                let seen = look_at(&mut renderer, record, camera, expected, DVec2::new(3.2, -1.4));
+                let measured = look_at(&mut renderer, record, camera, expected, DVec2::new(3.2, -1.4));
                 let expected_lx = at_1_pc_lx / distance_pc.powi(2) * light(kelvin, doppler(beta, a));
-                worst.0 = worst.0.max((seen.illuminance_lx / expected_lx - 1.0).abs());
-                worst.1 = worst.1.max(seen.centroid_error_px);
+                worst.0 = worst.0.max((measured.illuminance_lx / expected_lx - 1.0).abs());
+                worst.1 = worst.1.max(measured.centroid_error_px);
             }
         }
     }
-    println!("stars with a distance: light within {:.1e}, centroid {:.1e} px", worst.0, worst.1);
+    println!("stars with a distance, largest errors: light {:.1e}, centroid {:.1e} px", worst.0, worst.1);
     assert!(worst.0 < 1.3e-5 && worst.1 < 7.4e-4);
 }
 
@@ -207,7 +212,7 @@ fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
             let rig = rig(vec![(name, kind)]);
             let frame = render_hdr(&mut renderer, &scene, &rig, &settings(StarMethod::BSpline));
             let (mut worst, mut worst_channel) = (0.0_f64, 0.0_f64);
-            // Beside the light ahead, what is behind may be worth a few units: a unit for each of some stars.
+            // Compared with the light ahead, the light behind may be a few units of the sums: allow one unit for each of 10 stars.
             let free_lx = 10.0 * unit_lx(&frame);
             for (image, view_image) in frame.images.iter().zip(&rig.views()[0].images) {
                 let mapping = view_image.projection.mapping();
@@ -215,23 +220,25 @@ fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
                 let eye = Eye { position_m: DVec3::ZERO, world_from_view, velocity_c };
                 let twin = draw(&scene.stars, eye, mapping, |_| Some(SplatKernel::BSpline));
                 worst = worst.max(differences_from_twin(image, &twin, mapping, free_lx, |rgb| [luminance(rgb)]));
-                // A channel may be next to nothing in a saturated colour: what counts is how it compares with the light.
+                // In a saturated colour a channel may be almost zero, so its error is taken relative to the luminance.
                 let with_luminance = |rgb: [f64; 3]| rgb.map(|channel| channel + luminance(rgb));
                 worst_channel =
                     worst_channel.max(differences_from_twin(image, &twin, mapping, free_lx, with_luminance));
-                // The twin at rest is another picture.
+                // The reference at rest fails the comparison.
                 let resting = Eye { velocity_c: DVec3::ZERO, ..eye };
                 let wrong = draw(&scene.stars, resting, mapping, |_| Some(SplatKernel::BSpline));
                 assert!(difference_from_twin(image, &wrong, mapping) > 0.5);
             }
-            println!("{beta} c, {name}: from f64, luminance within {worst:.1e}, colour {worst_channel:.1e}");
+            println!(
+                "{beta} c, {name}: largest difference from f64, luminance {worst:.1e}, channels {worst_channel:.1e}"
+            );
             // Shifted temperatures are rounded to steps of 0.26 %.
             assert!(worst < 4.5e-4 && worst_channel < 3e-3, "{beta} c, {name}: {worst} {worst_channel}");
         }
     }
 }
 
-/// All of the sky's light, in views that show all of it.
+/// The total light of the sky, in views that show all of it.
 #[test]
 fn the_whole_sky_has_the_light_of_the_closed_form() {
     let mut renderer = renderer();
@@ -253,15 +260,15 @@ fn the_whole_sky_has_the_light_of_the_closed_form() {
             let rig = rig(vec![(name, kind)]);
             let frame = render_hdr(&mut renderer, &moving(sky(), camera), &rig, &settings(StarMethod::Auto));
             let error = total_illuminance_lx(&frame, &rig) / expected - 1.0;
-            println!("{beta} c, {name}: light of the whole sky off by {error:.1e}");
+            println!("{beta} c, {name}: relative error of the light of the whole sky {error:.1e}");
             assert!(error.abs() < 2.4e-5);
         }
     }
 }
 
-/// The limit is that of the light that arrives: stars ahead come up over it, stars behind sink below.
+/// The limit applies to the received light: stars ahead become brighter than the limit, stars behind fainter.
 #[test]
-fn the_magnitude_limit_counts_the_light_that_arrives() {
+fn the_magnitude_limit_applies_to_the_received_light() {
     let mut renderer = renderer();
     let records: Vec<StarRecord> =
         spiral(4000).enumerate().map(|(i, d)| star(d, 4.0 + (i % 41) as f32 * 0.1)).collect();
@@ -284,23 +291,23 @@ fn the_magnitude_limit_counts_the_light_that_arrives() {
         let camera = Camera { velocity_c: direction_of_travel() * beta, ..Camera::default() };
         let frame = render_hdr(&mut renderer, &moving(records.clone(), camera), &rig, &settings);
         let drawn = frame.views[0].stars_drawn;
-        // The shader's light is good to 2e-4: stars so near to the limit may fall on either side.
+        // The shader is accurate to 2e-4: stars this near to the limit may be on either side.
         let (fewest, most) = (brighter_than(limit_lx * 1.0002), brighter_than(limit_lx * 0.9998));
         println!("{beta} c: {drawn} of 4000 stars above the limit, closed form {fewest} to {most}");
         assert!((fewest..=most).contains(&drawn));
         assert!(most - fewest < 10);
         counts.push(drawn);
     }
-    assert!(counts.windows(2).all(|pair| pair[0] != pair[1]), "the limit takes no notice of the speed");
+    assert!(counts.windows(2).all(|pair| pair[0] != pair[1]), "the number of stars depends on the speed");
 }
 
-/// Lux per unit of the coarsest sums, from the certificate.
+/// Unit of the coarsest sums, lx, from the certificate.
 fn unit_lx(frame: &Frame) -> f64 {
     let units = frame.plan.certificate.iter().filter(|entry| entry.what.starts_with("rounding of "));
     units.map(|entry| entry.bound).fold(0.0, f64::max)
 }
 
-/// With culling and without, the same stars and the same light.
+/// Culling does not change the stars and their light.
 #[test]
 fn culling_loses_no_star_in_flight() {
     let mut renderer = renderer();
@@ -328,8 +335,8 @@ fn culling_loses_no_star_in_flight() {
                 let all = render_hdr(&mut renderer, &scene, &rig, &settings);
                 assert_eq!(culled.views[0].stars_drawn, all.views[0].stars_drawn, "{velocity_c} {name} {limit}");
                 let (a, b) = (total_illuminance_lx(&culled, &rig), total_illuminance_lx(&all, &rig));
-                // Without culling the unit is that of the whole sky's light, of which a view behind sees next to nothing:
-                // each of nine pixels of each star is rounded by up to a unit, also of stars just outside of the picture.
+                // Without culling, the unit follows from the light of the whole sky, compared with which a view behind is almost dark.
+                // Each of the nine pixels of each star is rounded by up to a unit, also for stars just outside of the picture.
                 let outside = 300;
                 let noise = 6.0 * unit_lx(&all) * (9.0 * (all.views[0].stars_drawn + outside) as f64).sqrt();
                 assert!((a - b).abs() <= 1e-6 * b + noise, "{velocity_c} {name} {limit}: {a} {b} +- {noise}");
@@ -338,9 +345,9 @@ fn culling_loses_no_star_in_flight() {
     }
 }
 
-/// Cool stars head-on grow a billionfold: the sums must hold that, and not those of the others.
+/// Cool stars head-on become a billion times brighter: the sums must not overflow, and other stars must keep their light.
 #[test]
-fn cool_stars_ahead_do_not_overflow_the_sums_nor_spoil_them() {
+fn cool_stars_ahead_do_not_overflow_the_sums() {
     let mut renderer = renderer();
     let ahead = direction_of_travel();
     let (beta, count) = (0.99, 3000);
@@ -361,7 +368,7 @@ fn cool_stars_ahead_do_not_overflow_the_sums_nor_spoil_them() {
     let expected = cool + hot_lx * light(hot_k, doppler(beta, 0.1));
     let found = total_illuminance_lx(&frame, &rig);
     println!(
-        "{count} stars of {cool_k:.0} K, {growth:.1e} times as bright each: off by {:.1e}",
+        "{count} stars of {cool_k:.0} K, each {growth:.1e} times as bright: relative error {:.1e}",
         found / expected - 1.0
     );
     assert!(growth > 1e9);
@@ -374,7 +381,7 @@ fn bits(frame: &Frame) -> Vec<[u32; 4]> {
 }
 
 #[test]
-fn no_velocity_is_no_change_and_little_velocity_little_change() {
+fn zero_velocity_changes_nothing_and_a_tiny_one_almost_nothing() {
     let mut renderer = renderer();
     let rig = rig(all_views());
     let mut render = |velocity_c: [f64; 3]| {
@@ -397,9 +404,9 @@ fn no_velocity_is_no_change_and_little_velocity_little_change() {
     assert_eq!(in_flight.len(), 3);
 }
 
-/// A step of the temperature is no more than the certificate says.
+/// The error from rounding the temperature is within the bound of the certificate.
 #[test]
-fn the_certificate_bounds_what_temperatures_in_steps_do() {
+fn the_certificate_bounds_the_error_of_rounded_temperatures() {
     let (beta, kelvin) = (0.9, 3000.0_f32);
     let record = |temperature_k: f32| StarRecord { temperature_k, ..star(direction_of_travel(), 2.0) };
     let camera = Camera { velocity_c: direction_of_travel() * beta, ..Camera::default() };
@@ -413,11 +420,14 @@ fn the_certificate_bounds_what_temperatures_in_steps_do() {
         let kelvin = f64::from(kelvin) * (1.0 + f64::from(part) * 1e-4);
         for degrees in 0..=18 {
             let d = doppler(beta, f64::from(degrees * 10).to_radians());
-            let held = light(packed(record(kelvin as f32)).1, d);
+            let rounded = light(packed(record(kelvin as f32)).1, d);
             let exact = light(kelvin, d);
-            worst = worst.max((held - exact).abs() / exact.max(1.0));
+            worst = worst.max((rounded - exact).abs() / exact.max(1.0));
         }
     }
-    println!("light of stars of 3000 K at 0.9 c: off by {worst:.1e} for want of bits, certificate {:.1e}", bound.bound);
+    println!(
+        "light of stars of 3000 K at 0.9 c: error from rounded temperatures {worst:.1e}, certificate {:.1e}",
+        bound.bound
+    );
     assert!(worst <= bound.bound && worst > 0.1 * bound.bound);
 }

@@ -1,4 +1,5 @@
-//! How sums of light hold up: dynamic range, overflow, order, strips and batches, stars at the camera, repeated frames.
+//! Sums of light: dynamic range, overflow, independence of order, strips and batches, stars at the camera, and repeated
+//! frames.
 
 use crate::common::{figures::Worst, *};
 use glam::{DVec2, DVec3};
@@ -15,7 +16,7 @@ use steradian::{
     },
 };
 
-/// A million stars of magnitude 20 in one pixel, each far below what a 16-bit float would keep.
+/// A million stars of magnitude 20 in one pixel, each too faint for a 16-bit float.
 #[test]
 fn a_million_faint_stars_in_one_pixel_add_up() {
     let mut worst = figures::MILLION_FAINT_STARS.worst();
@@ -31,22 +32,22 @@ fn a_million_faint_stars_in_one_pixel_add_up() {
     worst.print();
 }
 
-/// Sirius beside a star of magnitude 21, three pixels apart; and the Sun beside both.
+/// Sirius and a star of magnitude 21, three pixels apart, without and with the Sun in the view.
 #[test]
-fn sirius_and_a_star_of_magnitude_21_are_both_right() {
-    let (mut of_sirius, mut of_faint) = (figures::SIRIUS.worst(), figures::STAR_BESIDE_SIRIUS.worst());
-    let mut of_faint_by_day = figures::STAR_BESIDE_THE_SUN.worst();
+fn sirius_and_a_star_of_magnitude_21_both_keep_their_light() {
+    let (mut worst_sirius, mut worst_faint) = (figures::SIRIUS.worst(), figures::STAR_BESIDE_SIRIUS.worst());
+    let mut worst_faint_by_day = figures::STAR_BESIDE_THE_SUN.worst();
     for force_u32_accumulator in [false, true] {
         let mut renderer = renderer_with(&GpuOptions { force_u32_accumulator, ..Default::default() });
         let kind = ViewKind::Perspective { size: [65, 65], fov_y_rad: 0.1 };
         let mapping_view = view("v", kind.clone());
         let mapping = mapping_view.images[0].projection.mapping();
-        let at = |x: f64, y: f64| mapping.direction_from_pixel(DVec2::new(x, y)).expect("inside");
+        let direction_at = |x: f64, y: f64| mapping.direction_from_pixel(DVec2::new(x, y)).expect("inside");
         let rig = rig(vec![("v", kind)]);
         for with_sun in [false, true] {
-            let mut records = vec![star(at(30.3, 30.4), -1.46), star(at(33.6, 30.2), 21.0)];
+            let mut records = vec![star(direction_at(30.3, 30.4), -1.46), star(direction_at(33.6, 30.2), 21.0)];
             if with_sun {
-                records.push(star(at(10.5, 50.5), -26.7));
+                records.push(star(direction_at(10.5, 50.5), -26.7));
             }
             let frame = render_hdr(&mut renderer, &snapshot(records), &rig, &settings(StarMethod::BSpline));
             let hdr = frame.images[0].hdr.as_ref().expect("asked for");
@@ -61,20 +62,20 @@ fn sirius_and_a_star_of_magnitude_21_are_both_right() {
             };
             let sirius = sum_around(30, 30) / illuminance_lx_from_magnitude(-1.46) - 1.0;
             let faint = sum_around(33, 30) / illuminance_lx_from_magnitude(21.0) - 1.0;
-            let of = format!("{}, Sun {with_sun}", frame.plan.accumulator);
-            of_sirius.add(sirius, &of);
-            if with_sun { &mut of_faint_by_day } else { &mut of_faint }.add(faint, &of);
+            let case = format!("{}, Sun {with_sun}", frame.plan.accumulator);
+            worst_sirius.add(sirius, &case);
+            if with_sun { &mut worst_faint_by_day } else { &mut worst_faint }.add(faint, &case);
             if with_sun {
                 let sun = sum_around(10, 50) / illuminance_lx_from_magnitude(-26.7) - 1.0;
-                println!("{of}: the Sun {sun:.1e}");
+                println!("{case}: relative error of the Sun {sun:.1e}");
                 assert!(sun.abs() < 2.6e-5, "{sun}");
             }
         }
     }
-    [of_sirius, of_faint, of_faint_by_day].into_iter().for_each(Worst::print);
+    [worst_sirius, worst_faint, worst_faint_by_day].into_iter().for_each(Worst::print);
 }
 
-/// Units chosen too fine on purpose: the frame is refused, nothing wraps.
+/// With units that are deliberately too fine, the frame is refused and no sum wraps.
 #[test]
 fn a_provoked_overflow_is_reported() {
     for force_u32_accumulator in [false, true] {
@@ -94,8 +95,8 @@ fn a_provoked_overflow_is_reported() {
     }
 }
 
-/// What a hundred orders of a crowd do to a method: how many of them change a bit. With each, the records are shuffled and the
-/// stars reach the GPU in another order; `steady` leaves out the latter.
+/// Number of shuffles out of 100 that change any bit of a picture of a crowd. Each shuffle reorders the records and the
+/// stars on the GPU; with `steady`, only the records.
 fn changed_by_a_hundred_shuffles(method: StarMethod, steady: bool) -> usize {
     let mut renderer = renderer();
     let mut records: Vec<StarRecord> = spiral(2000)
@@ -131,7 +132,7 @@ fn changed_by_a_hundred_shuffles(method: StarMethod, steady: bool) -> usize {
     changed
 }
 
-/// Neither the order of the catalogue nor that in which stars are added shows: a hundred shuffles, bit for bit.
+/// The picture depends neither on the order of the catalogue nor on the order of addition: 100 shuffles, bit for bit.
 #[test]
 fn a_hundred_shuffles_give_identical_bits() {
     for method in [StarMethod::Auto, StarMethod::BSpline, StarMethod::Tent, StarMethod::PixelGaussian] {
@@ -139,19 +140,19 @@ fn a_hundred_shuffles_give_identical_bits() {
     }
 }
 
-/// Sums in halves depend on the order in which stars come, and floating-point blending does: the shuffles find it.
+/// Sums in 16-bit floats and floating-point blending depend on the order of the stars; the shuffles must detect this.
 #[test]
-fn sums_that_depend_on_order_are_found() {
+fn order_dependent_sums_are_detected() {
     for method in [StarMethod::PackedCas, StarMethod::PackedCasSorted, StarMethod::Disc] {
         let changed = changed_by_a_hundred_shuffles(method, false);
         println!("{}: {changed} of 100 shuffles change bits", method.name());
         assert!(changed > 90, "{}: {changed}", method.name());
     }
-    // A catalogue that is sorted before it is blended hides it.
+    // Sorting the catalogue before blending hides the dependence.
     assert_eq!(changed_by_a_hundred_shuffles(StarMethod::Disc, true), 0);
 }
 
-/// A star at the camera's place, behind it, and a millionth of a parsec away.
+/// A star at the position of the camera, one behind it, and stars a millionth of a parsec away.
 #[test]
 fn stars_at_and_near_the_camera_stay_finite() {
     let mut renderer = renderer();
@@ -171,7 +172,7 @@ fn stars_at_and_near_the_camera_stay_finite() {
                 "{position}"
             );
         }
-        // The star ten parsecs ahead is whole, whatever stands near the camera.
+        // The star ten parsecs ahead keeps its light, whatever is near the camera.
         if position == DVec3::ZERO {
             let image = &frame.images[1];
             let mapping = rig.views()[1].images[0].projection.mapping();
@@ -187,9 +188,9 @@ fn stars_at_and_near_the_camera_stay_finite() {
     }
 }
 
-/// The camera among the stars: magnitudes and directions are those of its place.
+/// A camera among the stars: illuminances follow from the distances to the camera.
 #[test]
-fn a_travelling_camera_sees_stars_where_and_as_bright_as_they_are() {
+fn a_camera_among_the_stars_sees_their_illuminance() {
     let mut renderer = renderer();
     let rig = rig(vec![("all", ViewKind::Equirectangular { size: [256, 128] })]);
     let mapping = rig.views()[0].images[0].projection.mapping();
@@ -215,12 +216,12 @@ fn a_travelling_camera_sees_stars_where_and_as_bright_as_they_are() {
             .sum();
         let frame = render_hdr(&mut renderer, &scene, &rig, &settings(StarMethod::BSpline));
         let error = illuminance_lx(&frame.images[0], mapping) / expected - 1.0;
-        println!("camera at {camera_pc} pc: {error:.1e}");
+        println!("camera at {camera_pc} pc: relative error {error:.1e}");
         assert!(error.abs() < 1e-4, "{camera_pc}: {error}");
     }
 }
 
-/// Nothing that is not asked for differs: the same frame five times.
+/// The same frame five times gives the same bits.
 #[test]
 fn five_frames_are_identical() {
     let mut renderer = renderer();
@@ -237,10 +238,10 @@ fn five_frames_are_identical() {
     assert!(frames.all(|frame| frame == first));
 }
 
-/// A frame whose exposure is known before is tone mapped by the resolve pass, one that meters itself by a pass of its own:
-/// the same picture, and the f64 curve of the HDR image but for the dither.
+/// If the exposure is known beforehand, the resolve pass tone maps the frame; if it is metered, a separate pass does. Both
+/// give the same picture, and it equals the f64 curve of the HDR image except for dither.
 #[test]
-fn both_ways_to_the_display_image_agree() {
+fn resolve_and_tone_mapping_pass_give_the_same_display_image() {
     use steradian::{
         photometry::exposure::white_luminance_cd_m2,
         plan::settings::{Metering, ToneMapOperator, ToneMapSettings},
@@ -248,16 +249,17 @@ fn both_ways_to_the_display_image_agree() {
     let mut renderer = renderer();
     let scene = snapshot(spiral(20_000).enumerate().map(|(i, d)| star(d, (i % 12) as f32)).collect());
     let rig = rig(vec![("a", ViewKind::Equirectangular { size: [256, 128] }), ("b", all_views()[5].1.clone())]);
-    let of = |operator, desaturation, scotopic| ToneMapSettings {
+    let operator_settings = |operator, desaturation, scotopic| ToneMapSettings {
         desaturation,
         scotopic,
         peak_cd_m2: 1e-3,
         ..ToneMapSettings::of(operator)
     };
-    let plain = ToneMapOperator::ALL.map(|operator| of(operator, 0.0, 0.0));
-    for tone_map in
-        plain.into_iter().chain([of(ToneMapOperator::Filmic, 1.0, 0.7), of(ToneMapOperator::Srgb, 0.5, 0.0)])
-    {
+    let plain = ToneMapOperator::ALL.map(|operator| operator_settings(operator, 0.0, 0.0));
+    for tone_map in plain.into_iter().chain([
+        operator_settings(ToneMapOperator::Filmic, 1.0, 0.7),
+        operator_settings(ToneMapOperator::Srgb, 0.5, 0.0),
+    ]) {
         let mut settings = settings(StarMethod::BSpline);
         settings.tone_map = tone_map;
         settings.exposure.metering = Metering::Mean;
@@ -276,10 +278,10 @@ fn both_ways_to_the_display_image_agree() {
             let (a_bytes, b_bytes) = (a.display.as_ref().expect("asked for"), b.display.as_ref().expect("asked for"));
             let off_by_more = a_bytes.iter().zip(b_bytes).filter(|(a, b)| a.abs_diff(**b) > 1).count();
             let different = a_bytes.iter().zip(b_bytes).filter(|(a, b)| a != b).count();
-            // The white luminance comes from exp2 in f32 in one way and from f64 in the other: a few pixels round apart.
+            // The white luminance is computed by exp2 in f32 in one pass and in f64 in the other, so a few pixels round differently.
             assert!(off_by_more == 0 && different < a_bytes.len() / 1000, "{operator:?}: {different} bytes differ");
-            let goes_by_exposure = operator != ToneMapOperator::Calibrated;
-            assert!((Some(b_bytes) != c.display.as_ref()) == goes_by_exposure, "{operator:?}: another exposure");
+            let uses_exposure = operator != ToneMapOperator::Calibrated;
+            assert!((Some(b_bytes) != c.display.as_ref()) == uses_exposure, "{operator:?}: another exposure");
             let hdr = a.hdr.as_ref().expect("asked for");
             for (pixel, bytes) in hdr.iter().zip(a_bytes.as_chunks::<4>().0) {
                 let expected = tone_map.display_rgb([pixel[0], pixel[1], pixel[2]].map(f64::from), white);
@@ -291,9 +293,9 @@ fn both_ways_to_the_display_image_agree() {
     }
 }
 
-/// Strips, batches and segments of stars: an adapter that binds little at once shows the same picture, bit for bit.
+/// Strips, batches and segments of stars, as on an adapter with small bindings, give the same picture bit for bit.
 #[test]
-fn cut_into_strips_and_batches_the_picture_is_the_same() {
+fn strips_and_batches_give_the_same_bits() {
     let scene = snapshot(spiral(6000).enumerate().map(|(i, d)| star(d, (i % 14) as f32)).collect());
     let rig = rig(all_views());
     let images = |options: &GpuOptions| {
@@ -305,7 +307,7 @@ fn cut_into_strips_and_batches_the_picture_is_the_same() {
         (frame.images.into_iter().map(|image| (image.part, image.hdr)).collect::<Vec<_>>(), drawn)
     };
     let whole = images(&GpuOptions::default());
-    // 40 rows of 192 pixels at a time, and 2048 stars.
+    // 40 rows of 192 pixels at a time, and 2048 stars at a time.
     for limit in [16 * 192 * 40, 16 * 2048] {
         let cut = images(&GpuOptions { binding_limit_bytes: Some(limit), ..Default::default() });
         assert!(whole.0 == cut.0, "an image differs with {limit} bytes at a time");
@@ -313,7 +315,7 @@ fn cut_into_strips_and_batches_the_picture_is_the_same() {
     }
 }
 
-/// One star far beyond what a channel holds is refused too, not only the sum of many.
+/// A single star beyond the range of a channel is refused as well.
 #[test]
 fn a_single_star_beyond_the_range_is_reported() {
     for force_u32_accumulator in [false, true] {
@@ -327,9 +329,9 @@ fn a_single_star_beyond_the_range_is_reported() {
     }
 }
 
-/// An eye that stands much nearer to a star than the camera does sees it as bright as it is from there.
+/// An eye that is much nearer to a star than the camera sees its brightness at its own position.
 #[test]
-fn an_eye_apart_from_the_camera_sees_the_light_of_its_own_place() {
+fn an_eye_apart_from_the_camera_sees_stars_from_its_position() {
     use steradian::{
         units::PARSEC_M,
         view::{Rig, View},
@@ -342,7 +344,7 @@ fn an_eye_apart_from_the_camera_sees_the_light_of_its_own_place() {
         View::new("apart", kind.clone(), glam::DQuat::IDENTITY, apart_m).expect("valid"),
     ];
     let rig = Rig::new(views).expect("valid");
-    // The star stands 1e9 m ahead: ten times as far from the camera as from the eye.
+    // The star is 1e9 m ahead: ten times as far from the camera as from the eye.
     let place_m = DVec3::new(0.0, 0.0, -1e9);
     let near = StarRecord { position: place_m / PARSEC_M, magnitude: 4.8, temperature_k: 5772.0, distance_known: true };
     let far = StarRecord { position: DVec3::X * 10.0, ..near };
@@ -391,21 +393,22 @@ fn the_exposure_is_metered_over_all_views_by_solid_angle() {
         }
         let mean = light / solid_angle;
         let expected = metered_ev100(mean, compensation_ev, -20.0, max_ev100);
-        let (seen, ev100) = (frame.mean_luminance_cd_m2, frame.exposure_ev100);
-        println!("mean {mean:.6e} cd/m^2, metered {seen:.6e}; EV {ev100:.5}, expected {expected:.5}");
-        // The meter divides by the closed form of the pictures; round ones of 160 pixels differ from it by some 1e-3.
-        assert!((seen / mean - 1.0).abs() < 2e-3);
+        let (metered, ev100) = (frame.mean_luminance_cd_m2, frame.exposure_ev100);
+        println!("mean {mean:.6e} cd/m^2, metered {metered:.6e}; EV {ev100:.5}, expected {expected:.5}");
+        // The meter divides by the closed form of the solid angle; for round pictures of 160 pixels the pixels differ from it by
+        // about 1e-3.
+        assert!((metered / mean - 1.0).abs() < 2e-3);
         assert!((ev100 - expected).abs() < 3e-3 && ev100 == frame.metered_ev100);
-        // What the plain mean over pixels would give lies far away.
+        // The plain mean over pixels differs clearly.
         let unweighted = metered_ev100(plain_sum / pixels, 0.0, -20.0, 24.0);
         assert!((unweighted - metered_ev100(mean, 0.0, -20.0, 24.0)).abs() > 0.01, "{unweighted}");
     }
 }
 
-/// Sums that outlive a frame would show in the next one: whatever was drawn before, by whichever method, in views of whichever size,
-/// wanted or not, overflowed or not, a faint sky is to the bit what a new renderer makes of it.
+/// A faint frame after a bright one has the same bits as one of a new renderer, for every method and size of the bright
+/// frame, with or without readback, and also after an overflow.
 #[test]
-fn nothing_of_a_frame_is_left_in_the_next() {
+fn a_frame_does_not_depend_on_the_previous_frame() {
     let records =
         |brightest: f32| spiral(300).enumerate().map(move |(i, d)| star(d, brightest + (i % 7) as f32)).collect();
     let (bright, faint) = (snapshot(records(-9.0)), snapshot(records(9.0)));
@@ -438,7 +441,7 @@ fn nothing_of_a_frame_is_left_in_the_next() {
                 used.unit_factor = 1.0;
                 let overflowed = matches!(frame, Err(RenderError::Overflow(_)));
                 assert!(frame.is_ok() != overflowed && overflowed == (unit_factor > 1.0), "{}", method.name());
-                // The small view and the large ones in turn.
+                // The small view and the large ones, alternating.
                 let index = step % 2;
                 step += 1;
                 let found = render_hdr(&mut used, &faint, &rigs[index], &settings(StarMethod::BSpline));

@@ -1,6 +1,5 @@
-//! The 9,096 stars of the Yale Bright Star Catalogue in three views of the whole sphere: the light of each view is the
-//! catalogue's, and that of the others. The variable `STERADIAN_BSC_CSV` names the catalogue, which is not part of this
-//! project.
+//! The 9,096 stars of the Yale Bright Star Catalogue in three views of the whole sphere: the light of each view equals
+//! that of the catalogue. The variable `STERADIAN_BSC_CSV` names the catalogue, which is not part of this project.
 
 use std::{f64::consts::TAU, path::Path};
 
@@ -15,7 +14,7 @@ use steradian::{
     },
 };
 
-/// Relative differences of the three views' light from what the stars have in all.
+/// Relative differences of the light of the three views from the expected sum.
 fn differences(records: Vec<StarRecord>, expected_lx: f64) -> Vec<(&'static str, f64)> {
     let scene = snapshot(records);
     let mut renderer = renderer();
@@ -48,11 +47,11 @@ fn the_yale_catalogue_has_the_same_light_in_every_whole_sky() {
         println!("9096 stars, {expected_lx:.6e} lx: {name} differs by {difference:.1e}");
         assert!(difference.abs() < 1e-3, "{name}: {difference}");
     }
-    // Between each other the views differ by no more than any of them from the catalogue.
+    // The views differ from each other by less than the same limit.
     let most = found.iter().map(|(_, d)| *d).fold(f64::MIN, f64::max);
     let least = found.iter().map(|(_, d)| *d).fold(f64::MAX, f64::min);
     assert!(most - least < 1e-3);
-    // Without one star as bright as Vega the sum must be missed.
+    // Without the stars about as bright as Vega, the sum must not match.
     let without: Vec<StarRecord> =
         records.into_iter().filter(|star| (star.apparent_magnitude() - 0.03).abs() > 0.011).collect();
     assert!(without.len() < 9096);

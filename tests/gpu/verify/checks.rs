@@ -1,4 +1,4 @@
-//! `verify`: it passes what is right, fails what is wrong, and says so to people and to scripts.
+//! `verify` as command and library: it passes correct methods, fails wrong ones, and reports both as text and JSON.
 
 use std::{
     path::Path,
@@ -30,7 +30,7 @@ fn json(path: &Path) -> serde_json::Value {
 }
 
 #[test]
-fn a_method_that_is_right_passes_with_a_line_per_check_and_json() {
+fn a_correct_method_passes_with_a_line_per_check_and_json() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("verify.json");
     let file = path.to_str().unwrap();
@@ -56,21 +56,21 @@ fn a_method_that_is_right_passes_with_a_line_per_check_and_json() {
 }
 
 #[test]
-fn the_tent_flickers_and_the_command_says_so() {
+fn the_command_reports_the_flicker_of_the_tent() {
     let (out, err) = run(&["verify", "--filter", "10", "--set", "stars.method=tent"], 1);
     assert!(out.starts_with("10  slow-pan-flicker ") && out.contains("  FAIL  flicker at 1 times white 0.08"), "{out}");
     assert!(err.contains("1 of 1 checks"), "{err}");
 }
 
 #[test]
-fn a_method_with_stars_of_its_own_has_checks_that_do_not_apply() {
+fn checks_of_catalogue_stars_do_not_apply_to_the_procedural_sky() {
     let (out, err) = run(&["verify", "--filter", "two-colours", "--set", "stars.method=cell_sky"], 1);
     assert!(out.contains("  n/a   cell_sky draws its own stars"), "{out}");
     assert!(err.contains("0 passed, 0 failed, 1 do not apply"), "{err}");
 }
 
 #[test]
-fn bad_usage_names_what_is_allowed() {
+fn usage_errors_name_the_valid_values() {
     let (_, err) = run(&["verify", "--filter", "nothing"], 64);
     assert!(err.contains("`nothing`") && err.contains("slow-pan-flicker") && err.contains("star-light"), "{err}");
     let (_, err) = run(&["verify", "--set", "stars.method=dots"], 64);
@@ -83,7 +83,7 @@ fn bad_usage_names_what_is_allowed() {
     assert!(err.contains("/no/such/folder/x.json"), "{err}");
 }
 
-/// The outcome of a check of a renderer that draws no star fainter than the limit.
+/// Result of a check with a renderer that draws no star fainter than the limit.
 fn with_limit(renderer: &mut Renderer, name: &str, magnitude_limit: f64) -> CheckResult {
     let mut settings = settings(StarMethod::BSpline);
     settings.glare = GlareSettings::default();
@@ -96,9 +96,9 @@ fn with_limit(renderer: &mut Renderer, name: &str, magnitude_limit: f64) -> Chec
     }
 }
 
-/// Checks bring their own stars: the limit of the scene that is shown is not theirs.
+/// Checks use their own stars, so the magnitude limit of the scene does not apply to them.
 #[test]
-fn the_magnitude_limit_of_a_scene_takes_no_star_from_a_check() {
+fn the_magnitude_limit_of_a_scene_does_not_affect_checks() {
     let mut renderer = renderer();
     let check = verify::select(Some("two-colours")).unwrap()[0];
     let mut limited = settings(StarMethod::BSpline);
@@ -106,20 +106,21 @@ fn the_magnitude_limit_of_a_scene_takes_no_star_from_a_check() {
     let result = verify::run(check, &mut renderer, &limited);
     assert_eq!(result.outcome, Outcome::Pass, "{result}");
     let lost = with_limit(&mut renderer, check.name, 1.5);
-    assert_eq!(lost.outcome, Outcome::Fail, "the check would fail without them: {lost}");
+    assert_eq!(lost.outcome, Outcome::Fail, "the check fails if the limit applies to its stars: {lost}");
 }
 
-/// Whether the tests of glare in the default run see the check fail.
+/// Whether the default run contains a test that sees this check fail.
 fn fails_elsewhere(check: &Check) -> bool {
     check.needs_glare && check.name != "glare-reference"
 }
 
-/// The checks that look for stars, but for check 17, which moves the limit itself.
+/// The checks that look for stars, except for check 17, which changes the limit itself.
 fn looking_for_stars() -> impl Iterator<Item = &'static Check> {
     verify::checks().iter().filter(|check| check.needs_catalogue && check.number != Some(17))
 }
 
-/// A renderer that draws no stars must fail every check that looks for them; and one that draws too few those of light.
+/// A renderer that draws no stars must fail every check that looks for stars; one that draws too few must fail the checks of
+/// light.
 #[test]
 #[ignore = "long: make test-all"]
 fn a_renderer_that_loses_stars_fails() {
@@ -139,7 +140,7 @@ fn a_renderer_that_loses_stars_fails() {
 
 #[test]
 #[ignore = "long: make test-all"]
-fn a_renderer_that_loses_stars_fails_the_checks_of_glare_too() {
+fn a_renderer_that_loses_stars_fails_the_checks_of_glare() {
     let mut renderer = renderer();
     for looks in looking_for_stars().filter(|check| fails_elsewhere(check)) {
         let black = with_limit(&mut renderer, looks.name, -90.0);
@@ -147,9 +148,9 @@ fn a_renderer_that_loses_stars_fails_the_checks_of_glare_too() {
     }
 }
 
-/// The tent is wrong in width and flicker, and right in all that concerns light.
+/// The tent is wrong in width and flicker, and correct in light.
 #[test]
-fn each_check_tells_its_own_fault() {
+fn the_tent_fails_only_the_checks_of_width_and_flicker() {
     let mut renderer = renderer();
     let mut outcome = |name: &str| {
         let check = verify::select(Some(name)).unwrap()[0];
@@ -160,15 +161,15 @@ fn each_check_tells_its_own_fault() {
     let sweep = outcome("sub-pixel-sweep");
     assert_eq!(sweep.outcome, Outcome::Fail);
     let passes: Vec<bool> = sweep.figures.iter().map(|figure| figure.pass).collect();
-    assert_eq!(passes, [true, false, true], "the centroid is right, the width is not: {sweep}");
+    assert_eq!(passes, [true, false, true], "the centroid is correct, the width is not: {sweep}");
     for name in ["two-colours", "centre-to-corner", "equirectangular-pole", "shuffled-order"] {
         assert_eq!(outcome(name).outcome, Outcome::Pass);
     }
 }
 
-/// Sums that go by the order of the stars, in the catalogue's order or ours, blended or exchanged, fail the check of orders.
+/// Sums that depend on the order of the stars fail the check, for exchanged values as well as for blending.
 #[test]
-fn sums_that_depend_on_order_fail_the_shuffles() {
+fn order_dependent_sums_fail_the_check_of_shuffles() {
     let mut renderer = renderer();
     let check = verify::select(Some("shuffled-order")).unwrap()[0];
     for method in [StarMethod::PackedCas, StarMethod::PackedCasSorted, StarMethod::HardwarePoint] {
@@ -177,5 +178,5 @@ fn sums_that_depend_on_order_fail_the_shuffles() {
         assert_eq!(result.outcome, Outcome::Fail, "{result}");
         assert!(result.figures[0].measured > 90.0, "{result}");
     }
-    assert_eq!(renderer.catalogue_order, None, "later checks have the usual order");
+    assert_eq!(renderer.catalogue_order, None, "later checks use the default order");
 }

@@ -1,4 +1,4 @@
-//! The checks of glare: what is right passes, each fault fails, and glare that is off has nothing to check.
+//! The checks of glare: correct glare passes, each fault fails, and the checks do not apply without glare.
 
 use crate::common::{figures, renderer, settings};
 use steradian::{
@@ -8,7 +8,8 @@ use steradian::{
     verify::{self, Check, CheckResult, Context, Outcome},
 };
 
-/// What `sky_cube` keeps far below the limits of the checks, which are for any method: about four times the figure.
+/// Limits for `sky_cube`, about four times the measured values. They are far below the limits of the checks, which are for
+/// any method.
 const CLOSER: &[(&str, f64)] = &[
     ("off the kernel's", 2.4e-4),
     ("largest error", 9.2e-3),
@@ -36,7 +37,7 @@ fn run(name: &str, renderer: &mut Renderer, settings: &RenderSettings) -> CheckR
 }
 
 #[test]
-fn glare_on_the_sky_passes_every_check() {
+fn sky_cube_glare_passes_every_check() {
     let mut renderer = renderer();
     let mut measured = Vec::new();
     for check in verify::select(Some("glare")).unwrap() {
@@ -44,22 +45,24 @@ fn glare_on_the_sky_passes_every_check() {
         assert_eq!(result.outcome, Outcome::Pass, "{result}");
         measured.extend(result.figures);
     }
-    let found = |what: &str| {
-        let of: Vec<f64> = measured.iter().filter(|of| of.what.starts_with(what)).map(|of| of.measured).collect();
-        assert!(!of.is_empty(), "no figure begins with `{what}`");
-        of.into_iter().fold(0.0_f64, f64::max)
+    let found = |prefix: &str| {
+        let values: Vec<f64> =
+            measured.iter().filter(|figure| figure.what.starts_with(prefix)).map(|figure| figure.measured).collect();
+        assert!(!values.is_empty(), "no figure begins with `{prefix}`");
+        values.into_iter().fold(0.0_f64, f64::max)
     };
     figures::VEIL_OF_ONE_STAR.check(found("one star: rms"));
     figures::VEIL_OF_9000_STARS.check(found("9000 stars: rms"));
-    for (what, limit) in CLOSER {
-        let measured = found(what);
-        assert!(measured <= *limit, "{what}: {measured:.2e}, limit {limit:.1e}");
+    for (prefix, limit) in CLOSER {
+        let measured = found(prefix);
+        assert!(measured <= *limit, "{prefix}: {measured:.2e}, limit {limit:.1e}");
     }
 }
 
-/// Glare on the screen is no ellipse where it should be, knows nothing beyond the picture, and stops at the edge of a face.
+/// Glare in screen space has the wrong shape off the axis, misses light from outside of the picture, and ends at the edges
+/// of cube faces.
 #[test]
-fn glare_on_the_screen_fails() {
+fn screen_space_glare_fails() {
     let mut renderer = renderer();
     let settings = with_glare(GlareMethod::ScreenPyramid);
     for name in ["glare-roundness", "glare-profile", "glare-leaves-frame", "glare-cut-into-faces", "glare-eyes"] {
@@ -67,9 +70,9 @@ fn glare_on_the_screen_fails() {
     }
 }
 
-/// What is drawn is right, what is expected is not: a plateau five times as wide, and another kernel.
+/// The picture is correct and the expectation wrong: a plateau five times as wide, or another kernel.
 #[test]
-fn glare_of_another_kernel_fails() {
+fn glare_with_another_kernel_fails() {
     let mut renderer = renderer();
     let settings = with_glare(GlareMethod::Auto);
     for name in ["glare-profile", "glare-eyes", "glare-night-to-sun"] {
@@ -83,7 +86,7 @@ fn glare_of_another_kernel_fails() {
 }
 
 #[test]
-fn glare_that_is_off_has_nothing_to_check() {
+fn glare_checks_do_not_apply_without_glare() {
     let mut renderer = renderer();
     let off = with_glare(GlareMethod::None);
     let mut nothing = with_glare(GlareMethod::Auto);
@@ -91,8 +94,8 @@ fn glare_that_is_off_has_nothing_to_check() {
     for settings in [off, nothing] {
         let result = run("glare-roundness", &mut renderer, &settings);
         assert_eq!(result.outcome, Outcome::NotApplicable);
-        assert!(result.message.unwrap().contains("glare.method"), "where to change it");
+        assert!(result.message.unwrap().contains("glare.method"), "the message names the key");
     }
-    // Other checks go on, whatever the glare.
+    // Checks of other subjects run without glare.
     assert_eq!(run("two-colours", &mut renderer, &with_glare(GlareMethod::None)).outcome, Outcome::Pass);
 }

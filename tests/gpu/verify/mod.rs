@@ -1,4 +1,4 @@
-//! The checks of `verify`: what is right passes, and each fault fails.
+//! The checks of `verify`: correct methods pass, and each fault fails.
 
 mod checks;
 mod glare;

@@ -1,4 +1,4 @@
-//! The checks of bodies and asteroids: what is right passes, and each fault fails.
+//! The checks of bodies and asteroids: correct methods pass, and each fault fails.
 
 use crate::common::{renderer, settings};
 use steradian::{
@@ -7,7 +7,7 @@ use steradian::{
     verify::{self, CheckResult, Context, Fault, Outcome},
 };
 
-fn with(impostor: ImpostorMethod) -> RenderSettings {
+fn settings_with(impostor: ImpostorMethod) -> RenderSettings {
     let mut settings = settings(StarMethod::BSpline);
     settings.asteroids.impostor = impostor;
     settings
@@ -24,41 +24,45 @@ fn run(name: &str, renderer: &mut Renderer, settings: &RenderSettings) -> CheckR
 fn objects_pass_every_check() {
     let mut renderer = renderer();
     for check in verify::select(Some("objects")).unwrap() {
-        let result = run(check.name, &mut renderer, &with(ImpostorMethod::Auto));
+        let result = run(check.name, &mut renderer, &settings_with(ImpostorMethod::Auto));
         assert_eq!(result.outcome, Outcome::Pass, "{result}");
     }
 }
 
-/// The published atlas goes by how the camera is turned, and has poles.
+/// The published atlas depends on the rotation of the camera, and has poles.
 #[test]
 #[ignore = "long: make test-all"]
 fn the_published_atlas_fails() {
     let mut renderer = renderer();
     for name in ["impostor-tiles", "asteroid-tumbles", "head-motion"] {
-        assert_eq!(run(name, &mut renderer, &with(ImpostorMethod::EulerAtlas)).outcome, Outcome::Fail, "{name}");
+        assert_eq!(
+            run(name, &mut renderer, &settings_with(ImpostorMethod::EulerAtlas)).outcome,
+            Outcome::Fail,
+            "{name}"
+        );
     }
 }
 
-/// Detail that is left out eight times as near as half a pixel allows: points stand for what is fifteen pixels wide.
+/// Distances of detail are eight times too short: points replace asteroids that are fifteen pixels wide.
 #[test]
-fn an_eighth_of_the_quality_fails() {
+fn an_eighth_of_the_quality_fails_the_stereo_check() {
     let mut renderer = renderer();
-    let mut settings = with(ImpostorMethod::Auto);
+    let mut settings = settings_with(ImpostorMethod::Auto);
     settings.asteroids.quality = 0.13;
     let result = run("asteroid-stereo", &mut renderer, &settings);
     assert_eq!(result.outcome, Outcome::Fail, "{result}");
-    assert!(result.figures.iter().all(|figure| figure.measured.is_finite()), "it fails by a number: {result}");
+    assert!(result.figures.iter().all(|figure| figure.measured.is_finite()), "it fails with finite figures: {result}");
 }
 
 const ALBEDO: Fault = Fault { albedo: 1.06, ..Fault::NONE };
 const RADIUS: Fault = Fault { radius: 1.02, ..Fault::NONE };
 const PLACE: Fault = Fault { shift: 0.2, ..Fault::NONE };
 
-/// Every check that the tests above do not see fail.
+/// Every check without another test that sees it fail.
 #[test]
 #[ignore = "long: make test-all"]
-fn another_truth_fails() {
-    fail_of_another_truth(&[
+fn wrong_expected_objects_fail_the_checks() {
+    assert_wrong_expectation_fails(&[
         ("body-light", ALBEDO),
         ("body-shrinks", RADIUS),
         ("body-hides-stars", RADIUS),
@@ -70,8 +74,8 @@ fn another_truth_fails() {
 
 #[test]
 #[ignore = "long: make test-all"]
-fn another_truth_fails_in_place_too() {
-    fail_of_another_truth(&[
+fn wrong_expected_positions_fail_the_checks() {
+    assert_wrong_expectation_fails(&[
         ("body-light", RADIUS),
         ("asteroid-tumbles", PLACE),
         ("head-motion", PLACE),
@@ -80,10 +84,10 @@ fn another_truth_fails_in_place_too() {
     ]);
 }
 
-/// What is drawn is right, what is expected is not: an albedo, a radius, a place.
-fn fail_of_another_truth(cases: &[(&str, Fault)]) {
+/// The picture is correct and the expectation wrong: albedo, radius or position.
+fn assert_wrong_expectation_fails(cases: &[(&str, Fault)]) {
     let mut renderer = renderer();
-    let settings = with(ImpostorMethod::Auto);
+    let settings = settings_with(ImpostorMethod::Auto);
     for &(name, fault) in cases {
         let check = verify::select(Some(name)).unwrap()[0];
         let mut context = Context::new(&mut renderer, &settings);
@@ -94,9 +98,9 @@ fn fail_of_another_truth(cases: &[(&str, Fault)]) {
     }
 }
 
-/// Published star methods draw no bodies: there is nothing to check.
+/// Published star methods draw no bodies, so the checks do not apply.
 #[test]
-fn objects_do_not_apply_where_stars_alone_are_drawn() {
+fn object_checks_do_not_apply_to_methods_with_only_stars() {
     let mut renderer = renderer();
     let result = run("head-motion", &mut renderer, &settings(StarMethod::PackedCas));
     assert_eq!(result.outcome, Outcome::NotApplicable, "{result}");

@@ -171,8 +171,8 @@ pub fn roundness(images: &[HdrView<'_>], direction: DVec3, angle_rad: f64) -> Re
 
 /// Bilinearly interpolated luminance, cd/m^2; `None` if not all four pixels lie inside the picture.
 fn interpolated_cd_m2(image: &HdrView<'_>, direction: DVec3) -> Option<f64> {
-    let at = image.pixel(direction)? - DVec2::splat(0.5);
-    let (first, part) = (at.floor(), at - at.floor());
+    let position = image.pixel(direction)? - DVec2::splat(0.5);
+    let (first, part) = (position.floor(), position - position.floor());
     let mut sum = 0.0;
     for offset in [DVec2::ZERO, DVec2::X, DVec2::Y, DVec2::ONE] {
         let place = first + offset;

@@ -155,9 +155,9 @@ impl<'a> HdrView<'a> {
         let mut lit = Vec::new();
         for y in range(centre.y, height) {
             for x in range(centre.x, width) {
-                let at = pixel_centre(x, y);
-                if (at - centre).length() <= radius_px && self.luminance_cd_m2(x, y) > 0.0 {
-                    lit.push((at, self.illuminance_lx(x, y)?));
+                let position = pixel_centre(x, y);
+                if (position - centre).length() <= radius_px && self.luminance_cd_m2(x, y) > 0.0 {
+                    lit.push((position, self.illuminance_lx(x, y)?));
                 }
             }
         }
@@ -177,9 +177,9 @@ impl<'a> HdrView<'a> {
                 if self.luminance_cd_m2(x, y) == 0.0 {
                     continue;
                 }
-                let at = self.direction(x, y).ok_or(MetricError::OutsidePicture { x, y })?;
-                if separation_rad(at, direction) <= radius_rad {
-                    lit.push((at, self.illuminance_lx(x, y)?));
+                let pixel_direction = self.direction(x, y).ok_or(MetricError::OutsidePicture { x, y })?;
+                if separation_rad(pixel_direction, direction) <= radius_rad {
+                    lit.push((pixel_direction, self.illuminance_lx(x, y)?));
                 }
             }
         }

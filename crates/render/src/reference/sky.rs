@@ -220,7 +220,7 @@ impl Painter<'_> {
     /// A cone that contains every direction of a rectangle; `None` if it is undetermined.
     fn cone(&self, rect: Rect) -> Option<(DVec3, f64)> {
         const PARTS: u32 = 4;
-        let at = |i: u32, j: u32| {
+        let direction_at = |i: u32, j: u32| {
             let part =
                 |[from, to]: [u32; 2], k: u32| f64::from(from) + f64::from(to - from) * f64::from(k) / f64::from(PARTS);
             self.mapping.direction_from_pixel(DVec2::new(part(rect.x, i), part(rect.y, j)))
@@ -228,7 +228,7 @@ impl Painter<'_> {
         let mut grid = Vec::new();
         for j in 0..=PARTS {
             for i in 0..=PARTS {
-                grid.push(at(i, j)?);
+                grid.push(direction_at(i, j)?);
             }
         }
         let axis = grid.iter().sum::<DVec3>().try_normalize()?;
@@ -320,13 +320,13 @@ impl<'a> Pixel<'a> {
     /// Returns `None` outside of the picture.
     pub(super) fn new(mapping: &'a dyn PlaneMapping, x: u32, y: u32) -> Option<Self> {
         let solid_angle_sr = mapping.solid_angle_sr(x, y);
-        let at = pixel_centre(x, y);
-        let centre = mapping.direction_from_pixel(at).filter(|_| solid_angle_sr > 0.0)?;
+        let position = pixel_centre(x, y);
+        let centre = mapping.direction_from_pixel(position).filter(|_| solid_angle_sr > 0.0)?;
         let corners = [(-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)];
         // At a rim some corners have no direction; the square root of the solid angle is a lower bound there.
         let radius_rad = corners
             .iter()
-            .filter_map(|(u, v)| mapping.direction_from_pixel(at + DVec2::new(*u, *v)))
+            .filter_map(|(u, v)| mapping.direction_from_pixel(position + DVec2::new(*u, *v)))
             .map(|direction| separation_rad(direction, centre))
             .fold(solid_angle_sr.sqrt(), f64::max);
         let corner = DVec2::new(f64::from(x), f64::from(y));
@@ -341,8 +341,8 @@ impl<'a> Pixel<'a> {
         let h = (0.02 * side).min(1e-3);
         for (v, weight_v) in rule {
             for (u, weight_u) in rule {
-                let at = self.corner + from + DVec2::new(0.5 + u / 2.0, 0.5 + v / 2.0) * side;
-                let direction = |dx: f64, dy: f64| self.mapping.direction_from_pixel(at + DVec2::new(dx, dy));
+                let position = self.corner + from + DVec2::new(0.5 + u / 2.0, 0.5 + v / 2.0) * side;
+                let direction = |dx: f64, dy: f64| self.mapping.direction_from_pixel(position + DVec2::new(dx, dy));
                 // Nodes beyond a rim are skipped.
                 if let (Some(middle), Some(right), Some(left), Some(down), Some(up)) =
                     (direction(0.0, 0.0), direction(h, 0.0), direction(-h, 0.0), direction(0.0, h), direction(0.0, -h))

@@ -51,7 +51,7 @@ pub fn checked_shader_folder() -> Result<Option<PathBuf>, ShaderError> {
     Ok(shader_folder())
 }
 
-/// A shader: a file with one entry point, and what is chosen where it or what it imports has alternatives.
+/// A shader: a file with one entry point, and the chosen alternatives of it and of its imports.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Shader {
     file: String,

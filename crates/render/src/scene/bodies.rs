@@ -74,7 +74,7 @@ pub struct Body {
     pub name: String,
     /// Source of its position: the scene's time determines the position
     /// ([`SceneObjects::at`](crate::scene::SceneObjects::at)). A body of the Solar System also takes its orientation
-    /// from there, and has no spin of its own.
+    /// from there; its spin is then left at the default.
     pub ephemeris: Option<Ephemeris>,
     /// Its centre: ICRS, barycentric, m.
     pub position_m: DVec3,

@@ -259,7 +259,7 @@ fn horizon_from_world(observer: &Observer, time_s: f64) -> DMat3 {
 }
 
 impl LocalSky {
-    /// The sky around an observer without any light: only what it hides and absorbs.
+    /// The sky around an observer without its light, only with occlusion and extinction.
     fn unlit(surroundings: &Surroundings, horizon_from_world: DMat3) -> Self {
         Self {
             horizon_from_world,
@@ -489,7 +489,11 @@ mod tests {
         // A hill of 0.3 rad to the north (-z).
         let hill =
             LocalSky::new(&surroundings(true, vec![[0.0, 0.3], [0.5, 0.0], [5.7, 0.0]]), DMat3::IDENTITY, &[sun], None);
-        let at = |altitude: f64| DVec3::new(0.0, altitude.sin(), -altitude.cos());
-        assert!(hill.hides(at(0.29)) && !hill.hides(at(0.31)) && !hill.hides(DVec3::new(0.0, 0.01, 1.0)));
+        let direction_at = |altitude: f64| DVec3::new(0.0, altitude.sin(), -altitude.cos());
+        assert!(
+            hill.hides(direction_at(0.29))
+                && !hill.hides(direction_at(0.31))
+                && !hill.hides(DVec3::new(0.0, 0.01, 1.0))
+        );
     }
 }

@@ -85,7 +85,7 @@ pub struct Eye {
     pub position_m: DVec3,
 }
 
-/// What a view shows, before it is divided into images.
+/// Projection and field of a view, before it is divided into images.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum ViewKind {
@@ -559,14 +559,14 @@ mod tests {
             let dome =
                 view("dome", ViewKind::DomeMaster { size: 100, fov_rad: std::f64::consts::PI, tilt_rad }).unwrap();
             let image = &dome.images[0];
-            let at = |x: f64, y: f64| {
+            let direction_at = |x: f64, y: f64| {
                 image.camera_from_view
                     * image.projection.mapping().direction_from_pixel(glam::DVec2::new(x, y)).unwrap()
             };
             let (sin, cos) = tilt_rad.sin_cos();
-            assert!((at(50.0, 50.0) - DVec3::new(0.0, cos, -sin)).length() < 1e-12);
-            assert!((at(50.0, 100.0) - DVec3::new(0.0, -sin, -cos)).length() < 1e-12, "bottom is front");
-            assert!((at(0.0, 50.0) - DVec3::NEG_X).length() < 1e-12, "left is left");
+            assert!((direction_at(50.0, 50.0) - DVec3::new(0.0, cos, -sin)).length() < 1e-12);
+            assert!((direction_at(50.0, 100.0) - DVec3::new(0.0, -sin, -cos)).length() < 1e-12, "bottom is front");
+            assert!((direction_at(0.0, 50.0) - DVec3::NEG_X).length() < 1e-12, "left is left");
         }
     }
 

@@ -56,7 +56,7 @@ pub fn seen_from(set: &StarSet, vantage: Vantage) -> StarSet {
     let epoch = Epoch { seen_from: Some(vantage), ..set.epoch };
     let mut records = records_of(set);
     records.par_iter_mut().for_each(|record| *record = epoch.seen(set.epoch.unseen(*record)));
-    // Light that varies over degrees only is left where it was.
+    // Diffuse light varies over degrees only, so it is not moved.
     StarSet::from_records(records).of_epoch(epoch).with_unresolved(set.unresolved.clone())
 }
 

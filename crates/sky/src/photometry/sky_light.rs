@@ -226,7 +226,7 @@ impl SkyLight {
         sky
     }
 
-    /// Share of a source's light that arrives at a height, where the source is at a sine of altitude.
+    /// Share of the light of a source that arrives at a height, for the sine of the altitude of the source there.
     fn arriving(&self, height_km: f64, sine: f64) -> Rgb {
         let radius = EARTH_KM + height_km;
         if meets_earth(radius, sine) {

@@ -3,7 +3,7 @@
 //!
 //! The published behaviour is kept unchanged: luminance is blurred, not illuminance; sources outside of the picture
 //! contribute nothing; beyond the picture its border pixels are repeated; round pictures are surrounded by black; flat
-//! pictures mirror what lies behind the eye; nothing crosses the edge of a cube face or the date line.
+//! pictures mirror light from behind the eye; nothing crosses the edge of a cube face or the date line.
 //!
 //! Units: cd/m^2, radians; positions are relative to the sides of a level.
 

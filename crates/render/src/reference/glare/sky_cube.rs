@@ -219,12 +219,12 @@ mod tests {
         for [x, y] in [[8, 7], [9, 7], [8, 8], [10, 9], [0, 0]] {
             let (mut light, mut area) = (0.0, 0.0);
             for i in 0..400 * 400 {
-                let at =
+                let position =
                     DVec2::new(f64::from(x) + f64::from(i % 400) / 400.0, f64::from(y) + f64::from(i / 400) / 400.0)
                         + DVec2::splat(0.5 / 400.0);
                 // The area element of a plane.
-                let weight = mapping.direction_from_pixel(at).unwrap().z.abs().powi(3);
-                light += weight * veil.towards(mapping.direction_from_pixel(at).unwrap())[0];
+                let weight = mapping.direction_from_pixel(position).unwrap().z.abs().powi(3);
+                light += weight * veil.towards(mapping.direction_from_pixel(position).unwrap())[0];
                 area += weight;
             }
             let found = veil.over_pixel(&mapping, [x, y]).unwrap()[0];
@@ -271,9 +271,9 @@ mod tests {
         let point = [SkyStar { direction, rgb_lx: [3.0; 3] }];
         let ratio = |angle_deg: f64| {
             let (sine, cosine) = angle_deg.to_radians().sin_cos();
-            let at = direction * cosine + direction.any_orthonormal_vector() * sine;
-            let [disc, point] =
-                [&disc[..], &point[..]].map(|sources| Veil { sources, kernel: &kernel, fraction: 1.0 }.towards(at)[0]);
+            let offset_direction = direction * cosine + direction.any_orthonormal_vector() * sine;
+            let [disc, point] = [&disc[..], &point[..]]
+                .map(|sources| Veil { sources, kernel: &kernel, fraction: 1.0 }.towards(offset_direction)[0]);
             disc / point
         };
         // The mean of 1 / t^2 over a disc of radius r is 1 / t^2 (1 + r^2 / (2 t^2) ...).
@@ -292,8 +292,8 @@ mod tests {
         let source = DVec3::new(0.5, 0.2, -1.0).normalize();
         let pixels = sampled_pixels(&mapping, 1000, &[(source, 0.3)]);
         assert_eq!((pixels.len(), pixels.iter().collect::<HashSet<_>>().len()), (1000, 1000));
-        let at = |[x, y]: &[u32; 2]| mapping.direction_from_pixel(pixel_centre(*x, *y));
-        assert!(pixels.iter().all(|pixel| separation_rad(at(pixel).unwrap(), source) > 0.3));
+        let direction_at = |[x, y]: &[u32; 2]| mapping.direction_from_pixel(pixel_centre(*x, *y));
+        assert!(pixels.iter().all(|pixel| separation_rad(direction_at(pixel).unwrap(), source) > 0.3));
         assert_eq!(pixels, sampled_pixels(&mapping, 1000, &[(source, 0.3)]));
         // A quarter of the pixels lies in each quarter.
         let whole = sampled_pixels(&mapping, 1000, &[]);

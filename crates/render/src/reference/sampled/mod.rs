@@ -204,7 +204,7 @@ fn faint_below_lx(sky: &SampledSky<'_>, images: &[SampledImage<'_>], sight: &Sig
     let Some(SampledGlare { kernel, tolerance, .. }) = sky.glare else { return 0.0 };
     let chunk_light = |chunk: &Chunk| -> f64 {
         let seen = sky.stars.stars_of(chunk).iter().filter_map(|star| {
-            sight.of(chunk.origin_pc + Vec3::from_array(star.offset_pc).as_dvec3(), chunk.at_infinity, star)
+            sight.seen_star(chunk.origin_pc + Vec3::from_array(star.offset_pc).as_dvec3(), chunk.at_infinity, star)
         });
         seen.map(|star| star.illuminance_lx).sum()
     };
@@ -312,7 +312,7 @@ impl Painter<'_> {
     fn stars_of<'b>(&'b self, chunk: &'b Chunk) -> impl Iterator<Item = Star> + 'b {
         self.sky.stars.stars_of(chunk).iter().filter_map(move |star| {
             let position = chunk.origin_pc + Vec3::from_array(star.offset_pc).as_dvec3();
-            let seen = self.sight.of(position, chunk.at_infinity, star)?;
+            let seen = self.sight.seen_star(position, chunk.at_infinity, star)?;
             let colour = match self.sight.moves() {
                 true => rec709_in_gamut(seen.temperature_k),
                 false => self.colours[star.temperature_step() as usize],

@@ -112,7 +112,7 @@ impl Sight {
 
     /// A star at a position, or in a direction if it is at infinity; `None` at the exact position of the eye, where it
     /// has no direction.
-    pub fn of(&self, position: DVec3, at_infinity: bool, star: &PackedStar) -> Option<SeenStar> {
+    pub fn seen_star(&self, position: DVec3, at_infinity: bool, star: &PackedStar) -> Option<SeenStar> {
         let place = if at_infinity { position.normalize_or_zero() } else { position - self.eye_pc };
         let distance_squared = place.length_squared();
         if distance_squared == 0.0 {
@@ -138,7 +138,7 @@ impl Sight {
 /// out.
 pub fn seen_by(set: &StarSet, eye: Eye) -> impl Iterator<Item = SeenStar> {
     let sight = Sight::new(eye);
-    set.iter().filter_map(move |(position, at_infinity, star)| sight.of(position, at_infinity, star))
+    set.iter().filter_map(move |(position, at_infinity, star)| sight.seen_star(position, at_infinity, star))
 }
 
 /// Draws all stars of a set. `kernel_for` selects the kernel from the illuminance at the eye in lx; `None` leaves the

@@ -40,7 +40,7 @@ gpu_structs! {
         texture_size: [u32; 2],
         /// Rings: their luminance over their reflectance. Corona: mean luminance of the disc. cd/m^2.
         around_light: [f32; 3],
-        /// Kind of what surrounds the body: one of `AROUND_...`.
+        /// Kind of surroundings of the body: one of `AROUND_...`.
         around: u32,
         /// Unit vector towards the first sun, body's axes.
         to_sun: [f32; 3],

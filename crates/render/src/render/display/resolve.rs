@@ -14,7 +14,7 @@ use crate::{
 /// Outputs and inputs of the resolve pass of a batch, compiled into its pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ResolveOutputs {
-    /// Write luminance and solid angle, in place of the sums.
+    /// Write luminance and solid angle over the sums.
     pub hdr: bool,
     /// Write the display image.
     pub display: bool,

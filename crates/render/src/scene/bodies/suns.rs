@@ -107,7 +107,7 @@ struct Around {
 /// The suns of a scene: its bodies with an emission, in their order.
 pub fn suns(objects: &SceneObjects) -> Vec<Sun> {
     let body_occluders = objects.bodies.iter().map(|body| Occluder::from_body(body));
-    // An observer stands on the Earth, which is not in the list of bodies.
+    // An observer is on the Earth, which is not in the list of bodies.
     let earth = objects.earth_m.map(|position_m| Occluder::earth(position_m, EARTH_M));
     let dark = objects.bodies.iter().filter(|body| body.emission.is_none()).cloned();
     let around = Around {

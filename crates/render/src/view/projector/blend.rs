@@ -56,15 +56,16 @@ impl Blend {
             }
         }
         let [width, height] = size.map(|side| side as usize);
-        let at = |weights: Option<Weights<'_>>, x: usize, y: usize, none: f32| {
-            weights
-                .map_or(none, |weights| weights.at([(x as f64 + 0.5) / width as f64, (y as f64 + 0.5) / height as f64]))
+        let weight_at = |weights: Option<Weights<'_>>, x: usize, y: usize, none: f32| {
+            weights.map_or(none, |weights| {
+                weights.value_at([(x as f64 + 0.5) / width as f64, (y as f64 + 0.5) / height as f64])
+            })
         };
         let weights = (0..width * height)
             .into_par_iter()
             .map(|index| {
                 let [x, y] = [index % width, index / width];
-                [at(alpha, x, y, 1.0), at(beta, x, y, 0.0)]
+                [weight_at(alpha, x, y, 1.0), weight_at(beta, x, y, 0.0)]
             })
             .collect();
         Ok(Self { size, weights })
@@ -98,22 +99,22 @@ impl Blend {
     }
 
     /// Alpha and beta at a position in pixels from the upper left corner, bilinear between pixel centres.
-    pub fn at(&self, pixel: DVec2) -> [f64; 2] {
+    pub fn weights_at(&self, pixel: DVec2) -> [f64; 2] {
         let [width, height] = self.size.map(|side| side as usize);
         [0, 1].map(|channel| {
             between([width, height], pixel.to_array(), |x, y| f64::from(self.weights[y * width + x][channel]))
         })
     }
 
-    /// Alpha at a position, as in [`Blend::at`].
+    /// Alpha at a position, as in [`Blend::weights_at`].
     pub fn alpha_at(&self, pixel: DVec2) -> f64 {
-        self.at(pixel)[0]
+        self.weights_at(pixel)[0]
     }
 }
 
 impl Weights<'_> {
     /// The value at a position in texture coordinates, 0 to 1.
-    fn at(&self, [u, v]: [f64; 2]) -> f32 {
+    fn value_at(&self, [u, v]: [f64; 2]) -> f32 {
         let [width, height] = self.size;
         let place = [u * width as f64, v * height as f64];
         between(self.size, place, |x, y| f64::from(self.values[y * width + x])) as f32
@@ -128,10 +129,10 @@ pub(super) fn blended(light: [f32; 3], [alpha, beta]: [f32; 2]) -> [f32; 3] {
 
 /// The two pixels of a row or column of `side` pixels whose centres enclose a position, and the fraction from the first
 /// to the second, 0 to 1.
-pub(super) fn middles(at: f64, side: usize) -> ([usize; 2], f64) {
-    let at = (at - 0.5).clamp(0.0, (side - 1) as f64);
-    let first = (at as usize).min(side.saturating_sub(2));
-    ([first, (first + 1).min(side - 1)], at - first as f64)
+pub(super) fn middles(position: f64, side: usize) -> ([usize; 2], f64) {
+    let position = (position - 0.5).clamp(0.0, (side - 1) as f64);
+    let first = (position as usize).min(side.saturating_sub(2));
+    ([first, (first + 1).min(side - 1)], position - first as f64)
 }
 
 /// A value of a raster at a position in pixels: bilinear between pixel centres, constant beyond the outermost centres.

@@ -52,8 +52,8 @@ impl<'a> Field<'a> {
         let edges = 16.0 * x * (1.0 - x) * y * (1.0 - y);
         let unused = self.unused_px.as_ref().map_or(1.0, |distances| {
             let size = [width as usize, height as usize];
-            let at = |x: usize, y: usize| f64::from(distances[y * size[0] + x]);
-            between(size, pixel.to_array(), at) / f64::from(RAMP_PX)
+            let distance = |x: usize, y: usize| f64::from(distances[y * size[0] + x]);
+            between(size, pixel.to_array(), distance) / f64::from(RAMP_PX)
         });
         (edges * unused).powi(2)
     }

@@ -24,13 +24,13 @@ pub struct Lut {
 
 impl Lut {
     /// Looks up a colour: linear between entries (trilinear within a cube), clamped at the border of the domain.
-    pub fn at(&self, codes: [f64; 3]) -> [f64; 3] {
+    pub fn look_up(&self, codes: [f64; 3]) -> [f64; 3] {
         let last = self.size - 1;
         let [first, end] = self.domain.map(|bound| bound.map(f64::from));
         let places: [(usize, f64); 3] = std::array::from_fn(|c| {
-            let at = ((codes[c] - first[c]) / (end[c] - first[c]) * last as f64).clamp(0.0, last as f64);
-            let entry = (at as usize).min(last - 1);
-            (entry, at - entry as f64)
+            let position = ((codes[c] - first[c]) / (end[c] - first[c]) * last as f64).clamp(0.0, last as f64);
+            let entry = (position as usize).min(last - 1);
+            (entry, position - entry as f64)
         });
         if self.kind == LutKind::One {
             return std::array::from_fn(|c| {
@@ -61,8 +61,8 @@ mod tests {
     use super::*;
 
     fn cube(size: usize, function: impl Fn([f64; 3]) -> [f64; 3]) -> Lut {
-        let at = |index: usize| [index % size, index / size % size, index / size / size];
-        let share = |index: usize| at(index).map(|entry| entry as f64 / (size - 1) as f64);
+        let entries = |index: usize| [index % size, index / size % size, index / size / size];
+        let share = |index: usize| entries(index).map(|entry| entry as f64 / (size - 1) as f64);
         let values = (0..size.pow(3)).map(|index| function(share(index)).map(|value| value as f32)).collect();
         Lut { kind: LutKind::Three, size, domain: [[0.0; 3], [1.0; 3]], values }
     }
@@ -74,18 +74,20 @@ mod tests {
         let lut = cube(5, function);
         for n in 0..200 {
             let codes = [7.0_f64, 11.0, 13.0].map(|prime| (f64::from(n) * prime.sqrt()).fract());
-            for (found, expected) in lut.at(codes).into_iter().zip(function(codes)) {
+            for (found, expected) in lut.look_up(codes).into_iter().zip(function(codes)) {
                 assert!((found - expected).abs() < 1e-6, "{codes:?}: {found} {expected}");
             }
         }
-        assert!(lut.at([2.0, 1.0, -1.0]).into_iter().zip(function([1.0, 1.0, 0.0])).all(|(a, b)| (a - b).abs() < 1e-6));
+        assert!(
+            lut.look_up([2.0, 1.0, -1.0]).into_iter().zip(function([1.0, 1.0, 0.0])).all(|(a, b)| (a - b).abs() < 1e-6)
+        );
     }
 
     #[test]
     fn each_channel_has_its_own_table_and_domain() {
         let values = vec![[0.0, 1.0, 0.0], [0.25, 0.5, 0.5], [1.0, 0.0, 1.0]];
         let lut = Lut { kind: LutKind::One, size: 3, domain: [[0.0, 0.0, -1.0], [1.0, 2.0, 1.0]], values };
-        assert_eq!(lut.at([0.25, 0.5, 0.0]), [0.125, 0.75, 0.5]);
-        assert_eq!(lut.at([0.75, 2.0, -3.0]), [0.625, 0.0, 0.0]);
+        assert_eq!(lut.look_up([0.25, 0.5, 0.0]), [0.125, 0.75, 0.5]);
+        assert_eq!(lut.look_up([0.75, 2.0, -3.0]), [0.625, 0.0, 0.0]);
     }
 }

@@ -16,7 +16,7 @@ impl Response {
     /// Codes, 0 to 1, for light from 0 to 1.
     pub fn codes(&self, light: [f64; 3]) -> [f64; 3] {
         let codes = light.map(|light| self.code(light.clamp(0.0, 1.0)));
-        self.lut.as_ref().map_or(codes, |lut| lut.at(codes).map(|code| code.clamp(0.0, 1.0)))
+        self.lut.as_ref().map_or(codes, |lut| lut.look_up(codes).map(|code| code.clamp(0.0, 1.0)))
     }
 
     /// The code of light before the look-up table.
@@ -50,8 +50,8 @@ impl EightBits {
     }
 
     pub(super) fn code(&self, light: f32) -> u8 {
-        let at = ((light * 4096.0) as usize).min(4095);
-        let mut code = self.first[at];
+        let index = ((light * 4096.0) as usize).min(4095);
+        let mut code = self.first[index];
         while code < 255 && self.least[usize::from(code) + 1] <= light {
             code += 1;
         }

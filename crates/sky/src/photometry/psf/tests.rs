@@ -386,7 +386,7 @@ fn errors_name_the_invalid_parameter_of_optics() {
     }
 }
 
-/// The form for drawing, compared with a sum over points different from those of its own integral.
+/// The form for drawing, compared with a sum over other points than its integral uses.
 #[test]
 fn the_inverse_square_form_for_drawing_keeps_the_light() {
     let light = |form: &InverseSquare| -> [f64; 3] {

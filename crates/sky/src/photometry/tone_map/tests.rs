@@ -36,7 +36,7 @@ fn srgb_and_its_inverse_agree_and_preserve_eight_bit_codes() {
         assert!((srgb_from_linear(linear_from_srgb(value)) - value).abs() < 1e-12, "code {code}");
         assert_eq!(i32::from(ToneMapSettings::byte(value)), code);
     }
-    // The two thresholds are rounded independently: where they meet, the curves differ by 3e-8.
+    // The two thresholds are rounded independently, so the curves differ by 3e-8 at their joint.
     assert!((srgb_from_linear(0.003_130_8) - srgb_from_linear(0.003_130_800_001)).abs() < 5e-8);
 }
 
@@ -48,9 +48,9 @@ fn operators_increase_from_black_to_one_and_stay_in_range() {
             let mut previous = 0.0;
             assert_eq!(show(0.0), [0.0; 3]);
             for step in -400..400 {
-                let shown = show(10f64.powf(f64::from(step) / 40.0));
-                assert!(shown.iter().all(|channel| (0.0..=1.0).contains(channel)), "{settings:?} {step}: {shown:?}");
-                let seen = luminance(shown.map(linear_from_srgb));
+                let rgb = show(10f64.powf(f64::from(step) / 40.0));
+                assert!(rgb.iter().all(|channel| (0.0..=1.0).contains(channel)), "{settings:?} {step}: {rgb:?}");
+                let seen = luminance(rgb.map(linear_from_srgb));
                 assert!(seen >= previous - 1e-12, "{settings:?} {step}: {previous} to {seen}");
                 previous = seen;
             }
@@ -172,8 +172,8 @@ fn light_of_code_inverts_display_rgb() {
         for code in [1.0, 20.0, 100.0, 230.0] {
             let light = settings.light_of_code(code);
             let plain = ToneMapSettings { scotopic: 0.0, ..settings };
-            let shown = plain.display_rgb([light * white_cd_m2; 3], white_cd_m2)[1] * 255.0;
-            assert!((shown - code).abs() < 1e-6, "{settings:?}: {light} is shown as {shown} for {code}");
+            let displayed = plain.display_rgb([light * white_cd_m2; 3], white_cd_m2)[1] * 255.0;
+            assert!((displayed - code).abs() < 1e-6, "{settings:?}: {light} is displayed as {displayed} for {code}");
         }
     }
     // By hand: filmic's quadratic, the linear part of sRGB, and its power above.

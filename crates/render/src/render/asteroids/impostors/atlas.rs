@@ -230,7 +230,7 @@ impl BakedImpostors {
         ahead.unwrap_or_else(|| shapes.shapes.iter().flat_map(projected_areas).collect())
     }
 
-    /// Prepares on `gpu` what the first frame with these sets of shapes needs. Content prepared earlier and not yet
+    /// Prepares on `gpu` the atlases for the first frame with these sets of shapes. Content prepared earlier and not yet
     /// taken is dropped.
     ///
     /// # Errors

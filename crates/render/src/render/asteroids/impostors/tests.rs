@@ -253,7 +253,7 @@ fn atlases_are_cached_and_broken_files_are_replaced() {
     assert!(make(ImpostorMethod::None, &shapes()).is_none());
     assert!(make(Octahedral, &shapes()).is_some());
     assert_eq!(files().len(), 1);
-    // Both octahedral methods share a file; the Euler atlas and other shapes have files of their own.
+    // Both octahedral methods share a file; the Euler atlas and other shapes have separate files.
     assert!(make(OctahedralBlend, &shapes()).is_some());
     assert_eq!(files().len(), 1);
     assert!(make(EulerAtlas, &shapes()).is_some());

@@ -243,7 +243,7 @@ impl MapPasses {
         // Sprites.
         let mut drawn: Vec<&Sprite> = sky.sprites.sprites.iter().collect();
         if key.settings.least_cd_m2 > 0.0 {
-            // Adjacent invocations get a similar amount of work. They stay adjacent on the sky, where a view sees all
+            // Adjacent invocations get a similar amount of work. They stay adjacent on the sky, so that a view sees all
             // of them or none, because the sort is stable within a reach class.
             drawn.sort_by_key(|sprite| Reverse(reach_class(sprite.squared)));
         }

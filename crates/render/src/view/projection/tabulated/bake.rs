@@ -109,15 +109,15 @@ fn pixel_at(source: &dyn PlaneMapping, x: u32, y: u32) -> Result<Option<Pixel>, 
         pixel.mirrored = Some(spanned.dot(direction) < 0.0);
         // If the solid angle changes fast from pixel to pixel, the solid angle of the whole pixel differs from the
         // density at its centre: accept both.
-        let at = |side: DVec2| source.direction_from_pixel(centre + side);
-        let [right, left, below, above] = SIDES.map(|side| at(side * DENSITY_STEP_PX));
+        let direction_at = |side: DVec2| source.direction_from_pixel(centre + side);
+        let [right, left, below, above] = SIDES.map(|side| direction_at(side * DENSITY_STEP_PX));
         let density_sr = match (right, left, below, above) {
             (Some(right), Some(left), Some(below), Some(above)) => {
                 (right - left).cross(below - above).length() / DENSITY_STEP_PX.powi(2)
             }
             _ => f64::NAN,
         };
-        let whole = SIDES.iter().all(|side| at(*side).is_some());
+        let whole = SIDES.iter().all(|side| direction_at(*side).is_some());
         let spanned_sr = spanned.length();
         let (least, most) = (spanned_sr.min(density_sr), spanned_sr.max(density_sr));
         let allowed = (1.0 - SOLID_ANGLE_PARTS) * least..=(1.0 + SOLID_ANGLE_PARTS) * most;
@@ -232,12 +232,12 @@ fn continued([x, y]: [i64; 2], held: &impl Fn([i64; 2]) -> Option<DVec3>) -> Opt
     for order in [3, 2, 1] {
         let mut sum = DVec3::ZERO;
         for [i, j] in NEIGHBOURS {
-            let at = |step: i64| held([x + step * i, y + step * j]);
+            let neighbour = |step: i64| held([x + step * i, y + step * j]);
             let extrapolated = || {
                 Some(match order {
-                    3 => at(1)? * 3.0 - at(2)? * 3.0 + at(3)?,
-                    2 => at(1)? * 2.0 - at(2)?,
-                    _ => at(1)?,
+                    3 => neighbour(1)? * 3.0 - neighbour(2)? * 3.0 + neighbour(3)?,
+                    2 => neighbour(1)? * 2.0 - neighbour(2)?,
+                    _ => neighbour(1)?,
                 })
             };
             sum += extrapolated().unwrap_or_default();

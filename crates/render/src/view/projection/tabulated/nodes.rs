@@ -66,8 +66,8 @@ impl Nodes {
     /// Directions at the four nodes around a position, row by row.
     pub(super) fn quad(&self, place: DVec2) -> Option<[DVec3; 4]> {
         let [x, y] = [place.x.floor() as i64, place.y.floor() as i64];
-        let at = |i: i64, j: i64| self.direction([x + i, y + j]);
-        Some([at(0, 0)?, at(1, 0)?, at(0, 1)?, at(1, 1)?])
+        let node = |i: i64, j: i64| self.direction([x + i, y + j]);
+        Some([node(0, 0)?, node(1, 0)?, node(0, 1)?, node(1, 1)?])
     }
 
     /// Direction at a position by cubic convolution, of nearly unit length; bilinear between the four nodes around it

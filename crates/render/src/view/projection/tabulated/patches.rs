@@ -25,12 +25,12 @@ pub(super) fn in_patch(samples: &[[f32; 2]], part: DVec2) -> DVec2 {
     let steps = f64::from(PATCH_STEPS);
     let place = (part * steps).clamp(DVec2::ZERO, DVec2::splat(steps));
     let first = place.floor().min(DVec2::splat(steps - 1.0));
-    let at = |i: usize, j: usize| {
+    let sample = |i: usize, j: usize| {
         let [x, y] = samples[(first.y as usize + j) * (PATCH_STEPS as usize + 1) + first.x as usize + i];
         DVec2::new(f64::from(x), f64::from(y))
     };
     let part = place - first;
-    at(0, 0).lerp(at(1, 0), part.x).lerp(at(0, 1).lerp(at(1, 1), part.x), part.y)
+    sample(0, 0).lerp(sample(1, 0), part.x).lerp(sample(0, 1).lerp(sample(1, 1), part.x), part.y)
 }
 
 /// Creates patches for the cells that contain these directions, and for their neighbours. `base`: groups of words
@@ -73,8 +73,8 @@ pub(super) fn refine(starts: &mut Starts, source: &dyn PlaneMapping, directions:
 /// The samples of a patch, row by row; samples without an image are extrapolated from their neighbours.
 fn patch(image: impl Fn(DVec2) -> Option<DVec2>) -> Option<Vec<[f32; 2]>> {
     let count = i64::from(PATCH_STEPS) + 1;
-    let at = |index: i64| index as f64 / f64::from(PATCH_STEPS) - 0.5;
-    let places = (0..count).flat_map(|j| (0..count).map(move |i| DVec2::new(at(i), at(j))));
+    let offset = |index: i64| index as f64 / f64::from(PATCH_STEPS) - 0.5;
+    let places = (0..count).flat_map(|j| (0..count).map(move |i| DVec2::new(offset(i), offset(j))));
     let mut samples: Vec<Option<DVec2>> = places.map(image).collect();
     while samples.iter().any(Option::is_none) {
         let before = samples.clone();

@@ -211,16 +211,16 @@ fn filled(directions: &[Option<DVec3>], columns: usize) -> Vec<DVec3> {
     let mut known: Vec<Option<DVec3>> = directions.to_vec();
     while known.iter().any(Option::is_none) {
         let before = known.clone();
-        let at = |x: i64, y: i64| {
+        let sample = |x: i64, y: i64| {
             let inside = x >= 0 && y >= 0 && x < columns as i64 && y < rows as i64;
             inside.then(|| before[y as usize * columns + x as usize]).flatten()
         };
         for (index, direction) in known.iter_mut().enumerate().filter(|(_, direction)| direction.is_none()) {
             let [x, y] = [(index % columns) as i64, (index / columns) as i64];
             let guesses = [[1, 0], [-1, 0], [0, 1], [0, -1]].into_iter().filter_map(|[dx, dy]| {
-                let first = at(x + dx, y + dy)?;
+                let first = sample(x + dx, y + dy)?;
                 // A line through the next two samples, or the next sample itself.
-                Some(at(x + 2 * dx, y + 2 * dy).map_or(first, |second| 2.0 * first - second))
+                Some(sample(x + 2 * dx, y + 2 * dy).map_or(first, |second| 2.0 * first - second))
             });
             let guesses: Vec<DVec3> = guesses.collect();
             *direction = (!guesses.is_empty()).then(|| guesses.iter().sum::<DVec3>() / guesses.len() as f64);

@@ -53,8 +53,8 @@ impl Nearest {
     /// Each cell gets the point nearest to its middle, by propagating points from cell to cell.
     fn filled(&self, placed: &[(DVec2, DVec2)]) -> Vec<DVec2> {
         let middle = |index: usize| {
-            let at = |cell: usize| ((cell as f64 + 0.5) / (SIDE as f64 / 2.0) - 1.0) * self.radius;
-            DVec2::new(at(index % SIDE), at(index / SIDE))
+            let coordinate = |cell: usize| ((cell as f64 + 0.5) / (SIDE as f64 / 2.0) - 1.0) * self.radius;
+            DVec2::new(coordinate(index % SIDE), coordinate(index / SIDE))
         };
         let mut best: Vec<Option<usize>> = vec![None; SIDE * SIDE];
         let offer = |best: &mut Vec<Option<usize>>, cell: usize, point: usize| {

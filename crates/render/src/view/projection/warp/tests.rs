@@ -21,20 +21,21 @@ const SIZE: [u32; 2] = [192, 108];
 
 fn grid(samples: [usize; 2], placement: Placement, interpolation: Interpolation) -> DirectionGrid {
     let [columns, rows] = samples;
-    let at = |index: usize, samples: usize| match placement {
+    let fraction = |index: usize, samples: usize| match placement {
         Placement::Corners => index as f64 / (samples - 1) as f64,
         Placement::Centres => (index as f64 + 0.5) / samples as f64,
     };
     let points = (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
-    let directions = points.map(|(x, y)| Some(thrown(at(x, columns), at(y, rows)))).collect();
+    let directions = points.map(|(x, y)| Some(thrown(fraction(x, columns), fraction(y, rows)))).collect();
     DirectionGrid { columns, rows, samples: directions, placement, interpolation }
 }
 
 fn analytic_sr(x: u32, y: u32) -> f64 {
     let [width, height] = SIZE.map(f64::from);
-    let at = |dx: f64, dy: f64| thrown((f64::from(x) + 0.5 + dx) / width, (f64::from(y) + 0.5 + dy) / height);
+    let direction_at = |dx: f64, dy: f64| thrown((f64::from(x) + 0.5 + dx) / width, (f64::from(y) + 0.5 + dy) / height);
     let h = 1e-4;
-    (at(h, 0.0) - at(-h, 0.0)).cross(at(0.0, h) - at(0.0, -h)).length() / (4.0 * h * h)
+    (direction_at(h, 0.0) - direction_at(-h, 0.0)).cross(direction_at(0.0, h) - direction_at(0.0, -h)).length()
+        / (4.0 * h * h)
 }
 
 /// Largest error of direction, rad, and largest relative error of solid angle.
