@@ -9,11 +9,11 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Folders of the crates whose modules form the layers.
-const CRATES: [&str; 3] = ["crates/sky/src", "crates/render/src", "src"];
+pub const CRATES: [&str; 3] = ["crates/sky/src", "crates/render/src", "src"];
 
 /// Allowed imports: a module may import every module of the layers above its own, and within a layer only those
 /// listed in [`SIBLINGS`]. A new module must be added here, as far up as its imports permit.
-const LAYERS: &[&[&str]] = &[
+pub const LAYERS: &[&[&str]] = &[
     &["names"],
     &["units", "polynomial", "solar_system", "coordinates", "sky_pictures", "files"],
     &["photometry", "picture_file"],

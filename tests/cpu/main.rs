@@ -6,6 +6,7 @@ use testkit as common;
 use testkit::spk;
 
 mod apparent_places;
+mod architecture_picture;
 mod bodies;
 mod configuration;
 mod dome_check;

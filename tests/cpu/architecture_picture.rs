@@ -1,0 +1,99 @@
+//! The picture at the head of `docs/architecture.md`: crates as columns, the layers of their modules as rows, generated from the table in
+//! `layering`. `STERADIAN_WRITE_REFERENCE=1` writes it; otherwise the file must be equal.
+
+use std::path::Path;
+
+use svg::{
+    Document,
+    node::element::{Rectangle, Text},
+};
+
+use crate::layering::{CRATES, LAYERS};
+
+const FILE: &str = "docs/images/architecture.svg";
+/// Columns: the folder of the sources, the title and what the crate is for.
+const TITLES: [(&str, &str); 3] = [
+    ("steradian-sky", "the sky without a GPU"),
+    ("steradian-render", "views, plans, passes"),
+    ("steradian", "program, daemon, outputs"),
+];
+const COLUMN: f64 = 250.0;
+const ROW: f64 = 30.0;
+const HEAD: f64 = 56.0;
+
+fn text(x: f64, y: f64, size: f64, content: &str) -> Text {
+    Text::new(content)
+        .set("x", x)
+        .set("y", y)
+        .set("font-size", size)
+        .set("font-family", "sans-serif")
+        .set("text-anchor", "middle")
+}
+
+/// Folder of the crate that has a module.
+fn crate_of(module: &str) -> usize {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let has = |folder: &&str| {
+        let folder = root.join(folder);
+        folder.join(format!("{module}.rs")).is_file() || folder.join(module).join("mod.rs").is_file()
+    };
+    CRATES.iter().position(|folder| has(&folder)).unwrap_or_else(|| panic!("no crate has the module `{module}`"))
+}
+
+/// A row for each layer with modules of a crate, from the data to the program.
+fn picture(layers: &[&[&str]]) -> String {
+    let mut rows: Vec<[Vec<&str>; CRATES.len()]> = Vec::new();
+    for layer in layers {
+        let mut row: [Vec<&str>; CRATES.len()] = Default::default();
+        for module in *layer {
+            row[crate_of(module)].push(module);
+        }
+        rows.push(row);
+    }
+    let height = HEAD + ROW * rows.len() as f64 + 12.0;
+    let mut document = Document::new().set("viewBox", (0, 0, (COLUMN * 3.0) as i32, height as i32));
+    for (column, (name, purpose)) in TITLES.iter().enumerate() {
+        let left = COLUMN * column as f64;
+        let frame = Rectangle::new()
+            .set("x", left + 4.0)
+            .set("y", 4)
+            .set("width", COLUMN - 8.0)
+            .set("height", height - 8.0)
+            .set("rx", 6)
+            .set("fill", "#f4f6fa")
+            .set("stroke", "#405070");
+        let middle = left + COLUMN / 2.0;
+        document = document.add(frame).add(text(middle, 26.0, 15.0, name)).add(text(middle, 44.0, 11.0, purpose));
+        for (index, row) in rows.iter().enumerate().filter(|(_, row)| !row[column].is_empty()) {
+            let top = HEAD + ROW * index as f64;
+            let layer = Rectangle::new()
+                .set("x", left + 14.0)
+                .set("y", top)
+                .set("width", COLUMN - 28.0)
+                .set("height", ROW - 6.0)
+                .set("rx", 4)
+                .set("fill", "#ffffff")
+                .set("stroke", "#a0b0c8");
+            // Long rows have smaller letters.
+            let names = row[column].join("  ");
+            let size = if names.len() > 44 { 8.0 } else { 11.0 };
+            document = document.add(layer).add(text(middle, top + 16.0, size, &names));
+        }
+    }
+    format!("{document}\n")
+}
+
+#[test]
+fn the_picture_of_the_architecture_shows_the_layers() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(FILE);
+    let expected = picture(LAYERS);
+    if std::env::var_os("STERADIAN_WRITE_REFERENCE").is_some() {
+        std::fs::write(&path, &expected).unwrap();
+    }
+    let found = std::fs::read_to_string(&path).unwrap_or_default();
+    assert!(found == expected, "{FILE} differs: run the test with STERADIAN_WRITE_REFERENCE=1");
+    // A moved module is noticed.
+    let mut moved = LAYERS.to_vec();
+    moved.swap(1, 2);
+    assert_ne!(picture(&moved), expected);
+}
