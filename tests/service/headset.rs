@@ -781,7 +781,7 @@ async fn dropped_frames_are_summed_and_invalid_intervals_refused() {
     for interval_s in [0.0, 0.09, 60.1, -1.0, f64::NAN, f64::INFINITY] {
         let error = client.watch_stats(Some(interval_s)).await.unwrap_err();
         assert_eq!(error.code(), Some(Code::InvalidArgument), "{error}");
-        assert!(error.to_string().contains("0.1 to 60"), "{error}");
+        assert!(error.to_string().contains("between 0.1 and 60"), "{error}");
     }
     let mut streams = Vec::new();
     for _ in 0..2 {

@@ -121,7 +121,7 @@ async fn only_display_images_can_be_reduced() {
     assert_eq!(to, from.map(|side| side.div_ceil(factor)));
     assert_eq!(small.images[0].data.len() as u32, 4 * to[0] * to[1]);
     for (encoding, max_size, part) in
-        [(Encoding::Exr, 64, "EXR"), (Encoding::Rgb32f, 64, "RGB32F"), (Encoding::Png, 7, "16 to 16384")]
+        [(Encoding::Exr, 64, "EXR"), (Encoding::Rgb32f, 64, "RGB32F"), (Encoding::Png, 7, "between 16 and 16384")]
     {
         let error = client.next_frame("flat", encoding, 0, max_size).await.unwrap_err();
         assert!(error.code() == Some(Code::InvalidArgument) && error.to_string().contains(part), "{error}");

@@ -217,7 +217,7 @@ mod tests {
         assert!((mars * DVec3::NEG_Z).angle_between(standpoint.apparent_m(SolarBody::Mars)) < 1e-7);
         for (wrong, part) in [
             (proto::Look { frame: 9, ..Default::default() }, "look.frame"),
-            (proto::Look { latitude_deg: 91.0, ..Default::default() }, "-90 to 90"),
+            (proto::Look { latitude_deg: 91.0, ..Default::default() }, "between -90 and 90"),
             (proto::Look { roll_deg: f64::NAN, ..Default::default() }, "look.roll_deg"),
             (proto::Look { at: "Mars".to_owned(), latitude_deg: 1.0, ..Default::default() }, "exactly one"),
             (proto::Look { at: "x".repeat(65), ..Default::default() }, "64"),
