@@ -217,7 +217,7 @@ impl Expected {
                 .scene
                 .stars
                 .iter()
-                .filter_map(|(position, at_infinity, star)| sight.of(position, at_infinity, star));
+                .filter_map(|(position, at_infinity, star)| sight.seen_star(position, at_infinity, star));
             sample::brightest(seen.map(|star| (star.illuminance_lx, star.direction.normalize())))
         };
         // Choose the sample of every image that has a viewport in the plan.

@@ -59,7 +59,7 @@ fn draw(renderer: &mut Renderer, (scene, rig, settings): &Case, wanted: Wanted) 
 
 fn run_audits(renderer: &Renderer, scene: &AuditedScene<'_>, frame: &Frame) -> [Audit; 2] {
     let audits = audit(scene, frame, renderer.limits()).unwrap();
-    for image in found.iter().flat_map(|audit| &audit.images) {
+    for image in audits.iter().flat_map(|audit| &audit.images) {
         println!("{}", image.in_words());
     }
     audits
