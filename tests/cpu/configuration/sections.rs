@@ -1,6 +1,8 @@
 //! Every example configuration loads and makes a rig; every section is parsed as written; every mistake is refused
 //! with a message that names file, key and valid values.
 
+mod view_tables;
+
 use std::path::{Path, PathBuf};
 
 use steradian::catalogue::epoch::Epoch;
@@ -643,120 +645,4 @@ fn paths_are_relative_to_the_folder_of_the_file() {
     let (stars, report) = load_stars(&sources, &Epoch::default(), &mut |_| ()).unwrap();
     assert_eq!(stars.stars.len(), 1);
     assert_eq!(report.catalogues[0].rows.as_ref().unwrap().used, 1);
-}
-
-fn map(name: &str, keys: &str) -> String {
-    format!("[[views]]\nname = '{name}'\ntype = 'equirectangular'\nsize = [8, 4]\n{keys}\n")
-}
-
-#[test]
-fn views_inherit_keys_missing_from_their_tables() {
-    let general = "[exposure]\nlimiting_magnitude = 5\nadaptation_s = 2\n[glare]\nfraction = 0.2\ninner_deg = 0.3\n";
-    let own =
-        "exposure = { limiting_magnitude = 8 }\n[views.glare]\nfraction = 0.4\n[views.tone_map]\noperator = 'srgb'";
-    let text = format!("{general}{}{}{}", map("a", ""), map("b", own), map("c", "[views.tone_map]\nwhite = 4\n"));
-    let config = parse(&text).unwrap();
-    let views = config.view_settings().unwrap();
-    assert_eq!(views[0], ViewSettings::general(&config.render_settings()));
-    let exposure = ExposureSettings { limiting_magnitude: 8.0, ..config.exposure };
-    assert_eq!((views[1].exposure, views[1].exposure.adaptation_s), (exposure, 2.0));
-    assert_eq!((views[1].glare.fraction, views[1].glare.inner_deg), (0.4, 0.3));
-    assert_eq!(views[1].tone_map.operator, ToneMapOperator::Srgb);
-    assert_eq!(views[1].group, ExposureGroup::OfView("b".to_owned()));
-    assert_eq!((&views[2].group, views[2].tone_map.white), (&ExposureGroup::General, 4.0));
-    let groups = config.frame_groups().unwrap();
-    assert_eq!(groups.iter().map(|group| group.views.clone()).collect::<Vec<_>>(), [[0], [2], [1]]);
-    // Views without tables form one frame with the general settings.
-    let groups = parse(&format!("{}{}", map("a", ""), map("b", ""))).unwrap().frame_groups().unwrap();
-    assert_eq!((groups.len(), groups[0].rig.views().len()), (1, 2));
-    // An override changes a table of a view, and creates one.
-    let config = parse_with(&text, &["views.a.exposure.mode=manual", "views.b.exposure.limiting_magnitude=7"]).unwrap();
-    let views = config.view_settings().unwrap();
-    assert_eq!(views[0].exposure.mode, ExposureMode::Manual);
-    assert_eq!(views[1].exposure.limiting_magnitude, 7.0);
-}
-
-#[test]
-fn views_of_a_group_share_one_exposure() {
-    let two = |a: &str, b: &str| {
-        let in_group = |keys: &str| format!("exposure_group = 'g'\n{keys}");
-        format!("{}{}{}", map("a", &in_group(a)), map("b", &in_group(b)), map("c", "exposure_group = 'h'"))
-    };
-    let (five, same, six) = (
-        "exposure = { limiting_magnitude = 5 }",
-        "exposure = { limiting_magnitude = 5.0 }",
-        "exposure = { limiting_magnitude = 6 }",
-    );
-    for text in [two(five, ""), two("", five), two(five, same)] {
-        let views = parse(&text).unwrap().view_settings().unwrap();
-        assert_eq!([0, 1].map(|view| views[view].exposure.limiting_magnitude), [5.0; 2], "{text}");
-        assert_eq!([0, 1].map(|view| views[view].group.clone()), [0, 1].map(|_| ExposureGroup::Named("g".to_owned())));
-        assert_eq!(views[2].group, ExposureGroup::Named("h".to_owned()));
-        assert_eq!(views[2].exposure.limiting_magnitude, 6.5);
-    }
-    let both = ["views[1].exposure (view `b`)", "`g`", "views[0] (view `a`)", "another exposure_group"];
-    refused(&two(five, six), &both);
-    refused(&map("a", "exposure_group = 'a b'"), &["views[0].exposure_group (view `a`)", "letters, digits"]);
-}
-
-#[test]
-fn mistakes_in_the_tables_of_views_are_refused_like_general_ones() {
-    for (keys, parts) in [
-        ("exposure = { iso = 100 }", &["views[0].exposure.iso (view `a`)", "unknown key", "spot_deg"][..]),
-        ("exposure = { key = 0.2 }", &["views[0].exposure.key (view `a`)", "has no effect with metering"]),
-        ("exposure = { mode = 'manual', adaptation_s = 1 }", &["views[0].exposure.adaptation_s", "mode = \"manual\""]),
-        ("exposure = { limiting_magnitude = 31 }", &["views[0].exposure.limiting_magnitude", "-10 to 30"]),
-        ("exposure = { min_ev100 = 30 }", &["views[0].exposure.min_ev100", "max_ev100 = 24"]),
-        ("exposure = 3", &["views[0].exposure", "invalid type"]),
-        ("glare = { fraction = 2 }", &["views[0].glare.fraction", "0 to 1"]),
-        ("glare = { kernel = 'psf' }", &["views[0].glare.psf_file", "missing key"]),
-        ("tone_map = { black_cd_m2 = 60 }", &["views[0].tone_map.black_cd_m2", "half of peak_cd_m2"]),
-        ("tone_map = { gamma = 2 }", &["views[0].tone_map.gamma", "unknown key"]),
-        ("stars = { method = 'tent' }", &["views[0].stars", "unknown key"]),
-    ] {
-        refused(&map("a", keys), parts);
-    }
-    // An inherited key without effect is not an error of the view.
-    let manual = map("a", "exposure = { mode = 'manual', ev100 = 1 }");
-    assert!(parse(&format!("[exposure]\nlimiting_magnitude = 5\n{manual}")).is_ok());
-    // A view's own path is relative to the folder, and so is an inherited one.
-    let file = map("a", "glare = { kernel = 'psf', psf_file = 'eye.csv' }");
-    let inherited =
-        format!("[glare]\nkernel = 'psf'\npsf_file = 'eye.csv'\n{}", map("a", "glare = { fraction = 0.3 }"));
-    for text in [file, inherited] {
-        let views = parse(&text).unwrap().view_settings().unwrap();
-        assert_eq!(views[0].glare.psf_file.as_deref(), Some(Path::new("/sky/eye.csv")), "{text}");
-    }
-}
-
-#[test]
-fn an_override_of_the_mode_drops_the_files_keys_for_the_other_mode() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/mission-control.toml");
-    let load = |set: &[&str]| Config::load(&path, &set.iter().map(|set| (*set).to_owned()).collect::<Vec<_>>());
-    for (set, mode, metering) in [
-        (&["exposure.mode=manual"][..], ExposureMode::Manual, Metering::LimitingMagnitude),
-        (&["exposure.mode=manual", "exposure.ev100=-4"], ExposureMode::Manual, Metering::LimitingMagnitude),
-        (&["exposure.metering=mean", "exposure.key=0.2"], ExposureMode::Auto, Metering::Mean),
-        (&["exposure.metering=spot"], ExposureMode::Auto, Metering::Spot),
-    ] {
-        let exposure = load(set).unwrap_or_else(|error| panic!("{set:?}: {error}")).exposure;
-        assert_eq!((exposure.mode, exposure.metering), (mode, metering), "{set:?}");
-        // Keys that still have an effect are kept from the file.
-        assert_eq!(exposure.limiting_magnitude, 6.5);
-    }
-    // Keys of an override without effect are refused.
-    for (set, parts) in [
-        (&["exposure.mode=manual", "exposure.limiting_magnitude=5"][..], ["exposure.limiting_magnitude", "--set"]),
-        (&["exposure.metering=mean", "exposure.spot_deg=5"], ["exposure.spot_deg", "--set"]),
-        (&["exposure.ev100=-4"], ["exposure.ev100", "has no effect with mode = \"auto\""]),
-    ] {
-        let message = load(set).unwrap_err().to_string();
-        assert!(parts.iter().all(|part| message.contains(part)), "{message}");
-    }
-    // The same for tables of views, also if the general mode changes; a file without overrides is refused as before.
-    let text = map("a", "exposure = { limiting_magnitude = 5 }");
-    for set in ["views.a.exposure.mode=manual", "exposure.mode=manual", "views.a.exposure.metering=mean"] {
-        assert!(parse_with(&text, &[set]).is_ok(), "{set}");
-    }
-    refused(&format!("[exposure]\nmode = 'manual'\n{text}"), &["views[0].exposure.limiting_magnitude", "no effect"]);
 }
