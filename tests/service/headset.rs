@@ -601,5 +601,3 @@ async fn used_and_invalid_names_are_refused_at_the_start() {
         assert!(matches!(error, ServeError::Headset(_)) && error.to_string().contains(problem), "{error}");
     }
 }
-
-/// Statistics with distinct values.

@@ -2,6 +2,7 @@
 
 use super::*;
 
+/// Statistics with distinct values.
 fn figures() -> HeadsetStatistics {
     let spread = |from: f64| Distribution { median_ms: from, p95_ms: from + 0.25, max_ms: from + 0.5 };
     HeadsetStatistics {
