@@ -14,7 +14,7 @@ use steradian::{
     coordinates::icrs_from_galactic,
     gpu::{Gpu, GpuOptions},
     plan::{
-        settings::{ExposureMode, GlareMethod, GlareSettings, RenderSettings, StarMethod},
+        settings::{ExposureSettings, GlareMethod, GlareSettings, RenderSettings, StarMethod},
         stars::cull::{CullSettings, SPLAT_MARGIN_PX, visible_chunks},
     },
     render::{FrameRequest, FrameTimes, Renderer, Wanted},
@@ -157,7 +157,7 @@ impl Bench {
             let camera = looking(icrs_from_galactic() * DVec3::NEG_X);
             let scene = SceneSnapshot { revision: 1, stars: stars.clone(), objects: Default::default(), camera };
             // The default manual exposure, at which a star of magnitude 3 reaches white: the naked-eye sky.
-            self.settings.exposure.mode = ExposureMode::Manual;
+            self.settings.exposure = ExposureSettings::manual(-3.0);
             let mut times = vec![vec![]; methods.len()];
             let mut stars_ms = vec![vec![]; methods.len()];
             let mut resolve_ms = vec![vec![]; methods.len()];
@@ -324,7 +324,7 @@ impl Bench {
             ("six faces, within", &within, rig(ViewKind::Cubemap { face_size: side / 2, faces: Face::ALL.to_vec() })),
             ("whole sky, within", &within, rig(ViewKind::Equirectangular { size: [2 * side, side] })),
         ];
-        self.settings.exposure.mode = ExposureMode::Manual;
+        self.settings.exposure = ExposureSettings::manual(-3.0);
         let mut times = vec![vec![vec![]; ASTEROID_PASSES.len() + 1]; cases.len()];
         for round in 0..=self.frames {
             for ((_, scene, rig), times) in cases.iter().zip(&mut times) {

@@ -14,7 +14,7 @@ use steradian::{
     gpu::{Gpu, GpuOptions},
     output::{Encoding, encode},
     photometry::{kernel::SplatKernel, rec709::luminance},
-    plan::settings::{GlareSettings, RenderSettings, StarMethod},
+    plan::settings::{ExposureValues, GlareSettings, RenderSettings, StarMethod},
     reference::stars::splat::{Eye, draw},
     render::{FrameRequest, Renderer, Wanted},
     scene::{Camera, SceneSnapshot},
@@ -48,7 +48,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     // light of the stars.
     settings.glare = GlareSettings::none();
     // Stars of this magnitude are just visible; brighter ones keep their colours.
-    settings.exposure.limiting_magnitude = 6.5;
+    settings.exposure = ExposureValues { limiting_magnitude: 6.5, ..ExposureValues::default() }.into();
 
     let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default())?);
     let frame = renderer.render(FrameRequest::new(&scene, &rig).settings(&settings).wanted(Wanted::both()))?;

@@ -20,7 +20,7 @@ use super::{
     workloads::{Skies, rig_of, snapshot},
 };
 use crate::{
-    plan::settings::{ExposureMode, GlareMethod, GlareSettings, PyramidWeights, RenderSettings},
+    plan::settings::{ExposureSettings, GlareMethod, GlareSettings, PyramidWeights, RenderSettings},
     render::{FrameRequest, FrameTimes, Renderer, Wanted},
     scene::{Camera, SceneSnapshot},
     units::PARSEC_M,
@@ -231,8 +231,7 @@ fn turn(
     notes: &mut FrameNotes,
 ) -> Result<Taken, ChartError> {
     let mut settings = RenderSettings { glare: variant.settings.clone(), ..RenderSettings::default() };
-    settings.exposure.mode = ExposureMode::Manual;
-    settings.exposure.ev100 = TIMING_EV100;
+    settings.exposure = ExposureSettings::manual(TIMING_EV100);
     let start = Instant::now();
     let mut frame = |turned_rad: f64, along_m: f64| -> Result<Result<FrameTimes, String>, ChartError> {
         let world_from_camera = scene.camera.world_from_camera * DQuat::from_rotation_y(turned_rad);

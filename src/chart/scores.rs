@@ -19,7 +19,7 @@ use super::{
 };
 use crate::{
     metrics::MetricError,
-    plan::settings::{ExposureMode, GlareSettings, RenderSettings, StarMethod},
+    plan::settings::{ExposureSettings, GlareSettings, RenderSettings, StarMethod},
     render::{FrameRequest, RenderError, Renderer, Wanted},
     units::magnitude_from_illuminance_lx,
 };
@@ -192,8 +192,7 @@ pub(super) fn settings_of(method: StarMethod, ev100: f64, faintest_lx: f64) -> R
     let mut settings = RenderSettings::default();
     settings.stars.method = method;
     settings.glare = GlareSettings::none();
-    settings.exposure.mode = ExposureMode::Manual;
-    settings.exposure.ev100 = ev100;
+    settings.exposure = ExposureSettings::manual(ev100);
     let faintest = magnitude_from_illuminance_lx(faintest_lx);
     if faintest.is_finite() {
         settings.stars.gaussian_psf.limiting_magnitude = faintest + 1.6;

@@ -11,7 +11,7 @@ use png::{BitDepth, ColorType};
 
 use super::{CliError, results};
 use crate::{
-    config::{Config, DomeFault, DomeProjector, ViewKindConfig},
+    config::{Config, DomeFault, DomeProjector, ViewKindSpec},
     output::{OutputError, png_of},
     photometry::{
         rec709::luminance,
@@ -105,8 +105,8 @@ pub fn run(arguments: &DomeArguments) -> Result<(), CliError> {
 }
 
 fn dome_of(config: &Config, arguments: &CheckArguments) -> Result<Dome, CliError> {
-    let master = config.views.iter().find_map(|view| match &view.kind {
-        ViewKindConfig::DomeMaster(master) => Some(master),
+    let master = config.views.iter().find_map(|view| match &view.geometry.kind {
+        ViewKindSpec::DomeMaster(master) => Some(master),
         _ => None,
     });
     let fov_deg = arguments.dome_fov_deg.or(master.map(|master| master.fov_deg)).unwrap_or(180.0);

@@ -13,7 +13,7 @@ use super::{
     load::{self, LoadedScene},
     results, show,
 };
-use crate::config::{Config, ConfigError, PackingConfig, ViewConfig, ViewKindConfig, parse_listen};
+use crate::config::{Config, ConfigError, PackingConfig, parse_listen};
 use crate::gpu::{Gpu, GpuOptions};
 use crate::plan::view_settings::FrameGroup;
 use crate::render::{FrameRequest, Renderer, Wanted};
@@ -90,8 +90,7 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         options.scene.asteroid_fields = config.field_specs()?;
         options.scene.observer.clone_from(&config.scene.observer);
         options.scene.star_sources = config.star_sources();
-        options.views.tables = config.views.iter().map(|view| view.tables.clone()).collect();
-        options.views.definitions = config.views.iter().map(reported_definition).collect();
+        options.views.specs.clone_from(&config.views);
         options.views.folder.clone_from(&config.folder);
         options.network.hosts.clone_from(&config.server.hosts);
         options.network.access = Some(access);
@@ -187,12 +186,6 @@ fn announce(address: Address) {
         tracing::warn!("{error}");
     }
     notify_supervisor(NotifyState::Ready);
-}
-
-/// Returns the part of a view's geometry that clients may see. Projector files are left out, because clients cannot
-/// name files.
-fn reported_definition(view: &ViewConfig) -> Option<toml::Table> {
-    (!matches!(view.kind, ViewKindConfig::Projector(_))).then(|| view.definition.clone())
 }
 
 #[cfg(test)]

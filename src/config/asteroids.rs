@@ -8,11 +8,14 @@ use serde::Deserialize;
 use toml::{Table, Value};
 
 use super::bodies::{albedo, body_fault};
-use super::document::deserialise;
+use super::document::read;
 use super::error::Fault;
 use crate::plan::settings::AsteroidSettings;
-use crate::scene::asteroids::{FieldError, FieldParameters, FieldSpec, Placement, ShapeSource, SpecError};
-use crate::scene::bodies::ReflectionLaw;
+use crate::scene::asteroids::{
+    FieldError, FieldParameters, FieldSpec, LARGEST_EXTENT_M, LEAST_OF_RANGE, MOST_INSTANCES, Placement,
+    STEEPEST_SIZE_INDEX, ShapeSource, SpecError,
+};
+use crate::scene::bodies::{FARTHEST_M, ReflectionLaw};
 use crate::scene::unit_quaternion;
 
 /// Shape of the volume that a field fills.
@@ -34,11 +37,13 @@ pub struct FieldConfig {
     /// Unique name: letters, digits, `_` and `-`.
     pub name: String,
     /// Centre, ICRS, barycentric.
+    #[schemars(inner(range(min = -FARTHEST_M, max = FARTHEST_M)), extend("x-unit" = "m"))]
     pub position_m: [f64; 3],
     /// Unit quaternion from the field's axes to ICRS axes.
     #[serde(default = "identity")]
     pub orientation: [f64; 4],
     /// Number of asteroids.
+    #[schemars(range(min = 1, max = MOST_INSTANCES))]
     pub instances: u32,
     /// Seed of positions, sizes and spins.
     #[serde(default = "one")]
@@ -46,22 +51,30 @@ pub struct FieldConfig {
     /// Shape of the volume that the asteroids fill.
     pub shape: FieldShape,
     /// `box`: lengths of the sides.
+    #[schemars(inner(range(max = LARGEST_EXTENT_M)), extend("exclusiveMinimum" = 0.0, "x-unit" = "m"))]
     pub size_m: Option<[f64; 3]>,
     /// `belt`, `ring`: inner radius.
+    #[schemars(range(min = 0.0, max = LARGEST_EXTENT_M), extend("x-unit" = "m"))]
     pub inner_m: Option<f64>,
     /// `belt`, `ring`: outer radius, larger than the inner one.
+    #[schemars(range(max = LARGEST_EXTENT_M), extend("exclusiveMinimum" = 0.0, "x-unit" = "m"))]
     pub outer_m: Option<f64>,
     /// `belt`: full height.
+    #[schemars(range(max = LARGEST_EXTENT_M), extend("exclusiveMinimum" = 0.0, "x-unit" = "m"))]
     pub height_m: Option<f64>,
     /// `ring`: full thickness.
+    #[schemars(range(min = 0.0, max = LARGEST_EXTENT_M), extend("x-unit" = "m"))]
     pub thickness_m: Option<f64>,
     /// Smallest and largest mean radius; the largest is at most 1000 times the smallest.
+    #[schemars(inner(range(min = LEAST_OF_RANGE, max = LARGEST_EXTENT_M)), extend("x-unit" = "m"))]
     pub radius_m: [f64; 2],
     /// Exponent of the cumulative size distribution: N(>r) ~ r^-size_index.
     #[serde(default = "collisional")]
+    #[schemars(range(min = 0.0, max = STEEPEST_SIZE_INDEX))]
     pub size_index: f64,
     /// Shortest and longest spin period, uniform in the logarithm; the longest is at most 1000 times the shortest.
     #[serde(default = "two_hours_to_two_days")]
+    #[schemars(inner(range(min = LEAST_OF_RANGE, max = LARGEST_EXTENT_M)), extend("x-unit" = "s"))]
     pub spin_period_s: [f64; 2],
     /// Geometric albedo, one number or [red, green, blue]; needed.
     #[serde(default, deserialize_with = "albedo")]
@@ -70,7 +83,7 @@ pub struct FieldConfig {
     /// Reflection law of the surfaces.
     #[serde(default)]
     pub law: ReflectionLaw,
-    /// glTF files, one shape each, in place of procedural shapes.
+    /// glTF files, one shape each, instead of procedural shapes.
     pub shapes: Option<Vec<PathBuf>>,
     /// Seed of the procedural shapes; 1 if neither it nor `shapes` is given.
     pub shape_seed: Option<u64>,
@@ -84,7 +97,7 @@ fn one() -> u64 {
     1
 }
 
-/// What collisions lead to (Dohnanyi 1969, "Collisional model of asteroids and their debris").
+/// Exponent of a population in collisional equilibrium (Dohnanyi 1969, "Collisional model of asteroids and their debris").
 fn collisional() -> f64 {
     2.5
 }
@@ -96,12 +109,12 @@ fn two_hours_to_two_days() -> [f64; 2] {
 impl FieldConfig {
     /// Reads a field's table and checks it; a fault names the key within it. Shapes are not read.
     pub(super) fn from_table(table: Table) -> Result<Self, Fault> {
-        let config: Self = deserialise(Value::Table(table), "")?;
+        let config: Self = read(Value::Table(table))?;
         config.spec(Path::new(""))?;
         Ok(config)
     }
 
-    /// What the field is made from; paths start at `folder`.
+    /// The specification of the field; paths start at `folder`.
     pub(super) fn spec(&self, folder: &Path) -> Result<FieldSpec, Fault> {
         let shapes = match (&self.shapes, self.shape_seed) {
             (Some(_), Some(_)) => {
@@ -164,7 +177,7 @@ impl FieldConfig {
         ];
         match given.into_iter().find(|(key, is_given)| *is_given && !allowed.contains(key)) {
             Some((key, _)) => {
-                let problem = format!("no key of {}: that has {}", named(self.shape), allowed.join(", "));
+                let problem = format!("not a key of {}, which has {}", named(self.shape), allowed.join(", "));
                 Err(Fault::new(key, problem))
             }
             None => Ok(placement),
@@ -184,7 +197,7 @@ fn named(shape: FieldShape) -> &'static str {
     }
 }
 
-/// The fault of what a scene itself checks, by the keys of the configuration.
+/// The fault of an error that the scene reports, with the key of the configuration.
 pub(super) fn spec_fault(error: &SpecError) -> Fault {
     match error {
         SpecError::Part(error) => body_fault(error),

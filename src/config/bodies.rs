@@ -1,4 +1,4 @@
-//! `[[bodies]]`: one table per body. A preset fills in what is not given.
+//! `[[bodies]]`: one table per body. A preset gives the keys that are left out.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -9,18 +9,13 @@ use serde::de::{Error, SeqAccess, Visitor, value::SeqAccessDeserializer};
 use serde::{Deserialize, Deserializer};
 use toml::{Table, Value};
 
-use super::document::deserialise;
-use super::error::{Fault, finite};
+use super::document::read;
+use super::error::Fault;
 use crate::scene::bodies::{
-    Body, BodyError, Emission, Ephemeris, ReflectionLaw, SUN_ABSOLUTE_MAGNITUDE, SUN_LIMB_DARKENING, SolarBody, Spin,
-    Surface, Texture, mean_radius_m,
+    Body, BodyError, Emission, Ephemeris, FARTHEST_M, RADII_M, ReflectionLaw, SUN_ABSOLUTE_MAGNITUDE,
+    SUN_LIMB_DARKENING, SolarBody, Spin, Surface, Texture, mean_radius_m,
 };
 use crate::scene::unit_quaternion;
-
-/// Brightest and faintest absolute magnitude of a sun.
-pub(super) const MAGNITUDES: [f64; 2] = [-50.0, 50.0];
-/// Coolest and hottest sun, K.
-pub(super) const TEMPERATURES_K: [f64; 2] = [100.0, 1e8];
 
 /// An ellipsoid: a planet, moon or sun. A preset gives the keys that are left out.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
@@ -30,18 +25,21 @@ pub struct BodyConfig {
     pub name: String,
     /// A body of the Solar System: gives the size, albedo, reflection law and spin that are not given here, and the Sun's position and emission.
     pub preset: Option<SolarBody>,
-    /// What says where it is at the scene's time, in place of `position_m`: a body of the Solar System, or `spk:NUMBER` for what `scene.kernels` have under NAIF's number. As a body of the
-    /// Solar System it also stands and turns, in place of `orientation` and `spin`.
+    /// Source of the position at the scene's time, instead of `position_m`: a body of the Solar System, or `spk:NUMBER` for the object of `scene.kernels` with this NAIF number. A body of
+    /// the Solar System also has its orientation and rotation from here, instead of `orientation` and `spin`.
     #[serde(default)]
     #[schemars(schema_with = "super::reference::ephemeris")]
     pub ephemeris: Option<Ephemeris>,
     /// Centre, ICRS, barycentric; needed, or `ephemeris`, except for the preset `sun`, which is at the origin.
+    #[schemars(inner(range(min = -FARTHEST_M, max = FARTHEST_M)), extend("x-unit" = "m"))]
     pub position_m: Option<[f64; 3]>,
-    /// Unit quaternion from the body's axes to ICRS axes, which it has without it; the body spins about its z axis.
+    /// Unit quaternion from the body's axes to ICRS axes; the identity by default. The body spins about its z axis.
     pub orientation: Option<[f64; 4]>,
     /// Semi-axes along x, y and z; the largest is at most 100 times the smallest. Needed, or `radius_m`, without a preset.
+    #[schemars(inner(range(min = RADII_M[0], max = RADII_M[1])), extend("x-unit" = "m"))]
     pub radii_m: Option<[f64; 3]>,
-    /// Radius of a sphere, in place of `radii_m`.
+    /// Radius of a sphere, instead of `radii_m`.
+    #[schemars(range(min = RADII_M[0], max = RADII_M[1]), extend("x-unit" = "m"))]
     pub radius_m: Option<f64>,
     /// Geometric albedo, one number or [red, green, blue]; needed without a preset.
     #[serde(default, deserialize_with = "albedo")]
@@ -49,7 +47,7 @@ pub struct BodyConfig {
     pub geometric_albedo: Option<[f64; 3]>,
     /// Reflection law of the surface; `lommel_seeliger` without a preset.
     pub law: Option<ReflectionLaw>,
-    /// Whether brightness follows the phase as measured of the preset, in place of the reflection law: so without it where there is a preset.
+    /// Whether brightness follows the measured phase curve of the preset instead of the reflection law; true by default for bodies with a preset.
     pub phase_curve: Option<bool>,
     /// PNG file, 8 bits, sRGB, equirectangular (longitude and latitude): factors on the albedo.
     pub texture: Option<PathBuf>,
@@ -63,7 +61,7 @@ pub struct BodyConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpinConfig {
-    /// Sidereal period, at least 0.001 s; negative for retrograde rotation. Without it the preset's, or no rotation.
+    /// Sidereal period, at least 0.001 s; negative for retrograde rotation. The default is that of the preset, or no rotation.
     pub period_s: Option<f64>,
     /// Rotation angle at 2000-01-01T12:00:00Z.
     #[serde(default)]
@@ -75,10 +73,13 @@ pub struct SpinConfig {
 #[serde(deny_unknown_fields)]
 pub struct EmissionConfig {
     /// Absolute V magnitude; needed without the preset `sun`.
+    #[schemars(range(min = -50.0, max = 50.0))]
     pub absolute_magnitude: Option<f64>,
     /// Temperature of the black body that has the same colour; needed without the preset `sun`.
+    #[schemars(range(min = 100.0, max = 1e8), extend("x-unit" = "K"))]
     pub temperature_k: Option<f64>,
     /// Coefficient of linear limb darkening; 0 without the preset `sun`.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub limb_darkening: Option<f64>,
     /// Whether there is a corona around it, as around the Sun; false without the preset `sun`.
     pub corona: Option<bool>,
@@ -109,13 +110,13 @@ pub(super) fn albedo<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Optio
     deserializer.deserialize_any(Albedo).map(Some)
 }
 
-/// The faults of what a scene itself checks.
+/// The fault of an error that the scene reports.
 pub(super) fn body_fault(error: &BodyError) -> Fault {
     Fault::new(error.key, error.problem.clone())
 }
 
 impl BodyConfig {
-    /// A body of the Solar System, where it is.
+    /// A body of the Solar System at its true position.
     pub(super) fn of_solar_system(of: SolarBody) -> Self {
         Self {
             name: of.name().to_owned(),
@@ -134,19 +135,19 @@ impl BodyConfig {
         }
     }
 
-    /// Whether it stands for a body of the Solar System.
+    /// Whether it represents a body of the Solar System.
     pub(super) fn stands_for(&self, of: SolarBody) -> bool {
         self.name == of.name() || self.preset == Some(of) || self.stands_as() == Some(of)
     }
 
-    /// The body of the Solar System as which its ephemeris has it stand.
+    /// The body of the Solar System whose orientation its ephemeris gives it.
     fn stands_as(&self) -> Option<SolarBody> {
         self.ephemeris.and_then(Ephemeris::stands_as)
     }
 
     /// Reads a body's table and checks it; a fault names the key within it.
     pub(super) fn from_table(table: Table) -> Result<Self, Fault> {
-        let config: Self = deserialise(Value::Table(table), "")?;
+        let config: Self = read(Value::Table(table))?;
         config.body()?;
         Ok(config)
     }
@@ -161,15 +162,15 @@ impl BodyConfig {
                 ("spin", self.spin.is_some() && stands),
             ];
             if let Some((key, _)) = given.into_iter().find(|(_, given)| *given) {
-                return Err(Fault::new(key, "ephemeris is given too, which says it: at most one of them is allowed"));
+                return Err(Fault::new(key, "ephemeris is given too: give at most one of them"));
             }
         }
         let position_m = match (self.position_m, self.ephemeris, self.preset) {
             (Some(position_m), ..) => DVec3::from_array(position_m),
-            // The scene's moment says where.
+            // Placed later, at the scene's time.
             (None, Some(_), _) | (None, None, Some(SolarBody::Sun)) => DVec3::ZERO,
             (None, None, _) => {
-                let problem = "missing key: the body's place is needed, [x, y, z] in m, or ephemeris";
+                let problem = "missing key: give the position, [x, y, z] in m, or ephemeris";
                 return Err(Fault::new("position_m", problem));
             }
         };
@@ -178,7 +179,7 @@ impl BodyConfig {
             |key: &'static str, what: &str| Fault::new(key, format!("missing key: without a preset {what} is needed"));
         let radii_m = match (self.radii_m, self.radius_m, &preset) {
             (Some(_), Some(_), _) => {
-                let problem = "radii_m is given too: exactly one of radius_m and radii_m is allowed";
+                let problem = "radii_m is given too: give exactly one of radius_m and radii_m";
                 return Err(Fault::new("radius_m", problem));
             }
             (Some(radii_m), None, _) => DVec3::from_array(radii_m),
@@ -196,7 +197,6 @@ impl BodyConfig {
         let spin = match self.spin {
             _ if self.stands_as().is_some() => Spin::default(),
             Some(spin) => {
-                finite("spin.phase_deg", spin.phase_deg)?;
                 let period_s = spin.period_s.or(default_spin.period_s);
                 Spin { period_s, phase_rad: spin.phase_deg.to_radians() }
             }
@@ -207,7 +207,10 @@ impl BodyConfig {
         let measured = preset.as_ref().and_then(|preset| preset.surface.phase_curve);
         let phase_curve = match self.phase_curve {
             Some(true) if measured.is_none() => {
-                return Err(Fault::new("phase_curve", "true: a preset other than `sun` is needed, whose curve it is"));
+                return Err(Fault::new(
+                    "phase_curve",
+                    "true: needs a preset other than `sun`, which has a measured curve",
+                ));
             }
             Some(false) => None,
             Some(true) | None => measured,
@@ -241,20 +244,16 @@ impl BodyConfig {
             None => return Ok(None),
         };
         let of_sun = |value: f64| is_sun.then_some(value);
-        let number = |key: &str, value: Option<f64>, [least, most]: [f64; 2]| {
-            let key = format!("emission.{key}");
-            let value = value.ok_or_else(|| Fault::new(&key, "missing key: without the preset `sun` it is needed"))?;
-            if (least..=most).contains(&value) {
-                return Ok(value);
-            }
-            Err(Fault::new(&key, format!("{value}: allowed are {least} to {most}")))
+        let needed = |key: &str, value: Option<f64>| {
+            let missing =
+                || Fault::new(format!("emission.{key}"), "missing key: without the preset `sun` it is needed");
+            value.ok_or_else(missing)
         };
         let sun_k = f64::from(crate::units::SOLAR_TEMPERATURE_K);
         let magnitude = given.absolute_magnitude.or(of_sun(SUN_ABSOLUTE_MAGNITUDE));
-        let magnitude = number("absolute_magnitude", magnitude, MAGNITUDES)?;
-        let temperature_k = number("temperature_k", given.temperature_k.or(of_sun(sun_k)), TEMPERATURES_K)?;
+        let magnitude = needed("absolute_magnitude", magnitude)?;
+        let temperature_k = needed("temperature_k", given.temperature_k.or(of_sun(sun_k)))?;
         let darkening = given.limb_darkening.or(of_sun(SUN_LIMB_DARKENING)).unwrap_or(0.0);
-        let darkening = number("limb_darkening", Some(darkening), [0.0, 1.0])?;
         let of_star = Emission::of_star(magnitude, temperature_k, mean_radius_m(radii_m), darkening);
         Ok(Some(Emission { corona: given.corona.unwrap_or(is_sun), ..of_star }))
     }

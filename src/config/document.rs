@@ -1,9 +1,11 @@
 //! From text to tables: syntax with line and column, and deserialisation that knows the path of the key at fault.
 
+use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
 use super::error::{ConfigError, Fault, join};
+use crate::ranges;
 
 /// Parses TOML; `origin` names the file in messages.
 pub(super) fn parse(text: &str, origin: &str) -> Result<Table, ConfigError> {
@@ -20,13 +22,13 @@ pub(super) fn parse(text: &str, origin: &str) -> Result<Table, ConfigError> {
     })
 }
 
-/// Deserialises a value that stands at `prefix`; the fault names the key below it.
+/// Deserialises the value at the path `prefix`; a fault names the key below it.
 pub(super) fn deserialise<T: DeserializeOwned>(value: Value, prefix: &str) -> Result<T, Fault> {
     serde_path_to_error::deserialize(value).map_err(|error| {
         let path = error.path().to_string();
         let key = if path == "." { String::new() } else { path };
         let problem = error.inner().message().trim().replace('\n', "; ");
-        // An unknown key is reported by serde at the table that holds it: what the user looks for is the key.
+        // Serde reports an unknown key at the table that holds it; the user looks for the key.
         let unknown = problem.strip_prefix("unknown field `").and_then(|rest| rest.split('`').next());
         let key = match unknown {
             Some(name) if key != name && !key.ends_with(&format!(".{name}")) => join(&key, name),
@@ -37,4 +39,16 @@ pub(super) fn deserialise<T: DeserializeOwned>(value: Value, prefix: &str) -> Re
             problem.replace("unknown field", "unknown key").replace("missing field", "missing key"),
         )
     })
+}
+
+/// Checks the numbers of a value by the ranges of a type.
+pub(super) fn check_ranges<T: JsonSchema + 'static>(value: &Value) -> Result<(), Fault> {
+    ranges::check::<T>(value).map_err(Fault::out_of_range)
+}
+
+/// Deserialises a value and checks its numbers.
+pub(super) fn read<T: DeserializeOwned + JsonSchema + 'static>(value: Value) -> Result<T, Fault> {
+    let read = deserialise(value.clone(), "")?;
+    check_ranges::<T>(&value)?;
+    Ok(read)
 }

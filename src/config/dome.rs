@@ -1,4 +1,4 @@
-//! What the projectors of a configuration have to agree on: blends that are computed from their overlap, and their brightness.
+//! Properties that the projectors of a configuration share: blends that are computed from their overlap, and matched brightness.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -8,7 +8,7 @@ use super::{
     Config, ConfigError, VIEWS,
     error::Fault,
     projector::{BlendConfig, FOLDS, ProjectorConfig},
-    views::{ViewConfig, ViewKindConfig},
+    views::{ViewKindSpec, ViewSpec},
 };
 use crate::{
     theatre::ScreenSums,
@@ -19,7 +19,7 @@ use crate::{
     },
 };
 
-/// Computed blends, and what they were computed from: it takes seconds, and a configuration is asked for its rig several times.
+/// Cache of the computed blends with their inputs: computing them takes seconds, and the rig of a configuration is made several times.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Computed(Arc<Mutex<Option<Held>>>);
 
@@ -61,7 +61,7 @@ impl Computed {
 
 /// Gives the projectors among `views` their computed blends and matches their brightness: the factor on the light of each view. A fault comes with the number of its view.
 pub(super) fn match_projectors(
-    configs: &[ViewConfig],
+    configs: &[ViewSpec],
     views: &mut [View],
     computed: &Computed,
 ) -> Result<Vec<f64>, (usize, Fault)> {
@@ -69,15 +69,16 @@ pub(super) fn match_projectors(
     let projectors: Vec<(usize, &ProjectorConfig)> = configs
         .iter()
         .enumerate()
-        .filter_map(|(index, view)| match &view.kind {
-            ViewKindConfig::Projector(projector) => Some((index, &**projector)),
+        .filter_map(|(index, view)| match &view.geometry.kind {
+            ViewKindSpec::Projector(projector) => Some((index, &**projector)),
             _ => None,
         })
         .collect();
     let computes = |projector: &ProjectorConfig| projector.blend == BlendConfig::Computed;
     let blends = if projectors.iter().any(|(_, projector)| computes(projector)) {
         if let Some((index, _)) = projectors.iter().find(|(_, projector)| !computes(projector)) {
-            let problem = "other projectors have computed blends: all of a configuration have, or none";
+            let problem =
+                "other projectors have computed blends: either all projectors of a configuration have them, or none";
             return Err((*index, Fault::new("blend", problem)));
         }
         let lamps = projectors.iter().filter_map(|(index, projector)| {
@@ -96,7 +97,8 @@ pub(super) fn match_projectors(
     if let Some((index, _)) =
         projectors.iter().find(|(_, projector)| projector.white_cd_m2.is_none() && !whites.is_empty())
     {
-        let problem = "missing key: other projectors have it, and brightness is matched between all of a configuration";
+        let problem =
+            "missing key: other projectors have it, and brightness is matched among all projectors of a configuration";
         return Err((*index, Fault::new("white_cd_m2", problem)));
     }
     let darkest_cd_m2 = whites.iter().copied().fold(f64::INFINITY, f64::min);
@@ -119,12 +121,12 @@ pub(super) fn match_projectors(
     Ok(factors)
 }
 
-/// A projector as it is judged beside the others.
+/// A projector as the rules of domes judge it.
 #[derive(Clone, Debug)]
 pub struct DomeProjector {
     /// Its view.
     pub view: View,
-    /// The points of its part of the screen in view axes, where the calibration has some.
+    /// The points of its part of the screen in view axes, if the calibration has them.
     pub screen: Option<ScreenSums>,
     /// Factor on its light by which its white is that of the darkest projector.
     pub dimmed_to: f64,
@@ -135,22 +137,22 @@ pub struct DomeProjector {
 pub struct DomeFault {
     /// Name of the view.
     pub name: String,
-    /// What is wrong.
+    /// Description of the fault.
     pub problem: String,
     /// Whether its warp folds or has no inverse.
     pub folds: bool,
 }
 
 impl Config {
-    /// All projectors, and what keeps those from it that make no view.
+    /// All projectors, and the faults of those that cannot be views.
     ///
     /// # Errors
     ///
-    /// What projectors have to agree on and do not.
+    /// Keys in which projectors differ although they must agree.
     pub fn dome_projectors(&self) -> Result<(Vec<DomeProjector>, Vec<DomeFault>), ConfigError> {
         let (mut configs, mut views, mut screens, mut faults) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for config in &self.views {
-            let ViewKindConfig::Projector(projector) = &config.kind else { continue };
+            let ViewKindSpec::Projector(projector) = &config.geometry.kind else { continue };
             match config.view(Some(&self.folder)) {
                 Ok(view) => {
                     configs.push(config.clone());

@@ -1,7 +1,9 @@
-//! What can be wrong with a configuration. Every message names the file (or the override), the key, and what is allowed.
+//! Errors of configurations. Every message names the file (or the override), the key, and the valid values.
 
 use std::io;
 use std::path::PathBuf;
+
+use crate::ranges::OutOfRange;
 
 /// Why a configuration is refused.
 #[derive(Debug, thiserror::Error)]
@@ -12,7 +14,7 @@ pub enum ConfigError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// The path of a film cannot be read.
@@ -20,19 +22,19 @@ pub enum ConfigError {
     ReadPath {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// The text is not TOML.
     #[error("{origin}:{line}:{column}: {problem}")]
     Syntax {
-        /// The file, or what stands for it.
+        /// Name of the file, or of the built-in configuration.
         origin: String,
         /// Line, from 1.
         line: usize,
         /// Column, from 1.
         column: usize,
-        /// What the parser says.
+        /// Message of the parser.
         problem: String,
     },
     /// An override does not have the form `key=value`, or its key leads nowhere.
@@ -40,27 +42,27 @@ pub enum ConfigError {
     Override {
         /// The override as given.
         argument: String,
-        /// What is wrong and what is allowed.
+        /// What is wrong, and which values are valid.
         problem: String,
     },
-    /// A key is unknown or missing, or its value is not allowed.
+    /// A key is unknown or missing, or its value is not valid.
     #[error("{origin}: {key}: {problem}")]
     Key {
         /// The file, or the override that set the key.
         origin: String,
         /// Path of the key, such as `views[1].fov_deg (view `dome`)`.
         key: String,
-        /// What is wrong and what is allowed.
+        /// What is wrong, and which values are valid.
         problem: String,
     },
 }
 
-/// A key and what is wrong with it, before the file is known.
+/// An error at a key, before the file is known.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Fault {
-    /// Path of the key from where the fault was found; empty for the place itself.
+    /// Path of the key relative to the checked value; empty for the value itself.
     pub key: String,
-    /// What is wrong and what is allowed.
+    /// What is wrong, and which values are valid.
     pub problem: String,
 }
 
@@ -70,7 +72,12 @@ impl Fault {
         Self { key: key.into(), problem: problem.into() }
     }
 
-    /// The same fault seen from outside: `prefix` is the path to where it was found.
+    /// The fault of a number that is out of range.
+    pub fn out_of_range(OutOfRange { key, problem }: OutOfRange) -> Self {
+        Self { key, problem }
+    }
+
+    /// The same fault with the path `prefix` before its key.
     pub fn within(self, prefix: &str) -> Self {
         Self { key: join(prefix, &self.key), ..self }
     }
@@ -88,9 +95,5 @@ pub(super) fn join(prefix: &str, key: &str) -> String {
 
 /// Refuses NaN and infinities.
 pub(super) fn finite(key: &str, value: f64) -> Result<(), Fault> {
-    if value.is_finite() {
-        Ok(())
-    } else {
-        Err(Fault::new(key, format!("{value} is not allowed: a finite number is needed")))
-    }
+    if value.is_finite() { Ok(()) } else { Err(Fault::new(key, format!("{value}: must be a finite number"))) }
 }

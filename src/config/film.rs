@@ -1,4 +1,4 @@
-//! The path of a film: TOML, strict as configurations are. Keyframes name quantities at the numbers of frames; what lies between them is
+//! The path of a film: TOML with the same strict rules as configurations. Keyframes give quantities at frame numbers; values between them are
 //! `output::film`'s to say.
 
 use std::path::Path;
@@ -13,7 +13,7 @@ use super::look::{Aim, Look, Towards};
 use super::scene::{SceneConfig, written_time};
 use crate::files;
 use crate::observer::{Frame, frame_from_camera};
-use crate::plan::settings::StarSettings;
+use crate::plan::settings::MAGNITUDES;
 use crate::scene::{Camera, PoseError};
 
 /// Bytes of a path file, at most.
@@ -39,16 +39,16 @@ pub enum Easing {
     Smooth,
 }
 
-/// What a keyframe says of the exposure.
+/// Exposure of a keyframe.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ExposureKey {
     /// The exposure value at ISO 100.
     Ev100(f64),
-    /// What is added to the automatic exposure; positive darkens.
+    /// Compensation of the automatic exposure; positive darkens.
     CompensationEv(f64),
 }
 
-/// What a keyframe says of the field of view of perspective views.
+/// Field of view that a keyframe gives perspective views.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FovKey {
     /// Factor on the width and height of the picture's plane, that is on the tangents of the edges' angles.
@@ -57,7 +57,7 @@ pub enum FovKey {
     YDeg(f64),
 }
 
-/// What a path says of a frame; `None` is what the configuration says, or, of a keyframe, what the others say.
+/// Values of a frame. `None`: the value of the configuration or, in a keyframe, of the neighbouring keyframes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameValues {
     /// Position, ICRS, barycentric, m.
@@ -81,7 +81,7 @@ pub struct FrameValues {
 pub struct Keyframe {
     /// Number of the frame.
     pub frame: u32,
-    /// What it names.
+    /// The quantities that it gives.
     pub values: FrameValues,
     /// Of the segment that begins here.
     pub easing: Easing,
@@ -100,7 +100,7 @@ pub struct FilmPath {
     pub around_m: Option<DVec3>,
     /// At least one.
     pub keyframes: Vec<Keyframe>,
-    /// The document as it stands, without comments and in the order of its keys: what a digest is made of.
+    /// The document without comments, with sorted keys; digests are made of it.
     pub document: String,
 }
 
@@ -141,7 +141,7 @@ fn within(key: &str, value: f64, [least, most]: [f64; 2]) -> Result<f64, Fault> 
     if (least..=most).contains(&value) {
         Ok(value)
     } else {
-        Err(Fault::new(key, format!("{value}: allowed are {least} to {most}")))
+        Err(Fault::new(key, format!("{value}: must be between {least} and {most}")))
     }
 }
 
@@ -167,7 +167,7 @@ fn either<A, B, T>(
 }
 
 impl Keyframe {
-    /// Its table, such that reading it gives the same values, but for times, which have microseconds. `None`: its time is beyond the years 0 to 9999.
+    /// Its table. Reading it gives the same values, with times rounded to microseconds. `None`: its time is outside the years 0 to 9999.
     pub fn text(&self) -> Option<String> {
         let mut text = format!("[[keyframes]]\nframe = {}\n", self.frame);
         // So many digits that reading them gives the same numbers.
@@ -227,7 +227,7 @@ impl KeyframeTable {
             if value > 0.0 && value <= MOST_FOV_Y_DEG {
                 return Ok(FovKey::YDeg(value));
             }
-            Err(Fault::new("fov_y_deg", format!("{value}: allowed is above 0 up to {MOST_FOV_Y_DEG} degrees")))
+            Err(Fault::new("fov_y_deg", format!("{value}: must be above 0 and at most {MOST_FOV_Y_DEG} degrees")))
         };
         let time = |time: Datetime| {
             if time.date.is_none() || time.time.is_none() || time.offset.is_none() {
@@ -263,7 +263,7 @@ impl KeyframeTable {
             )?,
             magnitude_limit: self
                 .magnitude_limit
-                .map(|value| within("magnitude_limit", value, StarSettings::MAGNITUDES))
+                .map(|value| within("magnitude_limit", value, MAGNITUDES))
                 .transpose()?,
             velocity_c: self.velocity_c.map(velocity).transpose()?,
         };
@@ -299,7 +299,7 @@ impl FilmPath {
     }
 
     fn from_table(table: Table, origin: &str, text: String) -> Result<Self, Fault> {
-        // As they stand: tables that have gone through a type of another table have texts in place of their times.
+        // The original tables: after deserialising into another table type, times are texts.
         let tables = table.get("keyframes").and_then(Value::as_array).cloned().unwrap_or_default();
         let document: Document = deserialise(Value::Table(table), "")?;
         let fps = within("fps", document.fps, FPS)?;
@@ -318,8 +318,9 @@ impl FilmPath {
             match (frame, of_keyframe) {
                 (Some(first), Some(other)) if first != other => {
                     let [first, other] = [first, other].map(Frame::name);
-                    let problem =
-                        format!("its frame is {other}, that of a keyframe before is {first}: allowed is one of them");
+                    let problem = format!(
+                        "its frame is {other}, that of an earlier keyframe is {first}: all keyframes must have the same one"
+                    );
                     return fault("look.frame", problem);
                 }
                 _ => frame = frame.or(of_keyframe),
@@ -327,14 +328,14 @@ impl FilmPath {
             if let Some(last) = keyframes.last()
                 && last.frame >= keyframe.frame
             {
-                let problem = format!("{} does not rise: allowed are numbers above {}", keyframe.frame, last.frame);
+                let problem = format!("{}: must be above {}, the frame before", keyframe.frame, last.frame);
                 return fault("frame", problem);
             }
             if keyframe.values.position_m.is_some() && keyframe.values.position_m == around_m {
                 return fault("position_m", "it is around_m itself, from which it has no direction".to_owned());
             }
             let other =
-                |names: [&str; 2]| format!("keyframes have {} and {}: allowed is one of them", names[0], names[1]);
+                |names: [&str; 2]| format!("keyframes have {} and {}: give only one of them", names[0], names[1]);
             let differs = |other: &Keyframe| match (other.values.fov, keyframe.values.fov) {
                 (Some(FovKey::Scale(_)), Some(FovKey::YDeg(_))) => Some("fov_y_deg"),
                 (Some(FovKey::YDeg(_)), Some(FovKey::Scale(_))) => Some("fov_scale"),
@@ -368,7 +369,7 @@ mod tests {
         for (text, parts) in [
             ("", &["keyframes", "at least one"][..]),
             ("speed = 3\n[[keyframes]]\nframe = 0", &["speed", "unknown key", "keyframes"]),
-            ("fps = 0.5\n[[keyframes]]\nframe = 0", &["fps", "1 to 240"]),
+            ("fps = 0.5\n[[keyframes]]\nframe = 0", &["fps", "between 1 and 240"]),
             ("fps = nan\n[[keyframes]]\nframe = 0", &["fps", "finite"]),
             ("[[keyframes]]\nfame = 0", &["keyframes[0].fame", "unknown key", "frame"]),
             ("[[keyframes]]\nframe = -1", &["keyframes[0].frame"]),
@@ -376,7 +377,7 @@ mod tests {
             ("[[keyframes]]\nframe = 3\n[[keyframes]]\nframe = 3", &["keyframes[1].frame", "above 3"]),
             ("[[keyframes]]\nframe = 3\neasing = 'bouncy'", &["keyframes[0].easing", "linear", "smooth"]),
             ("[[keyframes]]\nframe = 3\norientation = [0, 0, 0, 2]", &["keyframes[0].orientation", "unit quaternion"]),
-            ("[[keyframes]]\nframe = 3\nlook = { ra_deg = 1, dec_deg = 91 }", &["look.dec_deg", "-90 to 90"]),
+            ("[[keyframes]]\nframe = 3\nlook = { ra_deg = 1, dec_deg = 91 }", &["look.dec_deg", "between -90 and 90"]),
             (
                 "[[keyframes]]\nframe = 3\norientation = [0, 0, 0, 1]\nlook = { ra_deg = 1, dec_deg = 9 }",
                 &["keyframes[0].look", "at most one of orientation and look"],
@@ -387,10 +388,13 @@ mod tests {
             ),
             ("[[keyframes]]\nframe = 3\nlook = { at = 'moon' }", &["keyframes[0].look.at", "not allowed"]),
             ("[[keyframes]]\nframe = 3\ntime = 2026-01-01", &["keyframes[0].time", "offset"]),
-            ("[[keyframes]]\nframe = 3\nfov_y_deg = 0", &["keyframes[0].fov_y_deg", "up to 178"]),
-            ("[[keyframes]]\nframe = 3\nfov_scale = 0", &["keyframes[0].fov_scale", "allowed"]),
+            ("[[keyframes]]\nframe = 3\nfov_y_deg = 0", &["keyframes[0].fov_y_deg", "at most 178"]),
+            ("[[keyframes]]\nframe = 3\nfov_scale = 0", &["keyframes[0].fov_scale", "must be"]),
             ("[[keyframes]]\nframe = 3\nvelocity_c = [1, 0, 0]", &["keyframes[0].velocity_c", "0.9999"]),
-            ("[[keyframes]]\nframe = 3\nmagnitude_limit = 1e3", &["keyframes[0].magnitude_limit", "-100 to 100"]),
+            (
+                "[[keyframes]]\nframe = 3\nmagnitude_limit = 1e3",
+                &["keyframes[0].magnitude_limit", "between -100 and 100"],
+            ),
             (
                 "around_m = [1, 2, 3]\n[[keyframes]]\nframe = 3\nposition_m = [1, 2, 3]",
                 &["keyframes[0].position_m", "around_m"],

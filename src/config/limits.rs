@@ -1,18 +1,15 @@
-//! Rules of `[stars]`, `[glare]`, `[exposure]` and `[tone_map]` that tie several keys together. The range of a single key stands
-//! in [`super::ranges`] and has been checked before.
+//! Rules of `[stars]`, `[glare]`, `[exposure]` and `[tone_map]` that tie several keys together. The ranges of single keys are attributes
+//! of the fields and have been checked before.
 
-use toml::Table;
-
-use super::effects;
-use super::error::{Fault, finite};
+use super::error::Fault;
 use crate::{
     photometry::{
         glare::GlareKernelName,
         psf::{Aperture, PsfError},
     },
     plan::settings::{
-        BillboardSettings, ExposureSettings, GaussianPsfSettings, GlareSettings, PsfTextureSettings, StarMethod,
-        StarSettings, ToneMapSettings,
+        AutoExposure, BillboardSettings, ExposureKeys, ExposureSettings, GaussianPsfSettings, GlareSettings,
+        PsfTextureSettings, StarMethod, StarSettings, ToneMapSettings,
     },
 };
 
@@ -24,15 +21,15 @@ pub(super) fn check_stars(stars: &StarSettings) -> Result<(), Fault> {
 
 fn check_psf_texture(psf: &PsfTextureSettings) -> Result<(), Fault> {
     if Aperture::from_name(&psf.aperture, 6).is_none() {
-        let problem = format!("`{}` is no aperture: allowed are {}", psf.aperture, Aperture::NAMES.join(", "));
+        let problem = format!("`{}` is not an aperture: must be one of {}", psf.aperture, Aperture::NAMES.join(", "));
         return Err(Fault::new("aperture", problem));
     }
     psf.check().map_err(|error| match error {
         PsfError::TooFine { allowed_steps, needed_steps, .. } => {
-            // Steps of half a fringe in a texel go with the diameter, and were rounded up.
+            // The number of steps of half a fringe in a texel is proportional to the diameter, rounded up.
             let most = psf.diameter_mm * allowed_steps / needed_steps;
             let problem =
-                format!("{}: at width_arcmin = {} allowed are at most {most:.3} mm", psf.diameter_mm, psf.width_arcmin);
+                format!("{}: must be at most {most:.3} mm at width_arcmin = {}", psf.diameter_mm, psf.width_arcmin);
             Fault::new("diameter_mm", problem)
         }
         error => Fault::new("", error.to_string()),
@@ -64,13 +61,13 @@ pub(super) fn check_glare(glare: &GlareSettings) -> Result<(), Fault> {
     }
     if glare.absolute {
         if glare.kernel != GlareKernelName::Cie {
-            return Err(Fault::new("absolute", "true is allowed for kernel = \"cie\" only, the others are relative"));
+            return Err(Fault::new("absolute", "true needs kernel = \"cie\": the other kernels are relative"));
         }
         let share = glare.fraction_scattered();
         if share > 1.0 {
             let (age, inner) = (glare.age_years, glare.inner_deg);
             let problem = format!(
-                "true makes the kernel scatter {share:.2} of the light at age_years = {age} and inner_deg = {inner}: allowed is at most 1"
+                "true makes the kernel scatter {share:.2} of the light at age_years = {age} and inner_deg = {inner}: must be at most 1"
             );
             return Err(Fault::new("absolute", problem));
         }
@@ -78,24 +75,28 @@ pub(super) fn check_glare(glare: &GlareSettings) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Rules of `[exposure]`, of which `given` is the table as it stands in the document: a key that it has without any effect is a
-/// mistake of whoever wrote it, who expects one.
-pub(super) fn check_exposure(exposure: &ExposureSettings, given: &Table, stars: StarMethod) -> Result<(), Fault> {
-    effects::check(exposure, given, stars)?;
-    if exposure.min_ev100 > exposure.max_ev100 {
-        let problem = format!("{} is above max_ev100 = {}: it must not be", exposure.min_ev100, exposure.max_ev100);
-        return Err(Fault::new("min_ev100", problem));
+/// Checks the exposure that `keys` make over general settings; keys without effect are refused.
+pub(super) fn check_exposure(
+    keys: &ExposureKeys,
+    general: &ExposureSettings,
+    stars: StarMethod,
+) -> Result<ExposureSettings, Fault> {
+    keys.check_effects(general, stars.is_relative()).map_err(|(key, problem)| Fault::new(key, problem))?;
+    let exposure = keys.over(general);
+    if let ExposureSettings::Auto(AutoExposure { min_ev100, max_ev100, .. }) = exposure
+        && min_ev100 > max_ev100
+    {
+        return Err(Fault::new("min_ev100", format!("{min_ev100}: must not be above max_ev100 = {max_ev100}")));
     }
-    Ok(())
+    Ok(exposure)
 }
 
 pub(super) fn check_tone_map(tone_map: &ToneMapSettings) -> Result<(), Fault> {
-    finite("black_cd_m2", tone_map.black_cd_m2)?;
-    // With less contrast than 2 it is no display.
+    // The contrast of a display is at least 2.
     let most = 0.5 * tone_map.peak_cd_m2;
-    if !(0.0..=most).contains(&tone_map.black_cd_m2) {
+    if tone_map.black_cd_m2 > most {
         let problem = format!(
-            "{}: allowed are 0 to {most} cd/m^2, half of peak_cd_m2 = {}",
+            "{}: must be between 0 and {most} cd/m^2, half of peak_cd_m2 = {}",
             tone_map.black_cd_m2, tone_map.peak_cd_m2
         );
         return Err(Fault::new("black_cd_m2", problem));

@@ -1,4 +1,4 @@
-//! `look`: where a camera looks, told by a direction of a frame or by a body, and what is up.
+//! `look`: the direction of a camera, given in one of several frames or by a body, and its roll.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -10,7 +10,7 @@ use crate::observer::Frame;
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Look {
-    /// Axes by which the direction is told and that the camera hangs on: `icrs`, `galactic`, `ecliptic` (mean ecliptic and equinox of J2000.0), `horizon` (of `scene.observer`). Without
+    /// Frame of the direction, with which the camera turns: `icrs`, `galactic`, `ecliptic` (mean ecliptic and equinox of J2000.0), `horizon` (of `scene.observer`). Without
     /// it those of the direction's keys, or `icrs`.
     pub frame: Option<Frame>,
     /// Right ascension; frame `icrs`.
@@ -25,7 +25,7 @@ pub struct Look {
     pub longitude_deg: Option<f64>,
     /// Latitude, -90 to 90; frames `galactic` and `ecliptic`, and those of bodies.
     pub latitude_deg: Option<f64>,
-    /// Name of a body, in place of a direction.
+    /// Name of a body, instead of a direction.
     pub at: Option<String>,
     /// By which the top of the picture is turned to the left: in frame `icrs` its position angle, from north through east.
     #[serde(default)]
@@ -62,7 +62,7 @@ fn keys(frame: Frame) -> [&'static str; 2] {
 }
 
 impl Look {
-    /// What it says; a fault names the key within it.
+    /// The checked direction; a fault names the key within it.
     pub(super) fn aim(&self) -> Result<Aim, Fault> {
         finite("roll_deg", self.roll_deg)?;
         let given = [
@@ -85,28 +85,26 @@ impl Look {
         let frame = self.frame.or(of_keys).unwrap_or_default();
         let [longitude, latitude] = keys(frame);
         if let Some((key, ..)) = given.iter().find(|(key, ..)| ![longitude, latitude].contains(key)) {
-            let problem = format!("not a key of this frame: a direction of it is told by {longitude} and {latitude}");
+            let problem = format!("not a key of this frame: it has {longitude} and {latitude}");
             return Err(Fault::new(*key, problem));
         }
         let roll_rad = self.roll_deg.to_radians();
         if let Some(body) = &self.at {
             return match given.first() {
-                Some((key, ..)) => {
-                    Err(Fault::new(*key, "at is given too: exactly one of a direction and at is allowed"))
-                }
+                Some((key, ..)) => Err(Fault::new(*key, "at is given too: give either a direction or at")),
                 None => Ok(Aim { frame, towards: Towards::Body(body.clone()), roll_rad }),
             };
         }
         let needed = |key: &str| {
             let found = given.iter().find(|(name, ..)| *name == key).map(|(_, value, _)| *value);
-            let missing = format!("missing key: {longitude} and {latitude} are needed, or at");
+            let missing = format!("missing key: give {longitude} and {latitude}, or at");
             let value = found.ok_or_else(|| Fault::new(key, missing))?;
             finite(key, value)?;
             Ok(value)
         };
         let [longitude_deg, latitude_deg] = [needed(longitude)?, needed(latitude)?];
         if latitude_deg.abs() > 90.0 {
-            return Err(Fault::new(latitude, format!("{latitude_deg}: allowed are -90 to 90")));
+            return Err(Fault::new(latitude, format!("{latitude_deg}: must be between -90 and 90")));
         }
         let towards = Towards::Direction([frame.longitude_rad(longitude_deg), latitude_deg.to_radians()]);
         Ok(Aim { frame, towards, roll_rad })
@@ -138,7 +136,7 @@ mod tests {
         for (text, key, part) in [
             ("", "ra_deg", "missing"),
             ("ra_deg = 3", "dec_deg", "missing"),
-            ("ra_deg = 3\ndec_deg = 91", "dec_deg", "-90 to 90"),
+            ("ra_deg = 3\ndec_deg = 91", "dec_deg", "between -90 and 90"),
             ("ra_deg = nan\ndec_deg = 9", "ra_deg", "finite"),
             ("longitude_deg = 3\nlatitude_deg = 9", "frame", "galactic"),
             ("frame = \"galactic\"\nra_deg = 3\ndec_deg = 9", "ra_deg", "longitude_deg and latitude_deg"),

@@ -1,9 +1,10 @@
 //! Configuration: strict TOML, unknown keys refused.
 //!
 //! A configuration is loaded in four steps, each with its own errors: text to tables ([`document`]), overrides
-//! ([`overrides`]), tables to the types below (serde, with the path of the key at fault), and the ranges that types do not
-//! express. What comes out is plain data; [`Config::rig`], [`Config::camera`], [`Config::render_settings`], [`Config::objects`] and
-//! [`Config::star_sources`] turn it into what the other modules work with. Degrees and quaternions as (x, y, z, w) end here.
+//! ([`overrides`]), tables to the types below (serde, with the path of the key at fault), and checks of ranges, which are attributes of
+//! the fields, and of rules that tie keys together. The result is plain data; [`Config::rig`], [`Config::camera`], [`Config::render_settings`],
+//! [`Config::objects`] and [`Config::star_sources`] convert it to the types of the other modules. Only configurations have degrees, and
+//! quaternions as lists x, y, z, w.
 
 mod asteroids;
 mod bodies;
@@ -13,18 +14,18 @@ mod effects;
 mod error;
 mod film;
 mod headset;
+mod keys;
 mod limits;
 mod look;
 mod observer;
 mod overlay;
 mod overrides;
 mod projector;
-pub mod ranges;
 pub mod reference;
 mod scene;
 mod server;
 mod surroundings;
-mod view_tables;
+mod view_settings;
 mod views;
 mod windows;
 
@@ -35,11 +36,11 @@ use std::time::SystemTime;
 pub use asteroids::{FieldConfig, FieldShape};
 pub use bodies::{BodyConfig, EmissionConfig, SpinConfig};
 pub use dome::{DomeFault, DomeProjector};
-pub use effects::has_effect;
 pub use error::ConfigError;
 use error::{Fault, join};
 pub use film::{Easing, ExposureKey, FilmPath, FovKey, FrameValues, Keyframe};
 use glam::{DQuat, DVec3};
+pub use keys::{KeyError, with_keys_of, with_same_keys};
 pub use look::Look;
 use look::{Aim, Towards};
 pub use observer::ObserverConfig;
@@ -51,10 +52,10 @@ use serde::Deserialize;
 pub use server::{CertificateConfig, Role, ServerConfig, Sha256Hex, TlsConfig, TokenConfig, UNIX_PREFIX, parse_listen};
 pub use surroundings::{AirConfig, GroundConfig, MOST_POINTS as MOST_HORIZON_POINTS};
 use toml::{Table, Value};
-pub use view_tables::{ViewTables, ViewTablesError, resolve_views};
+pub use view_settings::{ViewSettingsError, resolve_views};
 pub use views::{
-    CubemapConfig, DefinitionError, DomeMasterConfig, EquirectangularConfig, FisheyeConfig, FovConfig, MappingConfig,
-    PackingConfig, PerspectiveConfig, StereoConfig, VIEW_TYPES, ViewConfig, ViewKindConfig,
+    CubemapSpec, DomeMasterSpec, EquirectangularSpec, FisheyeSpec, FovSpec, MappingConfig, PackingConfig,
+    PerspectiveSpec, StereoSpec, VIEW_TYPES, ViewGeometry, ViewKindSpec, ViewSpec,
 };
 pub use windows::{MOST_WINDOWS, MonitorChoice, WindowConfig, WindowFormat};
 
@@ -67,8 +68,8 @@ use crate::ephemeris::{Ephemeris, Kernels};
 use crate::files;
 use crate::observer::{Moment, Observer, Refraction, frame_from_camera};
 use crate::plan::settings::{
-    AccuracySettings, AsteroidSettings, ExposureSettings, GlareSettings, HeadsetSettings, RenderSettings, StarSettings,
-    ToneMapSettings,
+    AccuracySettings, AsteroidSettings, ExposureKeys, ExposureSettings, ExposureValues, GlareSettings, HeadsetSettings,
+    RenderSettings, StarSettings, ToneMapSettings,
 };
 use crate::plan::view_settings::{FrameGroup, ViewSettings, frame_groups};
 use crate::scene::asteroids::{FieldSpec, SpecError, check_fields, make_fields};
@@ -81,7 +82,7 @@ use crate::solar_system::SolarBody;
 use crate::units::JULIAN_YEAR_S;
 use crate::view::Rig;
 
-/// What `serve` shows without a configuration file.
+/// The configuration of `serve` without a file.
 const BUILT_IN: &str = include_str!("built_in.toml");
 
 /// A configuration whose every key and range has been checked.
@@ -91,13 +92,13 @@ pub struct Config {
     pub origin: String,
     /// The folder at which relative paths start.
     pub folder: PathBuf,
-    /// What determines the pictures, as TOML: the tables with overrides, but those of the daemon and the headset, without comments and in the order of their
-    /// keys. The same wherever the file lies; reading it gives this configuration again. What stands in the files that it names is not in it.
+    /// The part of the configuration that determines pictures, as TOML: all tables with overrides applied, except those of the daemon, the headset and windows,
+    /// without comments and with sorted keys. Reading it gives this configuration again. The content of the files that it names is not included.
     pub pictured: String,
     /// `[scene]`.
     pub scene: SceneConfig,
     /// `[[views]]`.
-    pub views: Vec<ViewConfig>,
+    pub views: Vec<ViewSpec>,
     /// `[[bodies]]`.
     pub bodies: Vec<BodyConfig>,
     /// `[[asteroid_fields]]`.
@@ -129,11 +130,11 @@ pub struct Config {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Sections {
-    /// What there is to see, when, and from where.
+    /// Objects of the scene, time, and camera.
     #[serde(default)]
     scene: SceneConfig,
     #[serde(default)]
-    #[schemars(with = "Vec<ViewConfig>")]
+    #[schemars(with = "Vec<views::ViewTable>")]
     views: Vec<Table>,
     #[serde(default)]
     #[schemars(with = "Vec<BodyConfig>")]
@@ -150,7 +151,8 @@ struct Sections {
     #[serde(default)]
     glare: GlareSettings,
     #[serde(default)]
-    exposure: ExposureSettings,
+    #[schemars(with = "ExposureValues")]
+    exposure: ExposureKeys,
     #[serde(default)]
     tone_map: ToneMapSettings,
     #[serde(default)]
@@ -174,7 +176,7 @@ impl Config {
         Self::from_text(&text, &path.display().to_string(), folder, overrides)
     }
 
-    /// What a file says, and the folder that it is in.
+    /// Text of a file, and its folder.
     fn text_of(path: &Path) -> Result<(String, &Path), ConfigError> {
         let text = files::read_text_bounded(path, MOST_BYTES)
             .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
@@ -197,11 +199,11 @@ impl Config {
         Self::read(text, origin, folder, overrides, Self::check_views)
     }
 
-    /// The same as [`Self::load`], but that its views can be built is not looked at: for what judges each of them.
+    /// Like [`Self::load`], but without checking that the views can be built, for callers that judge each view themselves.
     ///
     /// # Errors
     ///
-    /// Those of [`Self::load`], but for those of views.
+    /// Those of [`Self::load`], except those of views.
     pub fn load_unbuilt(path: &Path, overrides: &[String]) -> Result<Self, ConfigError> {
         let (text, folder) = Self::text_of(path)?;
         Self::read(&text, &path.display().to_string(), folder, overrides, Ok)
@@ -222,13 +224,13 @@ impl Config {
         effects::leave_out_overridden(&mut table, &applied, origin);
         scene::set_now(&mut table, SystemTime::now());
         let mut pictured = table.clone();
-        // Neither is in a picture, and who may call is nobody's business who has one.
+        // These do not affect pictures, and credentials must not be published with them.
         for section in ["server", "headset", "windows"] {
             pictured.remove(section);
         }
         let loaded = Self::from_table(table, origin, folder);
         loaded.and_then(check_views).map(|config| Self { pictured: pictured.to_string(), ..config }).map_err(|fault| {
-            // The last override that touches the key is to blame, if there is one; for an unknown table, one that put it there.
+            // Name the last override that set the key; for an unknown table, the one that created it.
             let key = fault.key.split(" (").next().unwrap_or_default();
             let below = |inner: &str, outer: &str| {
                 inner.strip_prefix(outer).is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
@@ -242,18 +244,16 @@ impl Config {
     }
 
     /// The files that it names and that pictures depend on: catalogues, point-spread functions, textures, a landscape, kernels, shapes and calibrations, with paths that start at
-    /// the working directory or the root. What those name in turn is not among them.
+    /// the working directory or the root. Files that these name in turn are not included.
     pub fn named_files(&self) -> Vec<PathBuf> {
         let catalogues = self.star_sources().into_iter().filter_map(|source| match source {
             StarSource::File(path) | StarSource::Light(LightMap { path, .. }) => Some(path),
             StarSource::Bright | StarSource::Galaxy(_) => None,
         });
-        let of_views = self.views.iter().filter_map(|view| {
-            let file = view.tables.glare.as_ref()?.get("psf_file")?.as_str()?;
-            Some(self.folder.join(file))
-        });
-        let calibrations = self.views.iter().flat_map(|view| match &view.kind {
-            ViewKindConfig::Projector(projector) => {
+        let of_views =
+            self.views.iter().filter_map(|view| Some(self.folder.join(view.glare.as_ref()?.psf_file.as_ref()?)));
+        let calibrations = self.views.iter().flat_map(|view| match &view.geometry.kind {
+            ViewKindSpec::Projector(projector) => {
                 let files = [Some(&projector.file), projector.lut.as_ref()];
                 files.into_iter().flatten().map(|file| self.folder.join(file)).collect()
             }
@@ -271,6 +271,24 @@ impl Config {
         files
     }
 
+    /// The keys of a view's geometry as the configuration writes them, in one line. A field of view that a film has changed has its new value.
+    pub fn geometry_line(&self, view: usize) -> String {
+        let document: Table = self.pictured.parse().unwrap_or_default();
+        let table = document.get("views").and_then(|views| views.get(view)).and_then(Value::as_table);
+        let mut keys = table.cloned().unwrap_or_default();
+        let settings = views::keys_of::<ViewSpec>();
+        keys.retain(|key, _| !settings.contains(&key));
+        if let Some(ViewKindSpec::Perspective(now)) = self.views.get(view).map(|view| &view.geometry.kind)
+            && let Ok(given) =
+                PerspectiveSpec::deserialize(Value::Table(without(&keys, &["type", "orientation", "position_m"])))
+            && (given.fov_y_deg, given.fov) != (now.fov_y_deg, now.fov)
+        {
+            keys.extend(keys::table_of(now).unwrap_or_default().into_iter().filter(|(key, _)| key != "size"));
+        }
+        let keys: Vec<String> = keys.iter().map(|(key, value)| format!("{key} = {value}")).collect();
+        keys.join("; ")
+    }
+
     /// The glTF files of asteroid fields.
     pub fn shape_files(&self) -> Vec<PathBuf> {
         let shapes = self.asteroid_fields.iter().flat_map(|field| field.shapes.iter().flatten());
@@ -279,8 +297,11 @@ impl Config {
 
     fn from_table(table: Table, origin: &str, folder: &Path) -> Result<Self, Fault> {
         let sections: Sections = document::deserialise(Value::Table(table.clone()), "")?;
-        ranges::check(&table)?;
-        let views = each(&VIEWS, sections.views, ViewConfig::from_table)?;
+        // The entries of lists are checked one by one, so that messages have their names.
+        let mut unlisted = table;
+        [VIEWS, BODIES, FIELDS, WINDOWS].iter().for_each(|named| drop(unlisted.remove(named.list)));
+        document::check_ranges::<Sections>(&Value::Table(unlisted))?;
+        let views = each(&VIEWS, sections.views, ViewSpec::from_table)?;
         let mut bodies = each(&BODIES, sections.bodies, BodyConfig::from_table)?;
         if sections.scene.has_solar_system() {
             let stands_on = sections.scene.observer.as_ref().map(|_| SolarBody::Earth);
@@ -290,7 +311,7 @@ impl Config {
             bodies.extend(missing.map(BodyConfig::of_solar_system).collect::<Vec<_>>());
         }
         let asteroid_fields = each(&FIELDS, sections.asteroid_fields, FieldConfig::from_table)?;
-        let windows = each(&WINDOWS, sections.windows, |table| document::deserialise(Value::Table(table), ""))?;
+        let windows = each(&WINDOWS, sections.windows, |table| document::read(Value::Table(table)))?;
         let mut asteroids = sections.asteroids;
         if !asteroids.cache.as_os_str().is_empty() {
             asteroids.cache = folder.join(&asteroids.cache);
@@ -299,6 +320,8 @@ impl Config {
         stars.psf_texture.file = stars.psf_texture.file.map(|file| folder.join(file));
         let mut glare = sections.glare;
         glare.psf_file = glare.psf_file.map(|file| folder.join(file));
+        let exposure = limits::check_exposure(&sections.exposure, &ExposureSettings::default(), stars.method)
+            .map_err(|fault| fault.within("exposure"))?;
         let config = Self {
             origin: origin.to_owned(),
             folder: folder.to_owned(),
@@ -312,7 +335,7 @@ impl Config {
             asteroids,
             stars,
             glare,
-            exposure: sections.exposure,
+            exposure,
             tone_map: sections.tone_map,
             accuracy: sections.accuracy,
             headset: sections.headset,
@@ -329,9 +352,6 @@ impl Config {
         asteroids::check_settings(&config.asteroids).map_err(|fault| fault.within("asteroids"))?;
         limits::check_stars(&config.stars).map_err(|fault| fault.within("stars"))?;
         limits::check_glare(&config.glare).map_err(|fault| fault.within("glare"))?;
-        let exposure = table.get("exposure").and_then(Value::as_table).cloned().unwrap_or_default();
-        limits::check_exposure(&config.exposure, &exposure, config.stars.method)
-            .map_err(|fault| fault.within("exposure"))?;
         limits::check_tone_map(&config.tone_map).map_err(|fault| fault.within("tone_map"))?;
         headset::check(&config.headset).map_err(|fault| fault.within("headset"))?;
         server::check(&config.server).map_err(|fault| fault.within("server"))?;
@@ -365,9 +385,10 @@ impl Config {
     }
 
     fn resolve_views(&self) -> Result<Vec<ViewSettings>, Fault> {
-        let views: Vec<(&str, &ViewTables)> = self.views.iter().map(|view| (&view.name[..], &view.tables)).collect();
-        view_tables::resolve_views(&self.render_settings(), &views, &self.folder).map_err(
-            |ViewTablesError { view, key, problem }| VIEWS.fault(view, Some(views[view].0), Fault::new(key, problem)),
+        resolve_views(&self.render_settings(), &self.views, &self.folder).map_err(
+            |ViewSettingsError { view, key, problem }| {
+                VIEWS.fault(view, Some(&self.views[view].name), Fault::new(key, problem))
+            },
         )
     }
 
@@ -394,7 +415,7 @@ impl Config {
         self.camera_at(self.scene.time_s())
     }
 
-    /// The camera at a moment, s since 2000-01-01T12:00:00Z, with revision 0: one that hangs on the horizon turns with the Earth.
+    /// The camera at a moment, s since 2000-01-01T12:00:00Z, with revision 0. A camera in the horizon frame turns with the Earth.
     pub fn camera_at(&self, time_s: f64) -> Result<Camera, ConfigError> {
         self.camera_of(time_s).map_err(|fault| self.error(fault.within("scene")))
     }
@@ -404,12 +425,12 @@ impl Config {
         SceneClock::running(self.scene.time_s(), self.scene.time_rate, SystemTime::now())
     }
 
-    /// Who looks at the scene.
+    /// The observer on the Earth, if the scene has one.
     pub fn observer(&self) -> Option<Observer> {
         self.scene.observer()
     }
 
-    /// The moment for which its stars are placed, and who sees them.
+    /// The moment for which stars are placed, and the observer who sees them.
     pub fn epoch(&self) -> Epoch {
         let observer = self.observer();
         match observer {
@@ -437,7 +458,7 @@ impl Config {
     fn turned(&self, aim: &Aim, seen: (f64, Option<&Observer>), camera_m: DVec3) -> Result<DQuat, Fault> {
         let (time_s, observer) = seen;
         let Some(icrs_from_frame) = aim.frame.icrs_from(observer, time_s) else {
-            return Err(Fault::new("frame", "horizon: there is none without [scene.observer]"));
+            return Err(Fault::new("frame", "horizon: needs [scene.observer]"));
         };
         let frame_from_camera = match &aim.towards {
             Towards::Direction([longitude_rad, latitude_rad]) => {
@@ -447,7 +468,7 @@ impl Config {
                 let Some(body) = self.bodies.iter().find(|body| body.name == *name) else {
                     let names: Vec<&str> = self.bodies.iter().map(|body| &body.name[..]).collect();
                     let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-                    return Err(Fault::new("at", format!("`{name}`: there is no such body; there are: {names}")));
+                    return Err(Fault::new("at", format!("`{name}`: no such body; the bodies are: {names}")));
                 };
                 let place_m = match body.ephemeris {
                     Some(of) => {
@@ -469,7 +490,7 @@ impl Config {
         Ok(DQuat::from_mat3(&icrs_from_frame) * frame_from_camera)
     }
 
-    /// Where what lies far away at a place relative to the camera is seen at a moment through the air of an observer, m.
+    /// Apparent position of a distant object through the observer's air, m relative to the camera.
     fn seen_m(&self, place_m: DVec3, (time_s, observer): (f64, Option<&Observer>)) -> DVec3 {
         let air = self.scene.observer.as_ref().and_then(ObserverConfig::refracting);
         let (Some(observer), Some(air)) = (observer, air) else { return place_m };
@@ -498,7 +519,7 @@ impl Config {
         self.resolve_views().map_err(|fault| self.error(fault))
     }
 
-    /// The frames that the views make, which are drawn one after the other: one, unless views have settings of their own.
+    /// The frames that the views form, drawn one after the other: a single one, unless views have their own settings.
     pub fn frame_groups(&self) -> Result<Vec<FrameGroup>, ConfigError> {
         Ok(frame_groups(&self.rig()?, &self.render_settings(), &self.view_settings()?))
     }
@@ -518,7 +539,7 @@ impl Config {
         self.asteroid_fields.iter().enumerate().map(spec).collect()
     }
 
-    /// What the asteroid fields are made from, with paths that start at the working directory or the root.
+    /// Specifications of the asteroid fields, with paths that start at the working directory or the root.
     pub fn field_specs(&self) -> Result<Vec<Arc<FieldSpec>>, ConfigError> {
         self.specs().map_err(|fault| self.error(fault))
     }
@@ -560,7 +581,7 @@ impl Config {
         Ok(objects.placed())
     }
 
-    /// The kernels of `scene.kernels`; `None`: there are none.
+    /// The kernels of `scene.kernels`; `None`: the list is empty.
     fn kernels(&self) -> Result<Option<Arc<Kernels>>, Fault> {
         let files: Vec<PathBuf> = self.scene.kernels.iter().map(|file| self.folder.join(file)).collect();
         if files.is_empty() {
@@ -569,7 +590,7 @@ impl Config {
         Kernels::load(&files).map(Some).map_err(|error| Fault::new("scene.kernels", error.to_string()))
     }
 
-    /// That the kernels have all bodies that need them, at the scene's time.
+    /// Checks that the kernels cover all bodies that need them, at the scene's time.
     fn check_kernels(&self, kernels: Option<&Kernels>, observer: Option<&Observer>) -> Result<(), Fault> {
         let moment = Moment::new(self.scene.time_s(), observer);
         for (index, body) in self.bodies.iter().enumerate() {
@@ -600,11 +621,17 @@ impl Config {
     }
 }
 
+/// A table without some keys.
+fn without(table: &Table, keys: &[&str]) -> Table {
+    let others = table.iter().filter(|(key, _)| !keys.contains(&key.as_str()));
+    others.map(|(key, value)| (key.clone(), value.clone())).collect()
+}
+
 /// A list of named tables.
 struct Named {
     /// Key of the list.
     list: &'static str,
-    /// What one of them is.
+    /// Noun for one entry.
     one: &'static str,
 }
 
@@ -630,7 +657,7 @@ fn each<T>(named: &Named, tables: Vec<Table>, read: impl Fn(Table) -> Result<T, 
     tables.into_iter().enumerate().map(read).collect()
 }
 
-/// That kernels have a place for an ephemeris at a scene's moment, and cover it. The error tells why not, and which times they cover.
+/// Checks that kernels cover an ephemeris at a moment. The error gives the reason, and the times that they cover.
 pub(crate) fn check_place(of: Ephemeris, kernels: Option<&Kernels>, moment: &Moment) -> Result<(), String> {
     let Ephemeris::Spk(number) = of else { return Ok(()) };
     moment.place(of, kernels)?;

@@ -4,9 +4,12 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::{Fault, finite};
+use super::error::Fault;
 use crate::coordinates::direction_from_lon_lat;
-use crate::scene::overlay::{Anchor, Colour, Grid, GridKind, Label, LineStyle, Lists, Overlay, Trajectory};
+use crate::scene::bodies::FARTHEST_M;
+use crate::scene::overlay::{
+    Anchor, Colour, Grid, GridKind, Label, LineStyle, Lists, Overlay, SIZES_PX, Trajectory, WIDTHS_PX,
+};
 
 /// `[overlay]`: lines and text over display images, never in light.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
@@ -16,7 +19,7 @@ pub struct OverlayConfig {
     pub grids: Vec<GridConfig>,
     /// Polylines in space, 256 at most with at most 32768 points together.
     pub trajectories: Vec<TrajectoryConfig>,
-    /// Text beside directions and points, 1024 at most.
+    /// Text next to directions and points, 1024 at most.
     pub labels: Vec<LabelConfig>,
 }
 
@@ -28,6 +31,7 @@ pub struct GridConfig {
     pub kind: GridKind,
     /// Angle between neighbouring circles; 90 is a whole multiple of it.
     #[serde(default = "grid_spacing_deg")]
+    #[schemars(range(min = 1.0, max = 90.0), extend("x-unit" = "degrees"))]
     pub spacing_deg: f64,
     /// Whether the circles are numbered.
     #[serde(default = "yes")]
@@ -37,9 +41,11 @@ pub struct GridConfig {
     pub colour: String,
     /// Width of the lines.
     #[serde(default = "grid_width_px")]
+    #[schemars(range(min = WIDTHS_PX[0], max = WIDTHS_PX[1]), extend("x-unit" = "pixels"))]
     pub width_px: f64,
-    /// Share of what is behind that it replaces, in linear light.
+    /// Share of the background that it replaces, in linear light.
     #[serde(default = "grid_opacity")]
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub opacity: f64,
 }
 
@@ -56,34 +62,40 @@ pub struct TrajectoryConfig {
     pub colour: String,
     /// Width of the line.
     #[serde(default = "trajectory_width_px")]
+    #[schemars(range(min = WIDTHS_PX[0], max = WIDTHS_PX[1]), extend("x-unit" = "pixels"))]
     pub width_px: f64,
-    /// Share of what is behind that it replaces, in linear light.
+    /// Share of the background that it replaces, in linear light.
     #[serde(default = "one")]
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub opacity: f64,
 }
 
-/// Text beside a direction (`ra_deg` and `dec_deg`) or a point (`position_m`).
+/// Text next to a direction (`ra_deg` and `dec_deg`) or a point (`position_m`).
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LabelConfig {
     /// Unique name: letters, digits, `_` and `-`.
     pub name: String,
-    /// Text, one line of at most 64 characters; without it the name.
+    /// Text, one line of at most 64 characters; the name by default.
     pub text: Option<String>,
     /// Right ascension (ICRS) of a direction.
     pub ra_deg: Option<f64>,
     /// Declination (ICRS) of a direction.
+    #[schemars(range(min = -90.0, max = 90.0), extend("x-unit" = "degrees"))]
     pub dec_deg: Option<f64>,
-    /// A point, ICRS, barycentric, in place of `ra_deg` and `dec_deg`.
+    /// A point, ICRS, barycentric, instead of `ra_deg` and `dec_deg`.
+    #[schemars(inner(range(min = -FARTHEST_M, max = FARTHEST_M)), extend("x-unit" = "m"))]
     pub position_m: Option<[f64; 3]>,
     /// Colour, `#rrggbb` in sRGB codes.
     #[serde(default = "label_colour")]
     pub colour: String,
     /// Height of the font.
     #[serde(default = "label_size_px")]
+    #[schemars(range(min = SIZES_PX[0], max = SIZES_PX[1]), extend("x-unit" = "pixels"))]
     pub size_px: f64,
-    /// Share of what is behind that it replaces, in linear light.
+    /// Share of the background that it replaces, in linear light.
     #[serde(default = "one")]
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub opacity: f64,
 }
 
@@ -133,7 +145,6 @@ fn colour(text: &str) -> Result<Colour, Fault> {
 
 impl GridConfig {
     fn grid(&self) -> Result<Grid, Fault> {
-        finite("spacing_deg", self.spacing_deg)?;
         Grid::check_spacing(self.kind, self.spacing_deg).map_err(|problem| Fault::new("spacing_deg", problem))?;
         let divisions =
             Grid::divisions_from_spacing_deg(self.spacing_deg).map_err(|problem| Fault::new("spacing_deg", problem))?;
@@ -154,10 +165,6 @@ impl LabelConfig {
     fn label(&self) -> Result<Label, Fault> {
         let anchor = match (self.ra_deg, self.dec_deg, self.position_m) {
             (Some(ra_deg), Some(dec_deg), None) => {
-                finite("ra_deg", ra_deg)?;
-                if !(-90.0..=90.0).contains(&dec_deg) {
-                    return Err(Fault::new("dec_deg", format!("{dec_deg}: allowed are -90 to 90 degrees")));
-                }
                 Anchor::Direction(direction_from_lon_lat(ra_deg.to_radians(), dec_deg.to_radians()))
             }
             (None, None, Some(position_m)) => Anchor::Point(DVec3::from_array(position_m)),

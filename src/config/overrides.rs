@@ -3,7 +3,7 @@
 //!
 //! The key is a dotted path. An element of a list is named by its index from 0, a view also by its name (which goes
 //! first, should a name be a number): `exposure.ev100=2`, `views.dome.fov_deg=210`, `scene.catalogues.0=my.csv`. The
-//! value is TOML; what is no TOML value and does not look like an attempt at one is taken as a string.
+//! value is TOML; text that is not a TOML value, and does not begin like one, is a string.
 
 use toml::{Table, Value};
 
@@ -25,7 +25,7 @@ pub(super) fn apply(table: &mut Table, argument: &str) -> Result<Applied, Config
         .ok_or_else(|| wrong("the form is key=value, for instance exposure.ev100=2".to_owned()))?;
     let steps: Vec<&str> = path.trim().split('.').map(str::trim).collect();
     if steps.iter().any(|step| step.is_empty()) {
-        return Err(wrong(format!("`{path}` is no path of a key, such as views.dome.fov_deg")));
+        return Err(wrong(format!("`{path}` is not a path of a key, such as views.dome.fov_deg")));
     }
     let value = value_from(text.trim()).map_err(wrong)?;
     let key = set(table, &steps, value).map_err(wrong)?;
@@ -41,7 +41,7 @@ fn value_from(text: &str) -> Result<Value, String> {
         Err(error) => {
             let problem = error.message().trim().replace('\n', "; ");
             Err(format!(
-                "`{text}` is not a TOML value ({problem}): allowed are numbers, true, false, dates, \"strings\", bare words, [lists] and {{ tables }}"
+                "`{text}` is not a TOML value ({problem}): must be one of numbers, true, false, dates, \"strings\", bare words, [lists] and {{ tables }}"
             ))
         }
     }
@@ -62,7 +62,7 @@ fn set(table: &mut Table, steps: &[&str], value: Value) -> Result<String, String
                 written = format!("{written}[{index}]");
                 &mut list[index]
             }
-            _ => return Err(format!("{} is a single value, nothing lies below it", steps[..depth].join("."))),
+            _ => return Err(format!("{} is a single value and has no keys", steps[..depth].join("."))),
         };
     }
     *place = value;
@@ -79,9 +79,9 @@ fn index_of(list: &[Value], step: &str, written: &str) -> Result<usize, String> 
     }
     let names: Vec<String> = list.iter().filter_map(name_of).collect();
     let last = list.len().checked_sub(1);
-    let indexes = last.map_or("nothing, the list is empty".to_owned(), |last| format!("0 to {last}"));
+    let indexes = last.map_or("left out, the list is empty".to_owned(), |last| format!("0 to {last}"));
     let names = if names.is_empty() { String::new() } else { format!(", or by name {}", names.join(", ")) };
-    Err(format!("{written} has no `{step}`: allowed are {indexes}{names}"))
+    Err(format!("{written} has no `{step}`: must be {indexes}{names}"))
 }
 
 #[cfg(test)]
@@ -143,8 +143,8 @@ mod tests {
     fn paths_that_lead_nowhere_are_refused_with_what_is_there() {
         for (argument, expected) in [
             ("novalue", "key=value"),
-            ("=3", "no path"),
-            ("a..b=3", "no path"),
+            ("=3", "not a path"),
+            ("a..b=3", "not a path"),
             ("views.2.size=3", "0 to 1, or by name flat, 0"),
             ("views.round.size=3", "views has no `round`"),
             ("views.flat.name.x=3", "single value"),

@@ -1,4 +1,4 @@
-//! `type = "projector"`: a projector's raster, from the calibration that its installer has delivered. What projectors have to agree on stands in [`super::dome`].
+//! `type = "projector"`: a projector's raster, from the calibration of its installer. [`super::dome`] has the rules that tie projectors together.
 
 use std::{
     path::{Path, PathBuf},
@@ -8,7 +8,7 @@ use std::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::{Fault, finite};
+use super::error::Fault;
 use crate::{
     scene::finite_vector,
     theatre::{Axes, Calibration, Mask, ReadOptions, Region, RowOrder, ScreenSums, read, read_lut},
@@ -23,7 +23,7 @@ use crate::{
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RowsConfig {
-    /// As the format says.
+    /// As defined by the format.
     #[default]
     AsFormat,
     /// The first row of the file is the top one of the raster.
@@ -49,7 +49,7 @@ pub enum ProjectorMethod {
     /// Everything is drawn straight into the projector's pixels.
     #[default]
     Direct,
-    /// A flat picture that covers its field (a round one where it is too wide) is drawn and bent as a texture: what others do, for comparison.
+    /// A flat picture that covers its field (a round one if the field is too wide) is drawn and bent as a texture, as other programs do, for comparison.
     Resampled,
 }
 
@@ -57,12 +57,12 @@ pub enum ProjectorMethod {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum BlendConfig {
-    /// The masks and black levels of the file, as far as it has some.
+    /// The masks and black levels of the file, if it has any.
     #[default]
     File,
     /// Computed from the overlap of all projectors of the configuration.
     Computed,
-    /// It gives all of its light.
+    /// No blend: full light everywhere.
     None,
 }
 
@@ -70,27 +70,30 @@ pub enum BlendConfig {
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProjectorConfig {
-    /// The calibration: `.mpcdi`, SGCT's JSON, meshes, or directions as `.pfm` or `.exr`; told by its content.
+    /// The calibration: `.mpcdi`, SGCT's JSON, meshes, or directions as `.pfm` or `.exr`; the content determines the format.
     pub file: PathBuf,
-    /// Where the file has several: the name of one, which the error tells where it is missing.
+    /// Name of a region, needed if the file has several; the error lists them.
     pub region: Option<String>,
     /// How the picture is made.
     #[serde(default)]
     pub method: ProjectorMethod,
-    /// `resampled`: pixels of the flat picture along a mean pixel of the projector, 0.25 to 4; 1 where it is not given.
+    /// `resampled`: pixels of the flat picture along a mean pixel of the projector; 1 if it is not given.
+    #[schemars(range(min = 0.25, max = 4.0))]
     pub source_scale: Option<f64>,
-    /// Width and height of the raster, where the file has none.
+    /// Width and height of the raster, if the file does not give them.
+    #[schemars(inner(range(min = 1)), extend("x-unit" = "pixels"))]
     pub size: Option<[u32; 2]>,
-    /// Order of the rows in the file, where it is known to differ from the format's.
+    /// Order of the rows in the file, if it differs from that of the format.
     #[serde(default)]
     pub rows: RowsConfig,
-    /// Axes of the file, as `x=x,y=z,z=-y`: each axis of the dome (+x right, +y up, -z forward) is one of the file's. Absent: as the format says.
+    /// Axes of the file, as `x=x,y=z,z=-y`: each axis of the dome (+x right, +y up, -z forward) is an axis of the file. Absent: as defined by the format.
     pub axes: Option<String>,
-    /// Where the spectator is, in the units and axes of the dome, m.
+    /// Position of the spectator in the units and axes of the dome, m.
     #[serde(default)]
     pub eye_m: [f64; 3],
     /// Field of view of the fisheye that a mesh takes its picture from.
     #[serde(default = "half_turn_deg")]
+    #[schemars(range(max = 360.0), extend("exclusiveMinimum" = 0.0, "x-unit" = "degrees"))]
     pub fov_deg: f64,
     /// Tilt of that fisheye towards the front.
     #[serde(default)]
@@ -98,13 +101,16 @@ pub struct ProjectorConfig {
     /// Its share of the light.
     #[serde(default)]
     pub blend: BlendConfig,
-    /// Its light is the code to this power, 1 to 4. Absent: it follows the sRGB curve.
+    /// Its light is the code to this power. Absent: it follows the sRGB curve.
+    #[schemars(range(min = 1.0, max = 4.0))]
     pub gamma: Option<f64>,
-    /// A look-up table (`.cube`) for the codes that it is sent, in place of the file's.
+    /// A look-up table (`.cube`) for its codes, instead of that of the file.
     pub lut: Option<PathBuf>,
-    /// Luminance of its white on the dome, as measured, 0.001 to 1e6: where projectors have it, all are dimmed to the darkest, each by one factor.
+    /// Luminance of its white on the dome, as measured: all projectors are dimmed to the darkest one, each by one factor.
+    #[schemars(range(min = 1e-3, max = 1e6), extend("x-unit" = "cd/m^2"))]
     pub white_cd_m2: Option<f64>,
-    /// Luminance of its black on the dome, 0 to 1e6, for `blend = "computed"`: black is lifted to the level where most projectors overlap.
+    /// Luminance of its black on the dome, for `blend = "computed"`: black is lifted to the level where most projectors overlap.
+    #[schemars(range(min = 0.0, max = 1e6), extend("x-unit" = "cd/m^2"))]
     pub black_cd_m2: Option<f64>,
     #[serde(skip)]
     loaded: Loaded,
@@ -114,22 +120,14 @@ fn half_turn_deg() -> f64 {
     180.0
 }
 
-/// Pixels of the picture that a projector's is bent from, along one of the projector's.
-const SOURCE_SCALES: [f64; 2] = [0.25, 4.0];
-/// Exponents of projectors.
-const GAMMAS: [f64; 2] = [1.0, 4.0];
-/// Luminances of their white and black on a dome, cd/m^2.
-const WHITES_CD_M2: [f64; 2] = [1e-3, 1e6];
-const BLACKS_CD_M2: [f64; 2] = [0.0, 1e6];
-
 /// How messages on warps without an inverse begin.
 pub(super) const FOLDS: &str = "the warp folds";
 
-/// Reading and baking takes seconds, so once for all who ask.
+/// Result of reading and baking, which takes seconds and is done once.
 #[derive(Clone, Debug, Default)]
 struct Loaded(Arc<OnceLock<Result<Calibrated, Fault>>>);
 
-/// What a calibration has made: the view, and the points of the screen where it has some.
+/// Result of a calibration: the view, and the points of the screen if it has any.
 #[derive(Clone, Debug)]
 struct Calibrated {
     kind: ViewKind,
@@ -137,7 +135,7 @@ struct Calibrated {
 }
 
 impl PartialEq for Loaded {
-    /// It follows from the keys.
+    /// It is a function of the keys.
     fn eq(&self, _: &Self) -> bool {
         true
     }
@@ -149,7 +147,7 @@ impl ProjectorConfig {
         self.calibrated(folder).map(|calibrated| calibrated.kind)
     }
 
-    /// The points of the screen in view axes, where the calibration has some and can be read.
+    /// The points of the screen in view axes, if the calibration can be read and has any.
     pub(super) fn screen(&self, folder: &Path) -> Option<ScreenSums> {
         self.calibrated(folder).ok()?.screen
     }
@@ -158,10 +156,8 @@ impl ProjectorConfig {
         self.loaded.0.get_or_init(|| self.load(folder)).clone()
     }
 
-    /// What the calibration has, with everything that was assumed.
+    /// The region of the calibration, with a note on every assumption.
     fn region(&self, folder: &Path) -> Result<(Region, Vec<String>), Fault> {
-        finite("fov_deg", self.fov_deg)?;
-        finite("tilt_deg", self.tilt_deg)?;
         let eye_m = finite_vector("eye_m", self.eye_m).map_err(|error| Fault::new("eye_m", error.to_string()))?;
         let axes = match &self.axes {
             None => Axes::AsFormat,
@@ -207,19 +203,8 @@ impl ProjectorConfig {
             .map_err(|problem| Fault::new("file", format!("{}, {}: {problem}", path.display(), region.name)))
     }
 
-    /// Numbers that are out of range, and keys that would do nothing.
+    /// Refuses keys without effect.
     fn check_keys(&self) -> Result<(), Fault> {
-        let ranges = [
-            ("source_scale", self.source_scale, SOURCE_SCALES),
-            ("gamma", self.gamma, GAMMAS),
-            ("white_cd_m2", self.white_cd_m2, WHITES_CD_M2),
-            ("black_cd_m2", self.black_cd_m2, BLACKS_CD_M2),
-        ];
-        for (key, value, [least, most]) in ranges {
-            if let Some(value) = value.filter(|value| !(least..=most).contains(value)) {
-                return Err(Fault::new(key, format!("{value}: allowed are {least} to {most}")));
-            }
-        }
         if self.source_scale.is_some() && self.method != ProjectorMethod::Resampled {
             return Err(Fault::new("source_scale", "belongs to method = \"resampled\""));
         }
@@ -229,7 +214,7 @@ impl ProjectorConfig {
                 Err(Fault::new("black_cd_m2", "belongs to blend = \"computed\""))
             }
             (Some(black), Some(white)) if black < white => Ok(()),
-            _ => Err(Fault::new("black_cd_m2", "a white_cd_m2 above it is needed beside it")),
+            _ => Err(Fault::new("black_cd_m2", "needs a white_cd_m2 above it")),
         }
     }
 

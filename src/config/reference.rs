@@ -1,20 +1,17 @@
 //! The reference of all keys, generated from the types of the configuration: a JSON Schema for editors and a page for people,
 //! `docs/steradian.schema.json` and `docs/configuration.md`.
 //!
-//! Keys, types, defaults and texts come from the types by `schemars` (texts are the doc comments), ranges from [`super::ranges`],
-//! units from the endings of the keys. Rules that tie several keys together are not in the schema; the parser knows them.
+//! Keys, types, defaults, ranges and texts come from the types by `schemars` (texts are the doc comments), units from the endings of the
+//! keys or from the ranges. Rules that tie several keys together are not in the schema; the parser knows them.
 
-use schemars::{JsonSchema, Schema, SchemaGenerator, generate::SchemaSettings, json_schema};
+use schemars::{Schema, SchemaGenerator, json_schema};
 use serde_json::{Map, Value, json};
 
 use super::Sections;
-use super::projector::ProjectorConfig;
-use super::ranges::{self, Range, number};
-use super::views::{
-    Common, CubemapConfig, DomeMasterConfig, EquirectangularConfig, FisheyeConfig, PerspectiveConfig, StereoConfig,
-    VIEW_TYPES, ViewConfig, all_faces,
-};
+use super::views::all_faces;
 use crate::photometry::psf::Aperture;
+use crate::ranges::{Range, number, schema_of};
+use crate::scene::bodies::BRIGHTEST_ALBEDO;
 use crate::solar_system::SolarBody;
 
 /// Order of the sections on the page; a test holds it complete.
@@ -60,23 +57,21 @@ const UNITS: [(&str, &str); 21] = [
     ("size", "pixels"),
 ];
 
-/// Sections that views may have of their own; keys that these do not give are those of the section.
+/// Sections that views may have as tables too; keys that a view does not give are those of the section.
 const OF_VIEWS: [&str; 3] = ["exposure", "glare", "tone_map"];
-
-/// What follows the unit of a range in which only powers of two are allowed.
-const POWERS: &str = ", powers of two";
 
 /// Schema of an albedo: one number, or one for each of red, green and blue.
 pub(super) fn albedo(_: &mut SchemaGenerator) -> Schema {
+    let number = json!({ "type": "number", "minimum": 0.0, "maximum": BRIGHTEST_ALBEDO });
     json_schema!({
         "anyOf": [
-            { "type": "number" },
-            { "type": "array", "items": { "type": "number" }, "minItems": 3, "maxItems": 3 },
+            number,
+            { "type": "array", "items": number, "minItems": 3, "maxItems": 3 },
         ]
     })
 }
 
-/// Schema of what says where a body is.
+/// Schema of the source of a body's position.
 pub(super) fn ephemeris(_: &mut SchemaGenerator) -> Schema {
     json_schema!({
         "anyOf": [
@@ -86,7 +81,7 @@ pub(super) fn ephemeris(_: &mut SchemaGenerator) -> Schema {
     })
 }
 
-/// Schema of a monitor: its name, its number, or what its EDID says.
+/// Schema of a monitor: its name, its number, or a text of its EDID.
 pub(super) fn monitor(_: &mut SchemaGenerator) -> Schema {
     json_schema!({
         "anyOf": [
@@ -107,71 +102,20 @@ pub(super) fn time(_: &mut SchemaGenerator) -> Schema {
     json_schema!({ "type": "string", "anyOf": [{ "format": "date-time" }, { "const": "now" }] })
 }
 
-impl JsonSchema for ViewConfig {
-    fn schema_name() -> std::borrow::Cow<'static, str> {
-        "ViewConfig".into()
-    }
-
-    /// One alternative for each type, each with the keys that all views have.
-    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        let common = Common::json_schema(generator).to_value();
-        let kinds = [
-            PerspectiveConfig::json_schema(generator),
-            StereoConfig::json_schema(generator),
-            CubemapConfig::json_schema(generator),
-            FisheyeConfig::json_schema(generator),
-            DomeMasterConfig::json_schema(generator),
-            EquirectangularConfig::json_schema(generator),
-            ProjectorConfig::json_schema(generator),
-        ];
-        let alternatives: Vec<Value> = VIEW_TYPES
-            .iter()
-            .zip(kinds)
-            .map(|(name, kind)| {
-                let mut kind = kind.to_value();
-                if let Some(properties) = kind["properties"].as_object_mut() {
-                    properties.extend(common["properties"].as_object().cloned().unwrap_or_default());
-                    let letters = "Unique name: letters, digits, `_` and `-`.";
-                    properties.insert("name".to_owned(), json!({ "type": "string", "description": letters }));
-                    properties.insert("type".to_owned(), json!({ "const": name, "description": "Type of the view." }));
-                }
-                if let Some(required) = kind["required"].as_array_mut() {
-                    required.extend([json!("name"), json!("type")]);
-                }
-                kind
-            })
-            .collect();
-        json_schema!({ "oneOf": alternatives })
-    }
-}
-
 /// The JSON Schema of a configuration, draft 7, without references.
 pub fn schema() -> Value {
-    let mut settings = SchemaSettings::draft07();
-    settings.inline_subschemas = true;
-    let mut schema = settings.into_generator().into_root_schema_for::<Sections>().to_value();
+    let mut schema = schema_of::<Sections>().clone();
     tidy(&mut schema);
-    for range in ranges::all() {
-        let path: Vec<&str> = range.key.split('.').collect();
-        at(&mut schema, &path, &mut |number| bound(number, range));
-        let of_view: Vec<&str> = ["views[]"].into_iter().chain(path.iter().copied()).collect();
-        if OF_VIEWS.contains(&path[0]) {
-            at(&mut schema, &of_view, &mut |number| bound(number, range));
-        }
-    }
-    for section in OF_VIEWS {
-        at(&mut schema, &["views[]", section], &mut without_defaults);
-    }
     let apertures = json!(Aperture::NAMES);
-    at(&mut schema, &["stars", "psf_texture", "aperture"], &mut |text| text["enum"] = apertures.clone());
-    at(&mut schema, &["views[]", "faces[]"], &mut |text| text["enum"] = json!(all_faces()));
+    change_at(&mut schema, &["stars", "psf_texture", "aperture"], &mut |text| text["enum"] = apertures.clone());
+    change_at(&mut schema, &["views[]", "faces[]"], &mut |text| text["enum"] = json!(all_faces()));
     schema["title"] = json!("Configuration of Steradian");
     schema["description"] =
         json!("Scene, views and settings of Steradian; docs/configuration.md is the same as a page.");
     schema
 }
 
-/// Takes away what TOML has not (null) and what editors do not know (formats of numbers), and writes times as TOML does.
+/// Removes null, which TOML does not have, and formats of numbers, which editors do not know, and writes times as TOML does.
 fn tidy(schema: &mut Value) {
     match schema {
         Value::Array(values) => values.iter_mut().for_each(tidy),
@@ -188,7 +132,7 @@ fn tidy(schema: &mut Value) {
             if let Some(Value::Array(forms)) = object.get_mut("anyOf") {
                 forms.retain(|form| !null(form));
                 if let [Value::Object(only)] = forms.as_slice() {
-                    // What the key says goes before what its type says.
+                    // Properties of the key override those of its type.
                     let mut only = only.clone();
                     object.remove("anyOf");
                     only.append(object);
@@ -222,11 +166,11 @@ fn tidy(schema: &mut Value) {
     }
 }
 
-/// Calls `change` with every schema at a path; all alternatives are followed.
-fn at(schema: &mut Value, path: &[&str], change: &mut dyn FnMut(&mut Value)) {
+/// Calls `change` with every schema at a path, in all alternatives.
+fn change_at(schema: &mut Value, path: &[&str], change: &mut dyn FnMut(&mut Value)) {
     for form in ["oneOf", "anyOf"] {
         if let Some(Value::Array(forms)) = schema.get_mut(form) {
-            forms.iter_mut().for_each(|form| at(form, path, change));
+            forms.iter_mut().for_each(|form| change_at(form, path, change));
             return;
         }
     }
@@ -239,32 +183,7 @@ fn at(schema: &mut Value, path: &[&str], change: &mut dyn FnMut(&mut Value)) {
             None => return,
         }
     }
-    at(inner, rest, change);
-}
-
-/// Takes the defaults from the keys of a table.
-fn without_defaults(table: &mut Value) {
-    for (_, key) in table.get_mut("properties").and_then(Value::as_object_mut).into_iter().flatten() {
-        if let Some(key) = key.as_object_mut() {
-            key.remove("default");
-        }
-    }
-}
-
-/// Puts a range into the schema of a number, or of each element of a list.
-fn bound(schema: &mut Value, range: &Range) {
-    if let Some(items) = schema.get_mut("items") {
-        return bound(items, range);
-    }
-    let whole = schema["type"] == json!("integer");
-    let value = |bound: f64| if whole { json!(bound as i64) } else { json!(bound) };
-    if let Some(object) = schema.as_object_mut() {
-        object.remove("minimum");
-        object.insert(if range.above { "exclusiveMinimum" } else { "minimum" }.to_owned(), value(range.least));
-        if range.most.is_finite() {
-            object.insert("maximum".to_owned(), value(range.most));
-        }
-    }
+    change_at(inner, rest, change);
 }
 
 /// The page of all keys, Markdown.
@@ -275,7 +194,7 @@ pub fn page() -> String {
     // Tables of views are not written again.
     for section in OF_VIEWS {
         let mut schema = schema.clone();
-        at(&mut schema, &["views[]", section], &mut |table| {
+        change_at(&mut schema, &["views[]", section], &mut |table| {
             page.printed.push((format!("[{section}]"), table["properties"].as_object().cloned().unwrap_or_default()));
         });
     }
@@ -312,7 +231,7 @@ fn properties(schema: &Value) -> Map<String, Value> {
     schema["properties"].as_object().cloned().unwrap_or_default()
 }
 
-/// The page as far as it is written.
+/// The page under construction.
 struct Page {
     text: String,
     /// Headings and keys of the tables so far: a table with the same keys is not written again.
@@ -345,7 +264,7 @@ impl Page {
             let needed = required.contains(&key.as_str());
             let same = self.printed.iter().find(|(_, keys)| *keys == properties(inner) && !keys.is_empty());
             let type_of = same.map_or_else(|| type_of(inner), |(heading, _)| format!("table as `{heading}`"));
-            self.text.push_str(&row(key, &format!("{path}.{key}"), &type_of, inner, needed));
+            self.text.push_str(&row(key, &type_of, inner, needed));
         }
         for (key, inner) in &own {
             let forms = inner["oneOf"].as_array().or(inner["items"]["oneOf"].as_array());
@@ -377,19 +296,19 @@ impl Page {
 }
 
 /// The row of a key.
-fn row(key: &str, path: &str, type_of: &str, schema: &Value, needed: bool) -> String {
+fn row(key: &str, type_of: &str, schema: &Value, needed: bool) -> String {
     let default = match schema.get("default") {
         Some(value) => format!("`{}`", toml_value(value)),
         None if needed => "–, needed".to_owned(),
         None => "–".to_owned(),
     };
-    let range = ranges::all().find(|range| range.key == path);
+    let range = range_of(schema);
     let unit = match unit_of(key, schema) {
-        "" => range.map_or("", |range| range.unit.trim_start_matches(POWERS)),
+        "" => range.as_ref().map_or("", |range| &range.unit),
         unit => unit,
     };
-    let allowed = match (range, schema["enum"].as_array().or(schema["items"]["enum"].as_array())) {
-        (Some(range), _) => range_text(range),
+    let allowed = match (&range, schema["enum"].as_array().or(schema["items"]["enum"].as_array())) {
+        (Some(range), _) => range.short(),
         (None, Some(values)) => list(values),
         (None, None) => schema.get("const").map(|value| list(std::slice::from_ref(value))).unwrap_or_default(),
     };
@@ -401,10 +320,10 @@ fn list(values: &[Value]) -> String {
     values.iter().map(|value| format!("`{}`", toml_value(value))).collect::<Vec<_>>().join(", ")
 }
 
-/// Least and most, without the unit.
-fn range_text(range: &Range) -> String {
-    let unit = if range.unit.ends_with(POWERS) { POWERS } else { "" };
-    Range { unit, ..*range }.to_string().replace("values ", "")
+/// The range of a number, of the elements of a list, or of the first of several forms.
+fn range_of(schema: &Value) -> Option<Range> {
+    let first = || schema["anyOf"].as_array()?.iter().find_map(range_of);
+    Range::of_schema(schema).or_else(|| range_of(schema.get("items")?)).or_else(first)
 }
 
 fn type_of(schema: &Value) -> String {
@@ -430,7 +349,7 @@ fn type_of(schema: &Value) -> String {
 }
 
 fn plural(name: &str) -> String {
-    // "2 numbers" are a list of their own.
+    // "2 numbers" is already a list.
     if name.starts_with(|first: char| first.is_ascii_digit()) { format!("lists of {name}") } else { format!("{name}s") }
 }
 
@@ -443,7 +362,7 @@ fn unit_of(key: &str, schema: &Value) -> &'static str {
     unit.filter(|_| counts).map_or("", |(_, unit)| unit)
 }
 
-/// A default as it stands in TOML.
+/// A default, written as TOML.
 fn toml_value(value: &Value) -> String {
     match value {
         Value::Array(values) => format!("[{}]", values.iter().map(toml_value).collect::<Vec<_>>().join(", ")),

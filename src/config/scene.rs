@@ -1,4 +1,4 @@
-//! `[scene]`: what there is to see, when, and from where.
+//! `[scene]`: catalogues, time, observer and camera.
 
 use std::{
     path::{Path, PathBuf},
@@ -19,26 +19,28 @@ use super::observer::ObserverConfig;
 use crate::catalogue::galaxy::MOST_STARS;
 use crate::catalogue::healpix::{BrightnessUnit, LightMap};
 use crate::observer::{Frame, Observer};
-use crate::scene::{Camera, PoseError};
+use crate::relativity::MAX_SPEED_C;
+use crate::scene::{Camera, PoseError, SceneClock};
 use crate::units::J2000_UNIX_S;
 
 /// `[scene]`.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SceneConfig {
-    /// Star catalogues, concatenated: `"builtin:bright"`, files (CSV, JSON or stores), `{ galaxy = { ... } }` for synthetic stars, or `{ light = { ... } }` for a map of light that is of no single star.
+    /// Star catalogues, concatenated: `"builtin:bright"`, files (CSV, JSON or stores), `{ galaxy = { ... } }` for synthetic stars, or `{ light = { ... } }` for a map of light that does not come from single stars.
     pub catalogues: Vec<CatalogueConfig>,
     /// Time shown, with its offset from UTC, or `"now"`: spins and ephemerides follow it. Days have 86,400 s; a 60th second is the first of the next minute.
     #[schemars(schema_with = "super::reference::time")]
     pub time: Datetime,
-    /// Seconds of the scene for each second that goes by in `serve`, `show` and `xr`; negative: backwards. Without it 1 with `time = "now"`, and 0 else.
+    /// Seconds of the scene per real second in `serve`, `show` and `xr`; negative: backwards. The default is 1 with `time = "now"`, otherwise 0.
+    #[schemars(range(min = -SceneClock::MOST_RATE, max = SceneClock::MOST_RATE))]
     pub time_rate: f64,
     /// A place on the Earth from where the scene is seen.
     pub observer: Option<ObserverConfig>,
-    /// SPK kernels of the SPICE toolkit, whose bodies and spacecraft those with `ephemeris = "spk:NUMBER"` are; later ones are looked at first. They are held in memory.
+    /// SPK kernels of the SPICE toolkit for bodies with `ephemeris = "spk:NUMBER"`; later files take precedence. They are held in memory.
     pub kernels: Vec<PathBuf>,
-    /// Whether the Sun, the Moon, the planets and their largest moons are among the bodies, where they are at the scene's time; without it so where there is an observer. Bodies of the same name, preset or
-    /// ephemeris take their place.
+    /// Whether the Sun, the Moon, the planets and their largest moons are among the bodies, at their places at the scene's time; by default if there is an observer. Bodies of the same name, preset or
+    /// ephemeris replace them.
     pub solar_system: Option<bool>,
     /// Initial camera pose and velocity.
     pub camera: CameraConfig,
@@ -58,7 +60,7 @@ impl Default for SceneConfig {
     }
 }
 
-/// Puts the present moment, and that it goes on, in the place of `scene.time = "now"`: what was used can be used again.
+/// Replaces `scene.time = "now"` by the present time, with a time rate of 1, so that the configuration that was used can be used again.
 pub(super) fn set_now(document: &mut Table, now: SystemTime) {
     let Some(scene) = document.get_mut("scene").and_then(Value::as_table_mut) else { return };
     if scene.get("time").and_then(Value::as_str) != Some("now") {
@@ -97,28 +99,30 @@ pub enum CatalogueConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GalaxyConfig {
-    /// Number of stars: the apparently brightest of the model, as seen from the Sun.
+    /// Number of stars: the brightest ones of the model, as seen from the Sun.
+    #[schemars(range(min = 1, max = MOST_STARS))]
     pub stars: usize,
     /// Seed of the random number generator.
     #[serde(default = "one")]
     pub seed: u64,
-    /// Stars brighter than this apparent V magnitude are left out, so that a catalogue can provide them; without it there is no limit.
+    /// Stars brighter than this apparent V magnitude are left out, so that a catalogue can provide them; absent: no limit.
     pub fainter_than: Option<f64>,
     /// Whether the light of all fainter stars is seen, the band of the Milky Way and the Magellanic Clouds.
     #[serde(default = "yes")]
     pub unresolved_light: bool,
 }
 
-/// A map of light that is of no single star, in the place of that of the galaxy: HEALPix cells in a FITS file, nested, in celestial coordinates, with one column of numbers.
+/// A map of light that does not come from single stars, instead of that of the galaxy: HEALPix cells in a FITS file, nested, in celestial coordinates, with one column of numbers.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LightConfig {
     /// The file. Relative paths start at the configuration's folder.
     pub file: PathBuf,
-    /// What the numbers mean.
+    /// Unit of the numbers.
     pub unit: LightUnit,
     /// Colour of all of it: that of a star of this B-V, magnitudes.
     #[serde(default = "background_b_v")]
+    #[schemars(range(min = -0.5, max = 3.0), extend("x-unit" = "magnitudes"))]
     pub b_v: f64,
 }
 
@@ -139,13 +143,6 @@ fn background_b_v() -> f64 {
 }
 
 impl LightConfig {
-    fn check(&self) -> Result<(), Fault> {
-        if (-0.5..=3.0).contains(&self.b_v) {
-            return Ok(());
-        }
-        Err(Fault::new("b_v", format!("{}: allowed are -0.5 to 3 magnitudes", self.b_v)))
-    }
-
     /// The map, whose path starts at `folder`.
     pub(super) fn map(&self, folder: &Path) -> LightMap {
         let unit = match self.unit {
@@ -190,12 +187,12 @@ impl<'de> Visitor<'de> for CatalogueVisitor {
 
     fn visit_str<E: Error>(self, name: &str) -> Result<CatalogueConfig, E> {
         match name.strip_prefix("builtin:") {
-            _ if name.is_empty() => Err(E::custom("an empty name: allowed are \"builtin:bright\" and files")),
+            _ if name.is_empty() => Err(E::custom("an empty name: must be \"builtin:bright\" or a file")),
             Some("bright") | None => Ok(CatalogueConfig::Named(name.to_owned())),
             Some("galaxy") => Err(E::custom(
                 "`builtin:galaxy` needs its numbers: write { galaxy = { stars = 300000, seed = 1, fainter_than = 6.5 } }",
             )),
-            Some(_) => Err(E::custom(format!("unknown built-in catalogue `{name}`: allowed is `builtin:bright`"))),
+            Some(_) => Err(E::custom(format!("unknown built-in catalogue `{name}`: must be `builtin:bright`"))),
         }
     }
 
@@ -212,33 +209,33 @@ impl<'de> Visitor<'de> for CatalogueVisitor {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CameraConfig {
-    /// Position, ICRS, barycentric; the origin without it.
+    /// Position, ICRS, barycentric; the origin by default.
     pub position_m: Option<[f64; 3]>,
-    /// Unit quaternion from camera axes (+x right, +y up, looking along -z) to ICRS axes, which the camera has without it.
+    /// Unit quaternion from camera axes (+x right, +y up, looking along -z) to ICRS axes; the identity by default.
     pub orientation: Option<[f64; 4]>,
-    /// Where the camera looks, in place of `orientation`. There is no horizon without an observer.
+    /// Direction of the camera, instead of `orientation`. The horizon frame needs an observer.
     pub look: Option<Look>,
     /// Velocity, ICRS axes; the speed is at most 0.9999.
+    #[schemars(inner(range(min = -MAX_SPEED_C, max = MAX_SPEED_C)))]
     pub velocity_c: Option<[f64; 3]>,
 }
 
 impl CameraConfig {
-    /// Where it looks, if that is told by `look`; a fault names the key below `scene.camera`.
+    /// The direction that `look` gives; a fault names the key below `scene.camera`.
     fn aim(&self) -> Result<Option<Aim>, Fault> {
         let Some(look) = &self.look else { return Ok(None) };
         if self.orientation.is_some() {
-            return Err(Fault::new("look", "orientation is given too: at most one of orientation and look is allowed"));
+            return Err(Fault::new("look", "orientation is given too: give at most one of orientation and look"));
         }
         let aim = look.aim().map_err(|fault| fault.within("look"))?;
         if aim.frame == Frame::Horizon {
-            let problem =
-                "horizon: there is none without an observer: write [scene.observer] in place of [scene.camera]";
+            let problem = "horizon: needs an observer: write [scene.observer] instead of [scene.camera]";
             return Err(Fault::new("look.frame", problem));
         }
         Ok(Some(aim))
     }
 
-    /// The camera at a place, turned as an aim has it; a fault names the key below `scene.camera`.
+    /// The camera at a position with an orientation; a fault names the key below `scene.camera`.
     pub(super) fn camera(&self, position_m: Option<DVec3>, turned: Option<DQuat>) -> Result<Camera, Fault> {
         let position_m = position_m.map_or(self.position_m.unwrap_or_default(), |place_m| place_m.to_array());
         let orientation = turned.unwrap_or_default().to_array();
@@ -255,19 +252,8 @@ impl CameraConfig {
 }
 
 impl SceneConfig {
-    /// Checks what types alone do not say; a fault names the key below `scene`.
+    /// Checks the rules beyond types and ranges; a fault names the key below `scene`.
     pub(super) fn check(&self) -> Result<(), Fault> {
-        for (index, catalogue) in self.catalogues.iter().enumerate() {
-            match catalogue {
-                CatalogueConfig::Galaxy(galaxy) => {
-                    galaxy.check().map_err(|fault| fault.within(&format!("catalogues[{index}].galaxy")))?;
-                }
-                CatalogueConfig::Light(light) => {
-                    light.check().map_err(|fault| fault.within(&format!("catalogues[{index}].light")))?;
-                }
-                CatalogueConfig::Named(_) => {}
-            }
-        }
         if self.time.date.is_none() || self.time.time.is_none() || self.time.offset.is_none() {
             let problem = format!("{}: date, time and offset are needed, for instance 2026-01-01T00:00:00Z", self.time);
             return Err(Fault::new("time", problem));
@@ -276,8 +262,7 @@ impl SceneConfig {
             observer.check_surroundings().map_err(|fault| fault.within("observer"))?;
         }
         if self.observer.is_some() && self.camera != CameraConfig::default() {
-            let problem =
-                "scene.observer is given too, which is where the camera stands and looks: one of them is allowed";
+            let problem = "scene.observer is given too, which places and directs the camera: give only one of them";
             return Err(Fault::new("camera", problem));
         }
         Ok(())
@@ -298,7 +283,7 @@ impl SceneConfig {
         seconds as f64 + f64::from(time.nanosecond.unwrap_or(0)) * 1e-9
     }
 
-    /// Where the camera looks, if that is told by a direction or a body; a fault names the key below `scene`.
+    /// The direction of the camera, if it is given by a direction or a body; a fault names the key below `scene`.
     pub(super) fn aim(&self) -> Result<Option<Aim>, Fault> {
         match &self.observer {
             Some(observer) => observer.aim().map(Some).map_err(|fault| fault.within("observer")),
@@ -306,18 +291,18 @@ impl SceneConfig {
         }
     }
 
-    /// Who looks.
+    /// The observer on the Earth, if there is one.
     pub(super) fn observer(&self) -> Option<Observer> {
         self.observer.as_ref().map(|observer| Observer::new(observer.place(), observer.clock(), self.time_s()))
     }
 
-    /// Whether the bodies of the Solar System are there of themselves.
+    /// Whether the bodies of the Solar System are part of the scene.
     pub(super) fn has_solar_system(&self) -> bool {
         self.solar_system.unwrap_or(self.observer.is_some())
     }
 }
 
-/// What a date or a time that is missing would count as; [`SceneConfig::check`] refuses those.
+/// Values for a missing date or time, which [`SceneConfig::check`] refuses.
 const J2000: (Date, Time) =
     (Date { year: 2000, month: 1, day: 1 }, Time { hour: 12, minute: 0, second: Some(0), nanosecond: None });
 
@@ -343,8 +328,8 @@ fn date_of(days: i64) -> [i64; 3] {
     [era * 400 + year_of_era + i64::from(month <= 2), month, day]
 }
 
-/// A moment, s since 2000-01-01T12:00:00Z, as it is written; `None` beyond the years 0 to 9999, which TOML has. Rounded to microseconds, which is
-/// about what a number of 64 bits has room for.
+/// A moment, s since 2000-01-01T12:00:00Z, as it is written; `None` beyond the years 0 to 9999, which TOML has. Rounded to microseconds, about the
+/// resolution of a 64-bit float.
 pub(super) fn written_time(time_s: f64) -> Option<Datetime> {
     const DAY_US: i64 = 86_400_000_000;
     let since_noon_us = (time_s * 1e6).round();
@@ -371,21 +356,6 @@ pub(super) fn written_time(time_s: f64) -> Option<Datetime> {
         }),
         offset: Some(Offset::Z),
     })
-}
-
-impl GalaxyConfig {
-    fn check(&self) -> Result<(), Fault> {
-        if self.stars == 0 || self.stars > MOST_STARS {
-            return Err(Fault::new("stars", format!("{}: allowed are 1 to {MOST_STARS}", self.stars)));
-        }
-        match self.fainter_than {
-            Some(magnitude) if !magnitude.is_finite() => Err(Fault::new(
-                "fainter_than",
-                format!("{magnitude}: a finite magnitude is needed; leave the key out for no limit"),
-            )),
-            _ => Ok(()),
-        }
-    }
 }
 
 #[cfg(test)]

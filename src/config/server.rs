@@ -1,4 +1,4 @@
-//! `[server]`: where the daemon listens, and whom it lets in.
+//! `[server]`: the address of the daemon, and access to it.
 
 use std::{fmt, path::PathBuf, str::FromStr};
 
@@ -7,9 +7,9 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
 
 use super::error::Fault;
 
-/// What an address begins with that is the path of a Unix socket.
+/// Prefix of the path of a Unix socket.
 pub const UNIX_PREFIX: &str = "unix:";
-/// Longest name of one who is let in.
+/// Most characters in the name of a token or certificate.
 const MOST_NAME: usize = 64;
 
 /// `[server]`.
@@ -28,7 +28,7 @@ pub struct ServerConfig {
     pub state: Option<PathBuf>,
     /// Encrypts connections.
     pub tls: Option<TlsConfig>,
-    /// Whom a token lets in. With these, or with `certificates`, nobody else is, but through a Unix socket.
+    /// Tokens that give access. With tokens or `certificates`, access without them is refused, except through a Unix socket.
     pub tokens: Vec<TokenConfig>,
     /// Whom a client certificate lets in.
     pub certificates: Vec<CertificateConfig>,
@@ -50,9 +50,9 @@ pub struct TlsConfig {
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TokenConfig {
-    /// Who has it, for the log.
+    /// Name of the holder, for the log.
     pub name: String,
-    /// What its holder may do.
+    /// Permissions of the holder.
     pub role: Role,
     /// SHA-256 of the token, 64 hexadecimal digits; `steradian token` makes both.
     #[schemars(with = "String")]
@@ -63,15 +63,15 @@ pub struct TokenConfig {
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CertificateConfig {
-    /// Who has it, for the log.
+    /// Name of the holder, for the log.
     pub name: String,
-    /// What its holder may do.
+    /// Permissions of the holder.
     pub role: Role,
     /// The client's certificate, PEM; it has to be signed by `tls.client_ca`.
     pub file: PathBuf,
 }
 
-/// What somebody may do; each may do what those before it may.
+/// Permissions of a client; each role includes those before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
@@ -95,7 +95,7 @@ impl FromStr for Role {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        Self::from_name(text).ok_or_else(|| format!("`{text}` is no role: allowed are view, steer and admin"))
+        Self::from_name(text).ok_or_else(|| format!("`{text}` is not a role: must be view, steer or admin"))
     }
 }
 
@@ -152,22 +152,22 @@ fn address<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Erro
 pub fn parse_listen(text: &str) -> Result<String, String> {
     if let Some(path) = text.strip_prefix(UNIX_PREFIX) {
         return match path {
-            "" => Err(format!("`{text}` has no path: allowed are such as \"unix:/run/steradian/socket\"")),
+            "" => Err(format!("`{text}` has no path: must be such as \"unix:/run/steradian/socket\"")),
             _ => Ok(text.to_owned()),
         };
     }
     let (host, port) = text.rsplit_once(':').unwrap_or((text, ""));
-    // An IPv6 address stands in brackets: without them its last group would pass for a port.
+    // An IPv6 address needs brackets: without them its last group could be a port.
     let bare_ipv6 = host.contains(':') && !(host.starts_with('[') && host.ends_with(']'));
     if host.is_empty() || bare_ipv6 || port.parse::<u16>().is_err() {
         return Err(format!(
-            "`{text}` is no host with a port: allowed are such as \"127.0.0.1:7143\", \"[::]:7143\", \"localhost:0\" and \"unix:PATH\""
+            "`{text}` is not a host with a port: must be such as \"127.0.0.1:7143\", \"[::]:7143\", \"localhost:0\" and \"unix:PATH\""
         ));
     }
     Ok(text.to_owned())
 }
 
-/// Names of those who are let in tell them apart in the log.
+/// The log identifies holders by these names, so they must be unique.
 pub(super) fn check(server: &ServerConfig) -> Result<(), Fault> {
     let tokens = server.tokens.iter().enumerate().map(|(index, token)| (format!("tokens[{index}].name"), &token.name));
     let certificates = server.certificates.iter().enumerate();
@@ -179,7 +179,7 @@ pub(super) fn check(server: &ServerConfig) -> Result<(), Fault> {
         if name.is_empty() || name.chars().count() > MOST_NAME || !name.chars().all(is_plain) {
             return Err(Fault::new(
                 &key,
-                format!("`{name}`: allowed are 1 to {MOST_NAME} characters, no control characters"),
+                format!("`{name}`: must have between 1 and {MOST_NAME} characters, without control characters"),
             ));
         }
         if known.contains(&name) {

@@ -19,47 +19,53 @@ use crate::scene::{
     surroundings::{Ground, Horizon},
 };
 
-/// Colour of the night sky, that of light which is mostly the Sun's and of stars, K: measured are values of B - V from 0.7 to 1.
+/// Colour temperature of the night sky, whose light comes mostly from the Sun and stars, K: measured B - V is 0.7 to 1.
 const GLOW_K: f64 = 5772.0;
-/// Below this extinction there is no air.
+/// Less extinction than this is drawn as no air.
 const LEAST_EXTINCTION_MAG: f64 = 0.01;
-/// Extinction over the sea of what has a height of its own, magnitudes and m: molecules with ozone, and aerosol.
+/// Extinction at sea level and scale height of each component, magnitudes and m: molecules with ozone, and aerosol.
 const EXTINCTIONS: [[f64; 2]; 2] = [[0.138, 8200.0], [0.062, 1500.0]];
-/// No observer is higher in the air, m.
+/// Above this height there is no air, m.
 const HIGHEST_M: f64 = 50_000.0;
 /// Points of a horizon at most.
 pub const MOST_POINTS: usize = 10_000;
 
-/// The air: it takes light, the more the lower it comes in, bends it, and scatters that of the Sun and the Moon.
+/// The air: it absorbs light, more of it near the horizon, refracts it, and scatters that of the Sun and the Moon.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AirConfig {
     /// Whether there is air.
     pub enabled: bool,
-    /// What it takes in the V band for each air mass, magnitudes. Without it that of clear air at the observer's height: 0.2 over the sea.
+    /// Extinction in the V band per air mass, magnitudes. The default is that of clear air at the observer's height: 0.2 at sea level.
+    #[schemars(range(min = 0.0, max = 2.0), extend("x-unit" = "magnitudes"))]
     pub extinction_mag: Option<f64>,
-    /// What the zenith has of itself on a dark night, without stars and planets: magnitudes of V per square arcsecond; 22 far from all lamps, 18 in a town.
+    /// Brightness of the zenith on a dark night without stars and planets: V magnitudes per square arcsecond; 22 far from all lamps, 18 in a town.
+    #[schemars(range(min = 10.0, max = 30.0), extend("x-unit" = "magnitudes per square arcsecond"))]
     pub night_sky_mag: f64,
-    /// Its pressure at the observer, by which it bends light; 0: it bends none. Without it that of the standard atmosphere at the observer's height.
+    /// Pressure at the observer, which determines refraction; 0: no refraction. The default is that of the standard atmosphere at the observer's height.
+    #[schemars(range(min = 0.0, max = 1200.0), extend("x-unit" = "hPa"))]
     pub pressure_hpa: Option<f64>,
-    /// Its temperature there, degrees Celsius; without it that of the standard atmosphere.
+    /// Temperature at the observer, degrees Celsius; the default is that of the standard atmosphere.
+    #[schemars(range(min = -90.0, max = 60.0), extend("x-unit" = "degrees Celsius"))]
     pub temperature_c: Option<f64>,
 }
 
-/// The ground: it hides what is below the horizon.
+/// The ground: it hides everything below the horizon.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GroundConfig {
     /// Whether there is ground.
     pub enabled: bool,
     /// Share of the light on it that it reflects.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub albedo: f64,
-    /// The line up to which it reaches, as pairs of azimuth, 0 to 360 and rising, and altitude, -90 to 90; straight between them and around. Empty: altitude 0.
+    /// The horizon line, as pairs of azimuth, 0 to 360 and rising, and altitude, -90 to 90; straight between them and around. Empty: altitude 0.
     pub horizon_deg: Vec<[f64; 2]>,
-    /// A panorama in the place of that line: a PNG with alpha, twice as wide as high, all azimuths growing to the right, the zenith at the top. Its colour is what it reflects, its alpha how far it
-    /// hides the sky. Relative paths start at the configuration's folder.
+    /// A panorama instead of that line: a PNG with alpha, twice as wide as high, azimuth growing to the right, the zenith at the top. Its colour is the reflectance, its alpha the opacity
+    /// in front of the sky. Relative paths start at the configuration's folder.
     pub landscape: Option<PathBuf>,
     /// Azimuth of the middle of the panorama.
+    #[schemars(range(min = -360.0, max = 360.0), extend("x-unit" = "degrees"))]
     pub landscape_azimuth_deg: f64,
 }
 
@@ -76,22 +82,23 @@ impl Default for GroundConfig {
 }
 
 impl AirConfig {
-    /// Checks what types alone do not say, at a height, m; a fault names the key below `scene.observer.air`.
+    /// Checks the rules beyond types and ranges, at a height, m; a fault names the key below `scene.observer.air`.
     pub(super) fn check(&self, height_m: f64) -> Result<(), Fault> {
         if self.extinction_mag.is_some() && height_m > HIGHEST_M {
-            let problem = format!("there is no air {height_m} m high: leave the key out from {HIGHEST_M} m on");
+            let problem =
+                format!("there is no air at a height of {height_m} m: leave the key out from {HIGHEST_M} m on");
             return Err(Fault::new("extinction_mag", problem));
         }
         Ok(())
     }
 
-    /// The air at a height, m; none where it is turned off or too thin.
+    /// The air at a height, m; `None` if it is turned off or too thin.
     pub(super) fn air(&self, height_m: f64) -> Option<Air> {
         let glow_cd_m2 = glow_of(self.night_sky_mag, rec709_in_gamut(GLOW_K));
         self.extinction(height_m).map(|extinction_mag| Air::new(extinction_mag, height_m, glow_cd_m2))
     }
 
-    /// What the air takes at a height, m, magnitudes of V; `None`: there is none.
+    /// Extinction of the air at a height, m, V magnitudes; `None` without air.
     fn extinction(&self, height_m: f64) -> Option<f64> {
         let clear = || EXTINCTIONS.iter().map(|[mag, height]| mag * (-height_m.max(0.0) / height).exp()).sum();
         let extinction_mag = self.extinction_mag.unwrap_or_else(clear);
@@ -99,7 +106,7 @@ impl AirConfig {
         is_there.then_some(extinction_mag)
     }
 
-    /// What bends light at a height, m; `None`: there is no air.
+    /// The refracting air at a height, m; `None` without air.
     pub(super) fn refracting(&self, height_m: f64) -> Option<RefractingAir> {
         let standard = RefractingAir::at_height(height_m);
         self.extinction(height_m).map(|_| RefractingAir {
@@ -110,14 +117,14 @@ impl AirConfig {
 }
 
 impl GroundConfig {
-    /// Checks what types alone do not say; a fault names the key below `scene.observer.ground`.
+    /// Checks the rules beyond types and ranges; a fault names the key below `scene.observer.ground`.
     pub(super) fn check(&self) -> Result<(), Fault> {
         if self.horizon_deg.len() > MOST_POINTS {
-            let problem = format!("{} points: allowed are up to {MOST_POINTS}", self.horizon_deg.len());
+            let problem = format!("{} points: must be at most {MOST_POINTS}", self.horizon_deg.len());
             return Err(Fault::new("horizon_deg", problem));
         }
         if self.landscape.is_some() && !self.horizon_deg.is_empty() {
-            let problem = "landscape is given too, whose alpha is the horizon: at most one of both is allowed";
+            let problem = "landscape is given too, whose alpha is the horizon: give at most one of them";
             return Err(Fault::new("horizon_deg", problem));
         }
         let mut last = f64::NEG_INFINITY;
@@ -126,27 +133,30 @@ impl GroundConfig {
             finite(&key, azimuth_deg)?;
             finite(&key, altitude_deg)?;
             if !(0.0..360.0).contains(&azimuth_deg) {
-                return Err(Fault::new(key, format!("azimuth {azimuth_deg}: allowed are 0 to below 360")));
+                return Err(Fault::new(key, format!("azimuth {azimuth_deg}: must be at least 0 and below 360")));
             }
             if azimuth_deg <= last {
-                return Err(Fault::new(key, format!("azimuth {azimuth_deg} does not rise: the one before is {last}")));
+                return Err(Fault::new(
+                    key,
+                    format!("azimuth {azimuth_deg} does not rise: must be above {last}, the one before"),
+                ));
             }
             if altitude_deg.abs() > 90.0 {
-                return Err(Fault::new(key, format!("altitude {altitude_deg}: allowed are -90 to 90")));
+                return Err(Fault::new(key, format!("altitude {altitude_deg}: must be between -90 and 90")));
             }
             last = azimuth_deg;
         }
         Ok(())
     }
 
-    /// Reads the landscape, from a path that starts at `folder`, where there is ground; a fault names the key below `scene.observer.ground`.
+    /// Reads the landscape, from a path that starts at `folder`, if there is ground; a fault names the key below `scene.observer.ground`.
     pub(super) fn landscape(&self, folder: &Path) -> Result<Option<Landscape>, Fault> {
         let read = |file: &PathBuf| Landscape::from_png(&folder.join(file), self.landscape_azimuth_deg.to_radians());
         let landscape = self.landscape.as_ref().filter(|_| self.enabled).map(read).transpose();
         landscape.map_err(|error| Fault::new("landscape", error.to_string()))
     }
 
-    /// The ground with its landscape, if it has one; none where it is turned off.
+    /// The ground with its landscape, if it has one; `None` if it is turned off.
     pub(super) fn ground(&self, landscape: Option<Arc<Landscape>>) -> Option<Ground> {
         let points = || self.horizon_deg.iter().map(|point| point.map(f64::to_radians)).collect();
         self.enabled.then(|| Ground {
@@ -168,7 +178,7 @@ mod tests {
         for (points, key, part) in [
             (&[[0.0, 1.0], [0.0, 2.0]][..], "horizon_deg[1]", "does not rise"),
             (&[[360.0, 1.0]][..], "horizon_deg[0]", "below 360"),
-            (&[[1.0, 91.0]][..], "horizon_deg[0]", "-90 to 90"),
+            (&[[1.0, 91.0]][..], "horizon_deg[0]", "between -90 and 90"),
             (&[[1.0, f64::NAN]][..], "horizon_deg[0]", "finite"),
             (&[[1.0, 0.0]; MOST_POINTS + 1][..], "horizon_deg", "10001 points"),
         ] {

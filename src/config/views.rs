@@ -1,144 +1,156 @@
-//! `[[views]]`: one table per view, seven types.
+//! `[[views]]`: the specification of a view, in seven types.
 //!
-//! The keys `name`, `type`, `orientation`, `position_m`, `test_pattern`, `packing`, `exposure_group` and the tables `exposure`, `glare` and `tone_map`
-//! are common; the others belong to the type, and a key of another type is unknown. Degrees end here: what comes out is the rig's [`View`] in radians.
+//! A [`ViewSpec`] is the one form of a view in configurations, in messages of clients and in state files. [`ViewSpec::view`] makes the rig's [`View`] of it,
+//! in radians. The keys of [`ViewSpec`] and of [`ViewGeometry`] are common to all types; the others belong to the type, and a key of another type is unknown.
 
 use std::path::Path;
 
-use glam::DQuat;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use serde_json::json;
 use toml::{Table, Value};
 
-use super::document::deserialise;
-use super::error::{Fault, finite, join};
+use super::document::{check_ranges, deserialise};
+use super::error::{Fault, finite};
+use super::keys::{KeyError, table_of};
 use super::projector::ProjectorConfig;
-use super::view_tables::ViewTables;
-use crate::plan::settings::{ExposureSettings, GlareSettings, ToneMapSettings};
+use crate::plan::settings::{ExposureKeys, GlareKeys, ToneMapKeys};
+use crate::ranges::schema_of;
 use crate::scene::{PoseError, finite_vector, unit_quaternion};
 use crate::view::projection::{Face, FisheyeMapping, ProjectionError};
-use crate::view::{Fov, Packing, RigError, View, ViewKind};
+use crate::view::{Fov, MAX_EYE_OFFSET_M, Packing, RigError, View, ViewKind};
 
-/// Names of the types, as they stand in `type`.
+/// Names of the types, the values of `type`.
 pub const VIEW_TYPES: [&str; 7] =
     ["perspective", "stereo", "cubemap", "fisheye", "dome_master", "equirectangular", "projector"];
 
-/// One view.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ViewConfig {
+/// Specification of a view.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+#[schemars(rename = "CommonKeysOfViews")]
+pub struct ViewSpec {
     /// Unique name: letters, digits, `_` and `-`.
     pub name: String,
-    /// Unit quaternion x, y, z, w from view axes to camera axes.
-    pub orientation: [f64; 4],
-    /// Position in camera axes, m.
-    pub position_m: [f64; 3],
-    /// Whether its display images show a test pattern.
+    /// Type of the view, and its position and orientation.
+    #[serde(skip)]
+    pub geometry: ViewGeometry,
+    /// Whether display images show a test pattern for aligning projectors.
     pub test_pattern: bool,
-    /// How the pictures of its eyes lie in files.
+    /// How the pictures of two eyes lie in the files of `render` and `film`.
     pub packing: PackingConfig,
-    /// Its exposure, glare and tone mapping, as far as it has its own.
-    pub tables: ViewTables,
-    /// Type and what belongs to it.
-    pub kind: ViewKindConfig,
-    /// The keys of its geometry as they stand: type, what belongs to it, orientation and position. [`Self::read`] takes them again, but for
-    /// those of a projector, whose geometry is in a file.
-    pub definition: Table,
+    /// Name of a group of views that share one exposure: letters, digits, `_` and `-`.
+    pub exposure_group: Option<String>,
+    /// Exposure of this view, or of its group; keys that are not given are those of the general table.
+    pub exposure: Option<ExposureKeys>,
+    /// Glare of this view; keys that are not given are those of the general table.
+    pub glare: Option<GlareKeys>,
+    /// Tone mapping of this view; keys that are not given are those of the general table.
+    pub tone_map: Option<ToneMapKeys>,
 }
 
-/// What is wrong with the table of a view.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{}", join_problem(.key, .problem))]
-pub struct DefinitionError {
-    /// Path of the key within the table; empty for the table itself.
-    pub key: String,
-    /// What is wrong and what is allowed.
-    pub problem: String,
+/// Type of a view, and its position and orientation in the axes of the camera.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ViewGeometry {
+    /// Type and its keys.
+    #[serde(skip)]
+    pub kind: ViewKindSpec,
+    /// Unit quaternion from view axes to camera axes.
+    pub orientation: [f64; 4],
+    /// Position of the view in camera axes.
+    #[schemars(inner(range(min = -MAX_EYE_OFFSET_M, max = MAX_EYE_OFFSET_M)), extend("x-unit" = "m"))]
+    pub position_m: [f64; 3],
 }
 
-fn join_problem(key: &str, problem: &str) -> String {
-    if key.is_empty() { problem.to_owned() } else { format!("{key}: {problem}") }
-}
-
-impl DefinitionError {
-    /// The same seen from outside: `prefix` is the path to the table.
-    #[must_use]
-    pub fn within(self, prefix: &str) -> Self {
-        Self { key: join(prefix, &self.key), ..self }
-    }
-}
-
-impl From<Fault> for DefinitionError {
-    fn from(fault: Fault) -> Self {
-        Self { key: fault.key, problem: fault.problem }
-    }
-}
-
-/// What belongs to a view's type.
-#[derive(Clone, Debug, PartialEq)]
-pub enum ViewKindConfig {
+/// Type of a view with its keys.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[serde(tag = "type", rename_all = "snake_case")]
+pub enum ViewKindSpec {
+    /// The program made the view from something that has no keys.
+    #[default]
+    #[serde(skip)]
+    Custom,
     /// `perspective`.
-    Perspective(PerspectiveConfig),
+    Perspective(PerspectiveSpec),
     /// `stereo`.
-    Stereo(StereoConfig),
+    Stereo(StereoSpec),
     /// `cubemap`.
-    Cubemap(CubemapConfig),
+    Cubemap(CubemapSpec),
     /// `fisheye`.
-    Fisheye(FisheyeConfig),
+    Fisheye(FisheyeSpec),
     /// `dome_master`.
-    DomeMaster(DomeMasterConfig),
+    DomeMaster(DomeMasterSpec),
     /// `equirectangular`.
-    Equirectangular(EquirectangularConfig),
-    /// `projector`.
+    Equirectangular(EquirectangularSpec),
+    /// `projector`. Its calibration is a file, so only configurations have it.
+    #[serde(skip)]
     Projector(Box<ProjectorConfig>),
 }
 
+impl Default for ViewGeometry {
+    fn default() -> Self {
+        Self { kind: ViewKindSpec::Custom, orientation: IDENTITY, position_m: [0.0; 3] }
+    }
+}
+
+const IDENTITY: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
+
 /// Signed angles of the four edges from the view axis; left and down are usually negative.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct FovConfig {
+pub struct FovSpec {
     /// Angle of the left edge, less than that of the right edge.
+    #[schemars(range(min = -89.0, max = 89.0), extend("x-unit" = "degrees"))]
     pub left_deg: f64,
     /// Angle of the right edge.
+    #[schemars(range(min = -89.0, max = 89.0), extend("x-unit" = "degrees"))]
     pub right_deg: f64,
     /// Angle of the upper edge.
+    #[schemars(range(min = -89.0, max = 89.0), extend("x-unit" = "degrees"))]
     pub up_deg: f64,
     /// Angle of the lower edge, less than that of the upper edge.
+    #[schemars(range(min = -89.0, max = 89.0), extend("x-unit" = "degrees"))]
     pub down_deg: f64,
 }
 
 /// A flat (gnomonic) view: exactly one of `fov_y_deg` and `fov` is needed.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct PerspectiveConfig {
+pub struct PerspectiveSpec {
     /// Width and height.
+    #[schemars(inner(range(min = 1)), extend("x-unit" = "pixels"))]
     pub size: [u32; 2],
     /// Vertical field of view; the horizontal one must not exceed 178 degrees either.
+    #[schemars(range(max = 178.0), extend("exclusiveMinimum" = 0.0, "x-unit" = "degrees"))]
     pub fov_y_deg: Option<f64>,
     /// Off-axis field of view by its four edges.
-    pub fov: Option<FovConfig>,
+    pub fov: Option<FovSpec>,
 }
 
 /// Two eyes: needs either `fov` (left eye, mirrored for the right eye) or both `fov_left` and `fov_right`.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct StereoConfig {
+pub struct StereoSpec {
     /// Width and height per eye.
+    #[schemars(inner(range(min = 1)), extend("x-unit" = "pixels"))]
     pub size: [u32; 2],
     /// Interpupillary distance.
+    #[schemars(range(min = 0.0, max = 2.0 * MAX_EYE_OFFSET_M), extend("x-unit" = "m"))]
     pub ipd_m: f64,
     /// Field of view of the left eye, mirrored for the right eye.
-    pub fov: Option<FovConfig>,
+    pub fov: Option<FovSpec>,
     /// Field of view of the left eye.
-    pub fov_left: Option<FovConfig>,
+    pub fov_left: Option<FovSpec>,
     /// Field of view of the right eye.
-    pub fov_right: Option<FovConfig>,
+    pub fov_right: Option<FovSpec>,
 }
 
 /// Square faces with a field of view of 90 degrees.
-#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct CubemapConfig {
+pub struct CubemapSpec {
     /// Side of a face.
+    #[schemars(range(min = 1), extend("x-unit" = "pixels"))]
     pub face_size: u32,
     /// Faces to render, each at most once.
     #[serde(default = "all_faces")]
@@ -165,31 +177,36 @@ pub enum MappingConfig {
 }
 
 /// A circular fisheye image.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct FisheyeConfig {
+pub struct FisheyeSpec {
     /// Width and height.
+    #[schemars(inner(range(min = 1)), extend("x-unit" = "pixels"))]
     pub size: [u32; 2],
     /// Mapping from the angle to the axis to the radius in the image.
     #[serde(default)]
     pub mapping: MappingConfig,
     /// Field of view across the circle; the mapping limits it.
+    #[schemars(range(max = 360.0), extend("exclusiveMinimum" = 0.0, "x-unit" = "degrees"))]
     pub fov_deg: f64,
 }
 
 /// The domemaster of planetariums: an equidistant fisheye image, zenith in the centre, front at the bottom.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct DomeMasterConfig {
+pub struct DomeMasterSpec {
     /// Width and height, equal.
+    #[schemars(inner(range(min = 1)), extend("x-unit" = "pixels"))]
     pub size: [u32; 2],
     /// Field of view across the circle.
     #[serde(default = "half_turn_deg")]
+    #[schemars(range(max = 360.0), extend("exclusiveMinimum" = 0.0, "x-unit" = "degrees"))]
     pub fov_deg: f64,
     /// Tilt of the dome towards the front.
     #[serde(default)]
     pub tilt_deg: f64,
     /// Interpupillary distance: makes a picture for each eye, in omni-directional stereo.
+    #[schemars(range(min = 0.0, max = 2.0 * MAX_EYE_OFFSET_M), extend("x-unit" = "m"))]
     pub ipd_m: Option<f64>,
 }
 
@@ -198,10 +215,11 @@ fn half_turn_deg() -> f64 {
 }
 
 /// An equirectangular (plate carrée) map of the whole sky in the axes of the view: -z in the centre, +y at the top.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct EquirectangularConfig {
+pub struct EquirectangularSpec {
     /// Width, an even number, and height.
+    #[schemars(inner(range(min = 1)), extend("x-unit" = "pixels"))]
     pub size: [u32; 2],
 }
 
@@ -209,7 +227,7 @@ pub struct EquirectangularConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PackingConfig {
-    /// Each in a file of its own.
+    /// Each in its own file.
     #[default]
     None,
     /// In one, the left eye's above the right eye's.
@@ -228,123 +246,180 @@ impl From<PackingConfig> for Packing {
     }
 }
 
-/// The keys that every view has beside its name and type.
-#[derive(Deserialize, Serialize, JsonSchema)]
-#[serde(default)]
-pub(super) struct Common {
-    /// Unit quaternion from view axes to camera axes.
-    orientation: [f64; 4],
-    /// Position of the view in camera axes.
-    position_m: [f64; 3],
-    /// Whether display images show a test pattern for aligning projectors.
-    test_pattern: bool,
-    /// How the pictures of two eyes lie in the files of `render` and `film`.
-    packing: PackingConfig,
-    /// Name of a group of views that share one exposure: letters, digits, `_` and `-`.
-    exposure_group: Option<String>,
-    /// Exposure of this view, or of its group; keys that are not given are those of the general table.
-    #[schemars(with = "Option<ExposureSettings>")]
-    exposure: Option<Table>,
-    /// Glare of this view; keys that are not given are those of the general table.
-    #[schemars(with = "Option<GlareSettings>")]
-    glare: Option<Table>,
-    /// Tone mapping of this view; keys that are not given are those of the general table.
-    #[schemars(with = "Option<ToneMapSettings>")]
-    tone_map: Option<Table>,
+/// Keys of a type, from its schema.
+pub(super) fn keys_of<T: JsonSchema + 'static>() -> Vec<&'static str> {
+    schema_of::<T>()["properties"].as_object().into_iter().flatten().map(|(key, _)| key.as_str()).collect()
 }
 
-impl Default for Common {
-    fn default() -> Self {
-        Self {
-            orientation: [0.0, 0.0, 0.0, 1.0],
-            position_m: [0.0; 3],
-            test_pattern: false,
-            packing: PackingConfig::None,
-            exposure_group: None,
-            exposure: None,
-            glare: None,
-            tone_map: None,
-        }
+impl ViewSpec {
+    /// A view that the program made from something that has no keys.
+    pub fn custom(name: &str) -> Self {
+        Self { name: name.to_owned(), ..Self::default() }
     }
-}
 
-/// Keys that every view may have beside those of its geometry.
-const BESIDE_GEOMETRY: [&str; 6] = ["test_pattern", "packing", "exposure_group", "exposure", "glare", "tone_map"];
-
-impl ViewConfig {
-    /// Reads a table of `[[views]]` as it would be read in a configuration, and makes the rig's view of it. What its tables `exposure`, `glare` and
-    /// `tone_map` come to is judged with the general ones, by [`resolve_views`](super::resolve_views).
+    /// Reads a view from a value with its keys, such as a message, and makes the rig's view of it. Settings of the view are checked together
+    /// with the general ones, by [`resolve_views`](super::resolve_views).
     ///
     /// # Errors
     ///
-    /// The first key that is unknown, missing, or has a value that is not allowed.
-    pub fn read(table: Table) -> Result<(Self, View), DefinitionError> {
-        let config = Self::from_table(table)?;
-        let view = config.view(None)?;
-        Ok((config, view))
+    /// The first key that is unknown, missing, or has a value that is not valid.
+    pub fn from_keys(keys: &impl Serialize) -> Result<(Self, View), KeyError> {
+        let spec = Self::from_table(table_of(keys)?)?;
+        let view = spec.view(None)?;
+        Ok((spec, view))
+    }
+
+    /// Reads a table of `[[views]]`, as [`Self::from_keys`] does.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::from_keys`], and text that is not TOML.
+    pub fn from_toml(text: &str) -> Result<(Self, View), KeyError> {
+        let table = text.parse::<Table>();
+        Self::from_keys(&table.map_err(|error| KeyError { key: String::new(), problem: error.to_string() })?)
+    }
+
+    /// Reads the settings of a view from a value with its keys, without a geometry.
+    ///
+    /// # Errors
+    ///
+    /// The first key that is unknown, or has a value that is not valid.
+    pub fn settings_from_keys(keys: &impl Serialize) -> Result<Self, KeyError> {
+        Ok(deserialise(Value::Table(table_of(keys)?), "")?)
+    }
+
+    /// Checks the specification as if it had been read, and makes the rig's view of it.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::from_keys`].
+    pub fn checked(&self) -> Result<(Self, View), KeyError> {
+        Self::from_keys(&self.table()?)
+    }
+
+    /// A value that has the keys of the view, such as a message. Keys with their default values are left out, and so are those of
+    /// a geometry that only the program or the configuration can give.
+    ///
+    /// # Errors
+    ///
+    /// A key that the other type does not have, or a path that is not UTF-8.
+    pub fn keys<T: DeserializeOwned>(&self) -> Result<T, KeyError> {
+        Ok(deserialise(Value::Table(self.table()?), "")?)
+    }
+
+    fn table(&self) -> Result<Table, Fault> {
+        let mut table = table_of(self)?;
+        if self.geometry.has_keys() {
+            table.extend(table_of(&self.geometry.kind)?);
+            table.extend(table_of(&self.geometry)?);
+        }
+        table.retain(|key, value| default_of(self.geometry.kind.name(), key).as_ref() != Some(value));
+        Ok(table)
     }
 
     /// Reads a view's table; a fault names the key within it.
     pub(super) fn from_table(mut table: Table) -> Result<Self, Fault> {
+        let given = Value::Table(table.clone());
         let name = text(&mut table, "name", "a unique name of letters, digits, `_` and `-`")?;
-        let mut definition = table.clone();
-        definition.retain(|key, _| !BESIDE_GEOMETRY.contains(&key));
-        let kind = text(&mut table, "type", &VIEW_TYPES.join(", "))?;
-        let mut common = Table::new();
-        for key in ["orientation", "position_m"].into_iter().chain(BESIDE_GEOMETRY) {
-            common.extend(table.remove_entry(key));
-        }
-        let common: Common = deserialise(Value::Table(common), "")?;
-        let own = Value::Table(table);
-        let kind = match kind.as_str() {
-            "perspective" => ViewKindConfig::Perspective(deserialise(own, "")?),
-            "stereo" => ViewKindConfig::Stereo(deserialise(own, "")?),
-            "cubemap" => ViewKindConfig::Cubemap(deserialise(own, "")?),
-            "fisheye" => ViewKindConfig::Fisheye(deserialise(own, "")?),
-            "dome_master" => ViewKindConfig::DomeMaster(deserialise(own, "")?),
-            "equirectangular" => ViewKindConfig::Equirectangular(deserialise(own, "")?),
-            "projector" => ViewKindConfig::Projector(Box::new(deserialise(own, "")?)),
-            _ => {
-                return Err(Fault::new(
-                    "type",
-                    format!("unknown type `{kind}`: allowed are {}", VIEW_TYPES.join(", ")),
-                ));
-            }
-        };
-        let Common { orientation, position_m, test_pattern, packing, exposure_group, exposure, glare, tone_map } =
-            common;
-        let tables = ViewTables { exposure_group, exposure, glare, tone_map };
-        Ok(Self { name, orientation, position_m, test_pattern, packing, tables, kind, definition })
+        let shared = taken(&mut table, &keys_of::<Self>());
+        let geometry = ViewGeometry::read(table)?;
+        let spec = Self { name, geometry, ..deserialise(shared, "")? };
+        check_ranges::<ViewTable>(&given)?;
+        Ok(spec)
     }
 
     /// The rig's view; a fault names the key within the view. `folder` is where relative paths start; without one no file is read.
     pub(super) fn view(&self, folder: Option<&Path>) -> Result<View, Fault> {
-        let orientation = unit_quaternion(self.orientation).map_err(|error| pose_fault(&error))?;
-        let position_m = finite_vector("position_m", self.position_m).map_err(|error| pose_fault(&error))?;
-        self.named(self.kind.kind(folder)?, orientation, position_m)
-    }
-
-    fn projection_fault(&self, error: &ProjectionError) -> Fault {
-        match error {
-            ProjectionError::ZeroSize { .. } => {
-                let key = if matches!(self.kind, ViewKindConfig::Cubemap(_)) { "face_size" } else { "size" };
-                Fault::new(key, error.to_string())
-            }
-            ProjectionError::OutOfRange { parameter, value, allowed } => {
-                // Back from radians: without the digits that the way there and back has left.
-                let value = (value * 1e9).round() / 1e9;
-                Fault::new(*parameter, format!("{value}: {allowed}"))
-            }
-        }
-    }
-
-    fn named(&self, kind: ViewKind, orientation: DQuat, position_m: glam::DVec3) -> Result<View, Fault> {
-        let view = View::new(&self.name, kind, orientation, position_m);
+        let ViewGeometry { kind, orientation, position_m } = &self.geometry;
+        let orientation = unit_quaternion(*orientation).map_err(|error| pose_fault(&error))?;
+        let position_m = finite_vector("position_m", *position_m).map_err(|error| pose_fault(&error))?;
+        let view = View::new(&self.name, kind.kind(folder)?, orientation, position_m);
         view.and_then(|view| view.packed(self.packing.into())).map_err(|error| match error {
-            RigError::Projection { source, .. } => self.projection_fault(&source),
+            RigError::Projection { source, .. } => kind.projection_fault(&source),
             RigError::Parameter { problem, .. } => Fault::new("", problem),
             RigError::Name { .. } | RigError::Duplicate { .. } => Fault::new("name", error.to_string()),
         })
+    }
+}
+
+/// Removes the keys from a table.
+fn taken(table: &mut Table, keys: &[&str]) -> Value {
+    Value::Table(keys.iter().filter_map(|key| table.remove_entry(*key)).collect())
+}
+
+impl ViewGeometry {
+    /// Whether the type has keys that clients know: the geometry of a projector is a file, that of a view made by the program has none.
+    pub fn has_keys(&self) -> bool {
+        !matches!(self.kind, ViewKindSpec::Custom | ViewKindSpec::Projector(_))
+    }
+
+    fn read(mut table: Table) -> Result<Self, Fault> {
+        let kind = text(&mut table, "type", &VIEW_TYPES.join(", "))?;
+        let placement = deserialise(taken(&mut table, &keys_of::<Self>()), "")?;
+        let keys = Value::Table(table);
+        let kind = match kind.as_str() {
+            "perspective" => ViewKindSpec::Perspective(deserialise(keys, "")?),
+            "stereo" => ViewKindSpec::Stereo(deserialise(keys, "")?),
+            "cubemap" => ViewKindSpec::Cubemap(deserialise(keys, "")?),
+            "fisheye" => ViewKindSpec::Fisheye(deserialise(keys, "")?),
+            "dome_master" => ViewKindSpec::DomeMaster(deserialise(keys, "")?),
+            "equirectangular" => ViewKindSpec::Equirectangular(deserialise(keys, "")?),
+            "projector" => ViewKindSpec::Projector(Box::new(deserialise(keys, "")?)),
+            _ => {
+                let problem = format!("unknown type `{kind}`: must be one of {}", VIEW_TYPES.join(", "));
+                return Err(Fault::new("type", problem));
+            }
+        };
+        Ok(Self { kind, ..placement })
+    }
+}
+
+/// Default of a key of a type of view, as the schema has it. All types have the same defaults of the keys that they share.
+fn default_of(kind: &str, key: &str) -> Option<Value> {
+    let forms = schema_of::<ViewTable>()["oneOf"].as_array()?;
+    let form = forms.iter().find(|form| form["properties"]["type"]["const"] == kind).or(forms.first())?;
+    Value::try_from(form["properties"][key].get("default").filter(|default| !default.is_null())?).ok()
+}
+
+/// Schema of a table of `[[views]]`: one alternative for each type, each with the keys that all views have.
+pub(super) struct ViewTable;
+
+impl JsonSchema for ViewTable {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "ViewTable".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let shared = [ViewGeometry::json_schema(generator), ViewSpec::json_schema(generator)].map(Schema::to_value);
+        let kinds = [
+            PerspectiveSpec::json_schema(generator),
+            StereoSpec::json_schema(generator),
+            CubemapSpec::json_schema(generator),
+            FisheyeSpec::json_schema(generator),
+            DomeMasterSpec::json_schema(generator),
+            EquirectangularSpec::json_schema(generator),
+            ProjectorConfig::json_schema(generator),
+        ];
+        let alternatives: Vec<serde_json::Value> = VIEW_TYPES
+            .iter()
+            .zip(kinds)
+            .map(|(name, kind)| {
+                let mut kind = kind.to_value();
+                if let Some(properties) = kind["properties"].as_object_mut() {
+                    let shared = shared.iter().filter_map(|shared| shared["properties"].as_object().cloned());
+                    properties.extend(shared.flatten());
+                    if let Some(name) = properties.get_mut("name").and_then(serde_json::Value::as_object_mut) {
+                        name.remove("default");
+                    }
+                    properties.insert("type".to_owned(), json!({ "const": name, "description": "Type of the view." }));
+                }
+                if let Some(required) = kind["required"].as_array_mut() {
+                    required.extend([json!("name"), json!("type")]);
+                }
+                kind
+            })
+            .collect();
+        json_schema!({ "oneOf": alternatives })
     }
 }
 
@@ -356,34 +431,64 @@ fn pose_fault(error: &PoseError) -> Fault {
 }
 
 /// Takes a string out of the table.
-fn text(table: &mut Table, key: &str, allowed: &str) -> Result<String, Fault> {
+fn text(table: &mut Table, key: &str, valid: &str) -> Result<String, Fault> {
     match table.remove(key) {
         Some(Value::String(text)) => Ok(text),
-        Some(other) => Err(Fault::new(key, format!("{} is no string: allowed are {allowed}", other))),
-        None => Err(Fault::new(key, format!("missing key: needed is one of {allowed}").replace("one of a ", "a "))),
+        Some(other) => {
+            Err(Fault::new(key, format!("{other} is not a string: must be one of {valid}").replace("one of a ", "a ")))
+        }
+        None => Err(Fault::new(key, format!("missing key: must be one of {valid}").replace("one of a ", "a "))),
     }
 }
 
-impl ViewKindConfig {
+impl ViewKindSpec {
+    /// Name in configurations; empty for a view that has no keys.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Custom => "",
+            Self::Perspective(_) => "perspective",
+            Self::Stereo(_) => "stereo",
+            Self::Cubemap(_) => "cubemap",
+            Self::Fisheye(_) => "fisheye",
+            Self::DomeMaster(_) => "dome_master",
+            Self::Equirectangular(_) => "equirectangular",
+            Self::Projector(_) => "projector",
+        }
+    }
+
+    fn projection_fault(&self, error: &ProjectionError) -> Fault {
+        match error {
+            ProjectionError::ZeroSize { .. } => {
+                let key = if matches!(self, Self::Cubemap(_)) { "face_size" } else { "size" };
+                Fault::new(key, error.to_string())
+            }
+            ProjectionError::OutOfRange { parameter, value, allowed } => {
+                // Converted from degrees to radians and back: round off the error of both.
+                let value = (value * 1e9).round() / 1e9;
+                Fault::new(*parameter, format!("{value}: {allowed}"))
+            }
+        }
+    }
+
     fn kind(&self, folder: Option<&Path>) -> Result<ViewKind, Fault> {
         Ok(match self {
-            ViewKindConfig::Perspective(view) => match (view.fov_y_deg, view.fov) {
+            ViewKindSpec::Custom => {
+                return Err(Fault::new("type", format!("missing key: must be one of {}", VIEW_TYPES.join(", "))));
+            }
+            ViewKindSpec::Perspective(view) => match (view.fov_y_deg, view.fov) {
                 (Some(fov_y_deg), None) => {
                     finite("fov_y_deg", fov_y_deg)?;
                     ViewKind::Perspective { size: view.size, fov_y_rad: fov_y_deg.to_radians() }
                 }
                 (None, Some(fov)) => ViewKind::OffAxis { size: view.size, fov: fov.radians("fov")? },
                 (Some(_), Some(_)) => {
-                    return Err(Fault::new(
-                        "fov",
-                        "fov_y_deg is given too: exactly one of fov and fov_y_deg is allowed",
-                    ));
+                    return Err(Fault::new("fov", "fov_y_deg is given too: give exactly one of fov and fov_y_deg"));
                 }
                 (None, None) => {
-                    return Err(Fault::new("fov_y_deg", "missing key: exactly one of fov_y_deg and fov is needed"));
+                    return Err(Fault::new("fov_y_deg", "missing key: give exactly one of fov_y_deg and fov"));
                 }
             },
-            ViewKindConfig::Stereo(view) => {
+            ViewKindSpec::Stereo(view) => {
                 let (fov_left, fov_right) = match (view.fov, view.fov_left, view.fov_right) {
                     (Some(left), None, None) => {
                         let left = left.radians("fov")?;
@@ -397,16 +502,16 @@ impl ViewKindConfig {
                 };
                 ViewKind::Stereo { size: view.size, ipd_m: view.ipd_m, fov_left, fov_right }
             }
-            ViewKindConfig::Cubemap(view) => {
+            ViewKindSpec::Cubemap(view) => {
                 let faces: Result<Vec<Face>, Fault> =
                     view.faces.iter().enumerate().map(|(index, name)| face(index, name)).collect();
                 ViewKind::Cubemap { face_size: view.face_size, faces: faces? }
             }
-            ViewKindConfig::Fisheye(view) => {
+            ViewKindSpec::Fisheye(view) => {
                 finite("fov_deg", view.fov_deg)?;
                 ViewKind::Fisheye { size: view.size, mapping: view.mapping.into(), fov_rad: view.fov_deg.to_radians() }
             }
-            ViewKindConfig::DomeMaster(view) => {
+            ViewKindSpec::DomeMaster(view) => {
                 finite("fov_deg", view.fov_deg)?;
                 finite("tilt_deg", view.tilt_deg)?;
                 let [width, height] = view.size;
@@ -419,11 +524,11 @@ impl ViewKindConfig {
                     None => ViewKind::DomeMaster { size: width, fov_rad, tilt_rad },
                 }
             }
-            ViewKindConfig::Equirectangular(view) => ViewKind::Equirectangular { size: view.size },
-            ViewKindConfig::Projector(view) => match folder {
+            ViewKindSpec::Equirectangular(view) => ViewKind::Equirectangular { size: view.size },
+            ViewKindSpec::Projector(view) => match folder {
                 Some(folder) => view.kind(folder)?,
                 None => {
-                    let problem = "projectors are views of configurations alone: their calibration is a file, which clients cannot name";
+                    let problem = "only a configuration can have a projector: its calibration is a file, which clients cannot name";
                     return Err(Fault::new("type", problem));
                 }
             },
@@ -433,12 +538,12 @@ impl ViewKindConfig {
 
 fn face(index: usize, name: &str) -> Result<Face, Fault> {
     Face::from_name(name).ok_or_else(|| {
-        let problem = format!("unknown face `{name}`: allowed are {}", all_faces().join(", "));
+        let problem = format!("unknown face `{name}`: must be one of {}", all_faces().join(", "));
         Fault::new(format!("faces[{index}]"), problem)
     })
 }
 
-impl FovConfig {
+impl FovSpec {
     fn radians(self, key: &str) -> Result<Fov, Fault> {
         for (edge, value) in [
             ("left_deg", self.left_deg),

@@ -9,17 +9,15 @@ use super::error::Fault;
 use super::overlay::OverlayConfig;
 use crate::view::{Part, Rig, View, check_name};
 
-/// Most windows: each holds images of its own on the adapter.
+/// Most windows; each holds images on the adapter.
 pub const MOST_WINDOWS: usize = 64;
-/// Places of windows, pixels: X11 has 16 bits for them.
-pub(super) const PLACES_PX: [f64; 2] = [-32_767.0, 32_767.0];
-/// Sides of windows, pixels.
-pub(super) const SIDES_PX: [f64; 2] = [1.0, 32_767.0];
+/// Largest coordinate and side of a window, pixels: X11 has 16 bits for them.
+const MOST_PX: i32 = 32_767;
 
 /// Which monitor a window is on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MonitorChoice {
-    /// By what its EDID says of it: `VENDOR-PRODUCT-SERIAL`, its name or its serial number as text.
+    /// By a text of its EDID: `VENDOR-PRODUCT-SERIAL`, its name or its serial number.
     Edid(String),
     /// By its number from 1, from left to right and then from top to bottom.
     Number(u32),
@@ -60,7 +58,7 @@ impl<'de> Visitor<'de> for MonitorVisitor {
 
     fn visit_str<E: Error>(self, name: &str) -> Result<MonitorChoice, E> {
         if name.is_empty() {
-            return Err(E::custom("an empty name: needed is that of a connector, such as \"DP-1\""));
+            return Err(E::custom("an empty name: must be the name of a connector, such as \"DP-1\""));
         }
         Ok(MonitorChoice::Name(name.to_owned()))
     }
@@ -68,7 +66,7 @@ impl<'de> Visitor<'de> for MonitorVisitor {
     fn visit_i64<E: Error>(self, number: i64) -> Result<MonitorChoice, E> {
         match u32::try_from(number) {
             Ok(number @ 1..) => Ok(MonitorChoice::Number(number)),
-            _ => Err(E::custom(format!("{number}: numbers of monitors begin with 1"))),
+            _ => Err(E::custom(format!("{number}: numbers of monitors begin at 1"))),
         }
     }
 
@@ -80,14 +78,14 @@ impl<'de> Visitor<'de> for MonitorVisitor {
         let EdidEntry { edid } = EdidEntry::deserialize(MapAccessDeserializer::new(map))?;
         if edid.is_empty() {
             return Err(A::Error::custom(
-                "edid: an empty text: `steradian show --monitors` tells those of this machine",
+                "edid: an empty text: `steradian show --monitors` lists those of this machine",
             ));
         }
         Ok(MonitorChoice::Edid(edid))
     }
 }
 
-/// What the pixels of a window are made of.
+/// Pixel format of a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum WindowFormat {
@@ -96,7 +94,7 @@ pub enum WindowFormat {
     Srgb8,
     /// The same tone mapping with 10 bits, without dither.
     Rgb10,
-    /// Linear light without tone mapping, 1 for display white; more than 1 as far as the monitor shows it.
+    /// Linear light without tone mapping, 1 is display white; brighter values up to the limit of the monitor.
     Hdr,
 }
 
@@ -110,31 +108,33 @@ named!(WindowFormat {
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WindowConfig {
-    /// Unique name, in titles, logs and statistics: letters, digits, `_` and `-`. Absent: that of the view, and of the part after a `-`.
+    /// Unique name, in titles, logs and statistics: letters, digits, `_` and `-`. Absent: the name of the view, followed by `-` and the part, if any.
     #[serde(default)]
     pub name: String,
     /// Name of the view that it shows.
     pub view: String,
-    /// Which image, where the view has several: `left`, `right`, or the name of a cube face.
+    /// Which image, if the view has several: `left`, `right`, or the name of a cube face.
     pub part: Option<String>,
-    /// The monitor: its name, its number from 1, or `{ edid = "..." }`. Absent: the first one, and for windows in a frame wherever the desktop puts it.
+    /// The monitor: its name, its number from 1, or `{ edid = "..." }`. Absent: the first one; the desktop chooses for windows with a frame.
     #[serde(default)]
     #[schemars(schema_with = "super::reference::monitor")]
     pub monitor: Option<MonitorChoice>,
     /// Whether it fills its monitor; otherwise it has a frame.
     #[serde(default)]
     pub fullscreen: bool,
-    /// Place of the upper left corner on the monitor, or on the desktop where no monitor is named, pixels. Absent: as the desktop chooses.
+    /// Position of the upper left corner on the monitor, or on the desktop if no monitor is named, pixels. Absent: the desktop chooses.
+    #[schemars(inner(range(min = -MOST_PX, max = MOST_PX)), extend("x-unit" = "pixels"))]
     pub position: Option<[i32; 2]>,
     /// Width and height. Absent: those of the image.
+    #[schemars(inner(range(min = 1, max = MOST_PX)), extend("x-unit" = "pixels"))]
     pub size: Option<[u32; 2]>,
     /// Whether images wait for the monitor's refresh.
     #[serde(default = "yes")]
     pub vsync: bool,
-    /// Whether the cursor is seen over it.
+    /// Whether the cursor is visible over it.
     #[serde(default)]
     pub cursor: bool,
-    /// What its pixels are made of.
+    /// Pixel format.
     #[serde(default)]
     pub format: WindowFormat,
 }
@@ -181,16 +181,16 @@ impl WindowConfig {
         let Some(view) = rig.views().iter().find(|view| view.name == self.view) else {
             let names: Vec<&str> = rig.views().iter().map(|view| view.name.as_str()).collect();
             let allowed = if names.is_empty() { "none: there are no [[views]]".to_owned() } else { names.join(", ") };
-            return Err(Fault::new("view", format!("no view `{}`: allowed are {allowed}", self.view)));
+            return Err(Fault::new("view", format!("no view `{}`: must be one of {allowed}", self.view)));
         };
         if self.image_of(rig).is_none() {
             let parts: Vec<&str> = view.images.iter().filter_map(|image| image.part.name()).collect();
             let problem = match (&self.part, parts.is_empty()) {
                 (Some(_), true) => format!("view `{}` has one image: leave it out", self.view),
                 (Some(part), false) => {
-                    format!("view `{}` has no image `{part}`: allowed are {}", self.view, parts.join(", "))
+                    format!("view `{}` has no image `{part}`: must be one of {}", self.view, parts.join(", "))
                 }
-                (None, _) => format!("view `{}` has several images: needed is one of {}", self.view, parts.join(", ")),
+                (None, _) => format!("view `{}` has several images: must be one of {}", self.view, parts.join(", ")),
             };
             return Err(Fault::new("part", problem));
         }
@@ -200,8 +200,7 @@ impl WindowConfig {
                 return Err(Fault::new(key, problem));
             }
         }
-        within("position", self.position.iter().flatten().copied().map(f64::from), PLACES_PX)?;
-        within("size", self.size.iter().flatten().copied().map(f64::from), SIDES_PX)
+        Ok(())
     }
 
     /// Overlays are drawn over display images alone.
@@ -210,15 +209,9 @@ impl WindowConfig {
         if self.format == WindowFormat::Srgb8 || !(lines || patterned.contains(&self.view.as_str())) {
             return Ok(());
         }
-        let problem = "overlays and test patterns are in display images of 8 bits alone: set format = \"srgb8\", or leave them out";
+        let problem =
+            "only display images of 8 bits have overlays and test patterns: set format = \"srgb8\", or leave them out";
         Err(Fault::new("format", format!("`{}`: {problem}", self.format.name())))
-    }
-}
-
-fn within(key: &str, mut pixels: impl Iterator<Item = f64>, [least, most]: [f64; 2]) -> Result<(), Fault> {
-    match pixels.find(|pixels| !(least..=most).contains(pixels)) {
-        Some(wrong) => Err(Fault::new(key, format!("{wrong}: allowed are {least} to {most} pixels"))),
-        None => Ok(()),
     }
 }
 
@@ -230,7 +223,7 @@ pub(super) fn windows(
     patterned: &[&str],
 ) -> Result<Vec<WindowConfig>, (usize, Fault)> {
     if windows.len() > MOST_WINDOWS {
-        let problem = format!("{} windows: allowed are {MOST_WINDOWS} at most", windows.len());
+        let problem = format!("{} windows: must be at most {MOST_WINDOWS}", windows.len());
         return Err((MOST_WINDOWS, Fault::new("", problem)));
     }
     let windows: Vec<WindowConfig> = windows.into_iter().map(WindowConfig::named).collect();
@@ -239,13 +232,13 @@ pub(super) fn windows(
         window.check_overlay(overlay, patterned).map_err(|fault| (index, fault))?;
         let before = || windows[..index].iter();
         if let Some(first) = before().position(|other| other.name == window.name) {
-            let problem = format!("windows[{first}] has the name `{}` too: give them names of their own", window.name);
+            let problem = format!("windows[{first}] has the name `{}` too: names must be unique", window.name);
             return Err((index, Fault::new("name", problem)));
         }
         let fills = |other: &WindowConfig| other.fullscreen && window.fullscreen && other.monitor == window.monitor;
         if let Some(first) = before().position(fills) {
             let monitor = window.monitor.as_ref().map_or("the first one".to_owned(), MonitorChoice::to_string);
-            let problem = format!("windows[{first}] fills monitor {monitor} too: one window alone can");
+            let problem = format!("windows[{first}] fills monitor {monitor} too: only one window can");
             return Err((index, Fault::new("monitor", problem)));
         }
     }

@@ -16,7 +16,7 @@ use prost::Message;
 use prost_types::{FieldMask, Timestamp};
 
 use crate::{
-    config::{Config, ObserverConfig},
+    config::{Config, ObserverConfig, ViewSpec},
     plan::settings::RenderSettings,
     scene::{Camera, SceneClock, SceneObjects},
     service::{
@@ -25,7 +25,7 @@ use crate::{
         scene::{
             objects::Objects,
             state::{SceneState, SceneUpdate},
-            views::{GivenView, ViewSet, ViewUpdate},
+            views::{ViewSet, ViewUpdate},
         },
         state_file::Saved,
         wire::{
@@ -34,7 +34,7 @@ use crate::{
             objects::{body_from_pb, field_from_pb},
             overlay::overlay_from_pb,
             scene::{self, scene_to_pb, scene_update_from_pb, star_method},
-            views::{definition_from_pb, definition_to_pb, settings_to_pb, view_to_pb, view_update_from_pb},
+            views::{ViewChange, settings_to_pb, spec_from_pb, spec_to_pb, view_change_from_pb, view_to_pb},
         },
     },
     verify,
@@ -58,7 +58,7 @@ fn scene() -> SceneState {
     let RenderSettings { stars, asteroids, .. } = RenderSettings::default();
     let given = |name: &str| {
         let table = format!("name = '{name}'\ntype = 'fisheye'\nsize = [8, 8]\nfov_deg = 180.0");
-        GivenView::read(table.parse().unwrap()).unwrap().0
+        ViewSpec::from_toml(&table).unwrap()
     };
     let views = ["dome", "flat"].map(given).to_vec();
     let views = ViewSet::new(&RenderSettings::default(), views, Path::new("")).unwrap();
@@ -97,11 +97,13 @@ fn update_scene(bytes: &[u8]) -> Result<(), String> {
 
 fn update_view(bytes: &[u8]) -> Result<(), String> {
     let request: proto::UpdateViewRequest = decoded(bytes)?;
-    let update = view_update_from_pb(&request)?;
     let general = RenderSettings::default();
     let before = scene();
     for view in 0..2 {
-        let after = before.views.changed(&general, view, &update)?;
+        let after = match view_change_from_pb(&request, &before.views.spec(view))? {
+            ViewChange::Update(update) => before.views.changed(&general, view, &update)?,
+            ViewChange::Replace(spec) => before.views.replaced(&general, view, &spec)?,
+        };
         encode_views(&before, after);
     }
     Ok(())
@@ -119,9 +121,10 @@ fn encode_views(before: &SceneState, views: ViewSet) {
 
 fn create_view(bytes: &[u8]) -> Result<(), String> {
     let request: proto::CreateViewRequest = decoded(bytes)?;
-    let (given, _) = GivenView::read(definition_from_pb(&request.definition.unwrap_or_default()))?;
+    let read = spec_from_pb(&request.definition.unwrap_or_default());
+    let (spec, view) = read.map_err(|error| error.to_string())?;
     let (general, before) = (RenderSettings::default(), scene());
-    let after = before.views.with(&general, given)?;
+    let after = before.views.with(&general, spec, view)?;
     encode_views(&before, after.without(&general, 0)?);
     encode_views(&before, after);
     Ok(())
@@ -298,7 +301,7 @@ fn seeds() -> Vec<Vec<u8>> {
     let definition = proto::ViewDefinition {
         exposure_group: Some("both".to_owned()),
         test_pattern: Some(true),
-        ..definition_to_pb(&EYES.parse().unwrap()).unwrap()
+        ..spec_to_pb(&ViewSpec::from_toml(EYES).unwrap().0).unwrap()
     };
     let create = proto::CreateViewRequest { definition: Some(definition.clone()), expected_revision: Some(1) };
     let redefined = |paths: &[&str]| {
@@ -315,8 +318,8 @@ fn seeds() -> Vec<Vec<u8>> {
     for view in 0..2 {
         displayed.views = Arc::new(displayed.views.changed(&general, view, &join).unwrap());
     }
-    let (eyes, _) = GivenView::read(definition_from_pb(&definition)).unwrap();
-    displayed.views = Arc::new(displayed.views.with(&general, eyes).unwrap().without(&general, 0).unwrap());
+    let (eyes, view) = spec_from_pb(&definition).unwrap();
+    displayed.views = Arc::new(displayed.views.with(&general, eyes, view).unwrap().without(&general, 0).unwrap());
     let mut full = Saved::from_scene(&displayed, Some(&Camera::default()));
     full.scene = Some(full_scene());
     let frame = proto::Frame {

@@ -80,7 +80,7 @@ pub use scene::{
     observer::{GroundForm, ObserverChange},
     overlay::OverlayChange,
     state::{SceneCatalogue, SceneUpdate},
-    views::{TableChange, ViewUpdate},
+    views::{SettingsChange, ViewUpdate},
 };
 pub use state_file::StateError;
 

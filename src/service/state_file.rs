@@ -12,15 +12,19 @@ use std::{
 
 use prost::Message;
 use redb::{Database, DatabaseError, ReadableDatabase, ReadableTable, TableDefinition};
+use serde::de::DeserializeOwned;
 
 use crate::{
-    config::ViewTables,
+    config::{KeyError, ViewSpec},
     plan::settings::RenderSettings,
     scene::{Camera, SceneClock},
     service::{
         proto,
-        scene::{state::SceneState, views::KeptView},
-        wire::{camera, scene},
+        scene::state::SceneState,
+        wire::{
+            camera, scene,
+            views::{spec_from_pb, spec_to_pb},
+        },
     },
 };
 
@@ -31,11 +35,11 @@ const SNAPSHOTS: TableDefinition<'_, &str, &[u8]> = TableDefinition::new("snapsh
 const FORMAT: &str = "format";
 const SHOWN: &str = "shown";
 const CAMERA: &str = "camera";
-/// Format version. It grows with every addition, so that an older program cannot drop data that it does not know.
-const VERSION: u8 = 3;
-/// Older versions that are still read: before clients could create and delete views, and before they could move the
-/// observer. Missing values come from the configuration.
-const OLDER: [u8; 2] = [1, 2];
+/// Format version. It grows with every change of the stored data, so that an older program cannot drop data that it does not know.
+const VERSION: u8 = 4;
+/// Older versions that are still read, and then written in the current one: 1 has no views of clients, 2 no observer, and all of
+/// them have the settings of views as TOML text. Missing values come from the configuration.
+const OLDER: [u8; 3] = [1, 2, 3];
 /// Maximum number of snapshots in a file.
 const MOST_SNAPSHOTS: u64 = 256;
 
@@ -74,9 +78,9 @@ pub enum StateError {
     Full,
 }
 
-/// Settings of one view, as tables of a configuration.
+/// View in the formats up to 3, with tables as TOML text.
 #[derive(Clone, PartialEq, Message)]
-pub(crate) struct SavedView {
+pub(crate) struct TextView {
     #[prost(string, tag = "1")]
     name: String,
     #[prost(string, optional, tag = "2")]
@@ -97,8 +101,9 @@ pub(crate) struct SavedView {
 pub(crate) struct Saved {
     #[prost(message, optional, tag = "1")]
     pub(crate) scene: Option<proto::Scene>,
+    /// Views in the formats up to 3.
     #[prost(message, repeated, tag = "2")]
-    views: Vec<SavedView>,
+    text_views: Vec<TextView>,
     /// Camera of a snapshot. The current camera has its own entry, because it changes more often.
     #[prost(message, optional, tag = "3")]
     pub(crate) camera: Option<proto::Camera>,
@@ -108,6 +113,9 @@ pub(crate) struct Saved {
     /// Deleted views of the configuration.
     #[prost(string, repeated, tag = "5")]
     deleted: Vec<String>,
+    /// All views. Views without a type have the geometry of the configuration.
+    #[prost(message, repeated, tag = "6")]
+    views: Vec<proto::ViewDefinition>,
 }
 
 impl Saved {
@@ -115,7 +123,9 @@ impl Saved {
     pub(crate) fn from_scene(scene: &SceneState, camera: Option<&Camera>) -> Self {
         Self {
             scene: Some(scene::scene_to_pb(scene, &[])),
-            views: scene.views.kept().map(SavedView::from).collect(),
+            // Only a specification with a non-UTF-8 path has no message.
+            views: scene.views.kept().filter_map(|spec| spec_to_pb(&spec).ok()).collect(),
+            text_views: Vec::new(),
             deleted: scene.views.deleted().map(str::to_owned).collect(),
             camera: camera.map(camera::camera_to_pb),
             time: Some(SystemTime::now().into()),
@@ -144,43 +154,40 @@ impl Saved {
         };
         let made = scene::scene_update_from_pb(&request)?.make(scene)?;
         let mut after = scene.clone().changed(&made, None).map_err(|error| error.to_string())?;
-        let kept = self.views.iter().map(SavedView::kept).collect::<Result<_, String>>()?;
+        let older = self.text_views.iter().map(TextView::message).collect::<Result<Vec<_>, String>>()?;
+        let kept = older.iter().chain(&self.views).map(kept_spec).collect::<Result<_, String>>()?;
         after.views = Arc::new(scene.views.restored(general, kept, &self.deleted)?);
         Ok(after)
     }
 }
 
-impl From<KeptView> for SavedView {
-    fn from(KeptView { name, definition, tables }: KeptView) -> Self {
-        let text = |table: Option<toml::Table>| table.map(|table| table.to_string());
-        Self {
-            name,
-            definition: text(definition),
-            exposure_group: tables.exposure_group,
-            exposure: text(tables.exposure),
-            glare: text(tables.glare),
-            tone_map: text(tables.tone_map),
-        }
+/// The specification of a view that was kept; one without a type has no geometry.
+fn kept_spec(message: &proto::ViewDefinition) -> Result<ViewSpec, String> {
+    let wrong = |error: KeyError| format!("view `{}`: {error}", message.name());
+    if message.r#type.is_some() {
+        return spec_from_pb(message).map(|(spec, _)| spec).map_err(wrong);
+    }
+    ViewSpec::settings_from_keys(message).map_err(wrong)
+}
+
+impl TextView {
+    fn message(&self) -> Result<proto::ViewDefinition, String> {
+        let view = &self.name;
+        let definition: Option<proto::ViewDefinition> = parsed(view, self.definition.as_ref())?;
+        Ok(proto::ViewDefinition {
+            name: Some(view.clone()),
+            exposure_group: self.exposure_group.clone(),
+            exposure: parsed(view, self.exposure.as_ref())?,
+            glare: parsed(view, self.glare.as_ref())?,
+            tone_map: parsed(view, self.tone_map.as_ref())?,
+            ..definition.unwrap_or_default()
+        })
     }
 }
 
-impl SavedView {
-    fn kept(&self) -> Result<KeptView, String> {
-        let table = |text: &Option<String>| {
-            let parsed = text.as_ref().map(|text| text.parse::<toml::Table>()).transpose();
-            parsed.map_err(|error| format!("view `{}`: {error}", self.name))
-        };
-        Ok(KeptView {
-            name: self.name.clone(),
-            definition: table(&self.definition)?,
-            tables: ViewTables {
-                exposure_group: self.exposure_group.clone(),
-                exposure: table(&self.exposure)?,
-                glare: table(&self.glare)?,
-                tone_map: table(&self.tone_map)?,
-            },
-        })
-    }
+/// A message whose keys are TOML text.
+fn parsed<M: DeserializeOwned>(view: &str, text: Option<&String>) -> Result<Option<M>, String> {
+    text.map(|text| toml::from_str(text)).transpose().map_err(|error| format!("view `{view}`: {error}"))
 }
 
 /// An open state file.
@@ -326,7 +333,7 @@ mod tests {
         file.put(STATE, &[(FORMAT, &[VERSION + 1])]).unwrap();
         drop(file);
         let error = StateFile::open(&path).err().unwrap().to_string();
-        assert!(error.contains("this program supports 3"), "{error}");
+        assert!(error.contains("this program supports 4"), "{error}");
     }
 
     #[test]
@@ -344,5 +351,36 @@ mod tests {
         assert!(matches!(file.save_snapshot("one more", &Saved::default()), Err(StateError::Full)));
         file.save_snapshot("s3", &Saved::default()).unwrap();
         assert!(file.snapshot("s9").unwrap().is_some() && file.snapshot("none").unwrap().is_none());
+    }
+
+    #[test]
+    fn views_of_older_formats_are_read_and_broken_ones_are_refused() {
+        let older = TextView {
+            name: "dome".to_owned(),
+            exposure_group: Some("desk".to_owned()),
+            exposure: Some("limiting_magnitude = 8.5\n".to_owned()),
+            glare: Some("fraction = 0.25\n".to_owned()),
+            tone_map: None,
+            definition: Some(
+                "fov_deg = 0.1\norientation = [0.0, 0.6, 0.0, 0.8]\nsize = [16, 16]\ntype = \"fisheye\"\n".to_owned(),
+            ),
+        };
+        let text = "name = 'dome'\ntype = 'fisheye'\nsize = [16, 16]\nfov_deg = 0.1\norientation = [0.0, 0.6, 0.0, 0.8]\n\
+                    exposure_group = 'desk'\nexposure = { limiting_magnitude = 8.5 }\nglare = { fraction = 0.25 }";
+        let expected = ViewSpec::from_toml(text).unwrap().0;
+        assert_eq!(kept_spec(&older.message().unwrap()), Ok(expected.clone()));
+        // In the formats of today and of old, without a geometry.
+        let without = TextView { definition: None, ..older.clone() };
+        let kept = kept_spec(&without.message().unwrap()).unwrap();
+        assert_eq!(kept, ViewSpec { geometry: kept.geometry.clone(), ..expected });
+        assert!(!kept.geometry.has_keys());
+        assert_eq!(kept_spec(&spec_to_pb(&kept).unwrap()), Ok(kept));
+        for (broken, part) in [
+            (TextView { glare: Some("fraction = ".to_owned()), ..older.clone() }, "view `dome`: "),
+            (TextView { glare: Some("colour = 3".to_owned()), ..older }, "unknown field `colour`"),
+        ] {
+            let problem = broken.message().unwrap_err();
+            assert!(problem.contains(part), "{problem}");
+        }
     }
 }

@@ -9,7 +9,7 @@ use crate::{
     photometry::glare::GlareKernelError,
     plan::{
         GaussianWidth,
-        settings::{ExposureMode, GlareSettings, RenderSettings, StarMethod, StarSettings},
+        settings::{ExposureSettings, GlareSettings, RenderSettings, StarMethod, StarSettings},
     },
     reference::stars::{gaussian, point_spread::PointSpreadError},
     render::{Frame, FrameImage, FrameRequest, RenderError, Renderer, Wanted},
@@ -94,9 +94,8 @@ impl<'a> Context<'a> {
 
     /// Sets the exposure so that `white_cd_m2` is displayed as white.
     pub fn expose_for(&mut self, white_cd_m2: f64) {
-        self.settings.exposure.mode = ExposureMode::Manual;
         let at_0 = crate::photometry::exposure::white_luminance_cd_m2(0.0);
-        self.settings.exposure.ev100 = (white_cd_m2 / at_0).log2();
+        self.settings.exposure = ExposureSettings::manual((white_cd_m2 / at_0).log2());
     }
 
     /// Renders the HDR images of all views.

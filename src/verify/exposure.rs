@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     photometry::{exposure::mean_luminance_cd_m2, rec709::luminance},
-    plan::settings::{ExposureMode, ExposureSettings},
+    plan::settings::ExposureSettings,
     view::{Fov, ViewKind},
 };
 
@@ -18,7 +18,7 @@ use crate::{
 pub(super) fn picture_cut(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     // `auto` chooses kernels by the displayed exposure of a frame. It is fixed for all frames, as in a stream, and the
     // metered exposures are compared.
-    context.settings.exposure = ExposureSettings { mode: ExposureMode::Manual, ev100: -10.0, ..Default::default() };
+    context.settings.exposure = ExposureSettings::manual(-10.0);
     // The stars are concentrated on one side, so that a wrong weight is visible.
     let records = spiral(3000).enumerate().map(|(i, d)| star(d + 0.8 * DVec3::X, (i % 9) as f32)).collect();
     let mut scene = snapshot(records);

@@ -19,7 +19,7 @@ pub const CRATES: [&str; 3] = ["crates/sky/src", "crates/render/src", "src"];
 /// listed in [`SIBLINGS`]. A new module must be added here, as far up as its imports permit.
 pub const LAYERS: &[&[&str]] = &[
     &["names"],
-    &["units", "polynomial", "solar_system", "coordinates", "sky_pictures", "files"],
+    &["units", "polynomial", "solar_system", "coordinates", "sky_pictures", "files", "ranges"],
     &["photometry", "picture_file"],
     &["ephemeris", "relativity"],
     &["catalogue"],

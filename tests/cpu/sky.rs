@@ -103,8 +103,11 @@ fn errors_name_the_key_and_valid_values() {
     let on = |rest: &str| format!("{GREENWICH}{rest}");
     for (text, parts) in [
         ("[scene.observer]\nlatitude_deg = 3\n".to_owned(), &["longitude_deg", "missing"][..]),
-        ("[scene.observer]\nlatitude_deg = 91\nlongitude_deg = 3\n".to_owned(), &["latitude_deg", "-90 to 90"]),
-        (on("altitude_deg = 100\n"), &["scene.observer.altitude_deg", "-90 to 90"]),
+        (
+            "[scene.observer]\nlatitude_deg = 91\nlongitude_deg = 3\n".to_owned(),
+            &["latitude_deg", "between -90 and 90"],
+        ),
+        (on("altitude_deg = 100\n"), &["scene.observer.altitude_deg", "between -90 and 90"]),
         (on("azimuth_deg = 1\nlook = { at = 'moon' }\n"), &["scene.observer.azimuth_deg", "look is given too"]),
         (on("look = { at = 'pluto' }\n"), &["scene.observer.look.at", "no such body", "neptune"]),
         (on("[scene.camera]\nposition_m = [1, 2, 3]\n"), &["scene.camera", "scene.observer is given too"]),
@@ -117,7 +120,7 @@ fn errors_name_the_key_and_valid_values() {
             &["camera.look", "at most one"],
         ),
         ("[scene]\ntime = 'soon'\n".to_owned(), &["scene.time"]),
-        ("[scene]\ntime_rate = 1e9\n".to_owned(), &["scene.time_rate", "-320000000 to 320000000"]),
+        ("[scene]\ntime_rate = 1e9\n".to_owned(), &["scene.time_rate", "between -320000000 and 320000000"]),
         (
             "[[bodies]]\nname = 'm'\npreset = 'mars'\nephemeris = 'mars'\nposition_m = [1, 2, 3]\n".to_owned(),
             &["position_m", "ephemeris is given too"],

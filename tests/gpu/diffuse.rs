@@ -13,9 +13,7 @@ use steradian::{
     },
     observer::{Clock, Observer, Place, RefractingAir},
     photometry::atmosphere::{Air, glow_of},
-    plan::settings::{
-        AccuracySettings, ExposureMode, ExposureSettings, GlareMethod, GlareSettings, RenderSettings, StarMethod,
-    },
+    plan::settings::{AccuracySettings, ExposureSettings, GlareMethod, GlareSettings, RenderSettings, StarMethod},
     reference::diffuse::luminance_cd_m2,
     scene::{
         Camera, SceneObjects, SceneSnapshot,
@@ -111,7 +109,7 @@ fn glare_does_not_change_a_smooth_sky() {
 #[test]
 fn display_images_are_equal_with_and_without_an_hdr_image() {
     let glare = GlareSettings { method: GlareMethod::SkyCube, ..GlareSettings::default() };
-    let exposure = ExposureSettings { mode: ExposureMode::Manual, ev100: -8.0, ..ExposureSettings::default() };
+    let exposure = ExposureSettings::manual(-8.0);
     let mut settings = RenderSettings { glare, exposure, ..settings(StarMethod::Auto) };
     settings.accuracy = AccuracySettings::default();
     let (scene, rig) = (scene(Camera::default()), views());
@@ -165,7 +163,7 @@ fn light_is_interpolated_between_points_within_the_budget() {
         let camera = Camera { position_m: observer.epoch.position_m, world_from_camera: turned, ..Camera::default() };
         let mut scene = SceneSnapshot { camera, objects: Arc::new(objects), ..snapshot(Vec::new()) };
         scene.stars = Arc::new((*scene.stars).clone().with_unresolved(Some(Arc::clone(&galaxy))));
-        let exposure = ExposureSettings { mode: ExposureMode::Manual, ev100: -6.5, ..ExposureSettings::default() };
+        let exposure = ExposureSettings::manual(-6.5);
         let settings = RenderSettings { exposure, ..settings(StarMethod::Auto) };
         let codes = |display_codes: f64| {
             let mut settings = settings.clone();

@@ -20,8 +20,7 @@ fn times_of_quality_levels() {
     for ev100 in [-5.4, -8.5] {
         let (mut scene, rig, mut settings) = configured("dome.toml", &set);
         let rig = rig.of_views(&[0]);
-        settings.exposure.mode = steradian::plan::settings::ExposureMode::Manual;
-        settings.exposure.ev100 = ev100;
+        settings.exposure = steradian::plan::settings::ExposureSettings::manual(ev100);
         let mut renderer = renderer();
         for (codes, glare) in [(0.5, true), (1.0, true), (2.0, true), (4.0, true), (8.0, true), (8.0, false)] {
             settings.accuracy.display_codes = codes;

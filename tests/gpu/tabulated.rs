@@ -7,7 +7,7 @@ use glam::{DQuat, DVec2, DVec3};
 use steradian::{
     gpu::{Gpu, GpuOptions},
     photometry::kernel::SplatKernel,
-    plan::settings::{GlareMethod, Metering, RenderSettings, StarMethod},
+    plan::settings::{ExposureSettings, GlareMethod, Metering, RenderSettings, StarMethod},
     reference::stars::splat::{Eye, draw},
     render::{
         Frame, FrameImage, FrameRequest, Renderer, Wanted,
@@ -140,7 +140,7 @@ fn tables_equal_closed_forms_in_every_technique() {
             let rig = rig(vec![("closed", closed.clone()), ("table", tabulated(&table))]);
             let mut settings = settings(stars);
             settings.glare.method = glare;
-            settings.exposure.metering = Metering::Mean;
+            settings.exposure = ExposureSettings::auto(Metering::Mean);
             settings.tone_map.desaturation = 0.0;
             let frame = frame(&mut renderer, &sky, &rig, &settings);
             let apart = difference(&frame.images[0], &frame.images[1]);

@@ -61,8 +61,7 @@ fn everything_can_be_done_by_keyboard() -> Result<(), String> {
         page.press(&format!("{}5.25{}", select_all(), Key::Enter)).await;
         page.until("document.getElementById('notices').textContent.includes('is set')").await;
         let views = client.views().await.unwrap();
-        let limit = views[0].exposure.get("limiting_magnitude").and_then(toml::Value::as_float);
-        assert_eq!(limit, Some(5.25));
+        assert_eq!(views[0].exposure.limiting_magnitude, Some(5.25));
         // Every control has an accessible name.
         let nameless = "return [...document.querySelectorAll('button, input, select, canvas')].filter(e => !(e.ariaLabel || \
                         e.textContent.trim() || [...(e.labels ?? [])].some(l => l.textContent.trim()))).map(e => e.outerHTML)";

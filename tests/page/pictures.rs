@@ -1,9 +1,6 @@
 //! Pictures: their content, and turning them by drags and fingers.
 
-use steradian::{
-    catalogue::bright::named_bright_stars,
-    service::{TableChange, ViewUpdate},
-};
+use steradian::{catalogue::bright::named_bright_stars, config::ViewSpec, service::ViewUpdate};
 
 use crate::{
     Test,
@@ -145,7 +142,9 @@ fn views_appear_and_disappear() -> Result<(), String> {
         page.until(&has_picture("window")).await;
         let mut client = daemon.client().await;
         let guest = |name: &str, size: &str| {
-            format!("name = '{name}'\ntype = 'fisheye'\nsize = {size}\nfov_deg = 180.0").parse().unwrap()
+            let spec =
+                ViewSpec::from_toml(&format!("name = '{name}'\ntype = 'fisheye'\nsize = {size}\nfov_deg = 180.0"));
+            spec.unwrap().0
         };
         let chip = |name: &str| format!("document.querySelector('#views input[value={name}]')");
         client.create_view(&guest("guest", "[128, 128]"), None).await.unwrap();
@@ -153,10 +152,7 @@ fn views_appear_and_disappear() -> Result<(), String> {
         page.run::<Option<u8>>("location.hash = '#views=guest,window'").await;
         page.until(&has_picture("guest")).await;
         // A new geometry changes the shape.
-        let size = ViewUpdate {
-            definition: TableChange::Keys(vec![("size".to_owned(), Some(vec![160_i64, 80].into()))]),
-            ..ViewUpdate::default()
-        };
+        let size = ViewUpdate { geometry: Some(guest("guest", "[160, 80]").geometry), ..ViewUpdate::default() };
         client.update_view("guest", &size, None).await.unwrap();
         let canvas = "document.querySelector('[data-view=guest] canvas')";
         page.until(&format!("{canvas}.width === 2 * {canvas}.height")).await;

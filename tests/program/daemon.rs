@@ -9,10 +9,11 @@ use std::{
 use glam::{DQuat, DVec3};
 use steradian::{
     catalogue::bright::named_bright_stars,
+    config::{ViewKindSpec, ViewSpec},
     output::Encoding,
     photometry::rec709::luminance,
     plan::settings::StarMethod,
-    service::{CameraUpdate, Client, ReceivedFrame, SceneUpdate, TableChange, ViewUpdate},
+    service::{CameraUpdate, Client, ReceivedFrame, SceneUpdate, SettingsChange, ViewUpdate},
     units::illuminance_lx_from_magnitude,
     view::{View, ViewKind},
 };
@@ -159,8 +160,10 @@ async fn view_exposure_follows_the_client_and_undrawable_settings_are_refused() 
     let folder = tempfile::tempdir().unwrap();
     let mut daemon = Daemon::start(folder.path(), "builtin:bright");
     let mut client = Client::connect(&format!("http://{}", daemon.address())).await.unwrap();
-    let exposed =
-        |text: &str| ViewUpdate { exposure: TableChange::All(text.parse().unwrap()), ..ViewUpdate::default() };
+    let exposed = |text: &str| ViewUpdate {
+        exposure: SettingsChange::Replace(toml::from_str(text).unwrap()),
+        ..ViewUpdate::default()
+    };
     let mut stream = client.stream_frames("all", Encoding::Rgba8, 0.0).await.unwrap();
     let before = stream.next().await.unwrap().unwrap();
     let mut last = before.clone();
@@ -193,8 +196,10 @@ async fn view_exposure_follows_the_client_and_undrawable_settings_are_refused() 
         last = frame;
     }
     assert_eq!(last.images[0].data, before.images[0].data, "the original settings are restored");
-    let sky_cube =
-        ViewUpdate { glare: TableChange::All("method = 'sky_cube'".parse().unwrap()), ..ViewUpdate::default() };
+    let sky_cube = ViewUpdate {
+        glare: SettingsChange::Replace(toml::from_str("method = 'sky_cube'").unwrap()),
+        ..ViewUpdate::default()
+    };
     let cell_sky = SceneUpdate { star_method: Some(StarMethod::CellSky), ..SceneUpdate::default() };
     client.update_scene(&cell_sky, None).await.unwrap();
     let refused = client.update_view("all", &sky_cube, None).await.unwrap_err();
@@ -295,23 +300,25 @@ async fn view_made_by_a_client_equals_the_configured_view() {
     let mut daemon = Daemon::start_with(folder.path(), "builtin:bright", &arguments);
     let mut client = Client::connect(&format!("http://{}", daemon.address())).await.unwrap();
     for table in VIEWS {
-        client.create_view(&table.parse().unwrap(), None).await.unwrap();
+        client.create_view(&ViewSpec::from_toml(table).unwrap().0, None).await.unwrap();
     }
     assert!(pictures(&mut client).await == expected, "the pictures of views made by a client differ");
     let kept = client.views().await.unwrap();
     assert_eq!(kept.iter().map(|view| view.definition.clone().unwrap()).collect::<Vec<_>>(), defined);
     // The comparison detects a different picture.
-    let turned = ViewUpdate {
-        definition: TableChange::Keys(vec![("fov_deg".to_owned(), Some(190.0.into()))]),
-        ..ViewUpdate::default()
+    let dome = kept.iter().find(|view| view.name == "dome").and_then(|view| view.definition.clone()).unwrap();
+    let with_field = |fov_deg: f64| {
+        let mut geometry = dome.geometry.clone();
+        match &mut geometry.kind {
+            ViewKindSpec::Fisheye(fisheye) => fisheye.fov_deg = fov_deg,
+            ViewKindSpec::DomeMaster(dome) => dome.fov_deg = fov_deg,
+            other => panic!("{other:?}"),
+        }
+        ViewUpdate { geometry: Some(geometry), ..ViewUpdate::default() }
     };
-    client.update_view("dome", &turned, None).await.unwrap();
+    client.update_view("dome", &with_field(190.0), None).await.unwrap();
     assert!(pictures(&mut client).await != expected);
-    let back = ViewUpdate {
-        definition: TableChange::Keys(vec![("fov_deg".to_owned(), Some(200.0.into()))]),
-        ..ViewUpdate::default()
-    };
-    let revision = client.update_view("dome", &back, None).await.unwrap().revision;
+    let revision = client.update_view("dome", &with_field(200.0), None).await.unwrap().revision;
     // Kill the daemon.
     daemon.process.kill().unwrap();
     daemon.process.wait().unwrap();

@@ -16,7 +16,7 @@ use steradian::{
 };
 use tonic::Code;
 
-use crate::daemon::{Daemon, TestEngine, display_pixel, hdr_pixel, small_rig, within};
+use crate::daemon::{Daemon, TestEngine, adapting, display_pixel, hdr_pixel, small_rig, within};
 use crate::exr_file;
 
 const ENCODINGS: [Encoding; 6] =
@@ -225,7 +225,7 @@ async fn a_full_queue_refuses_at_once_and_few_frames_serve_the_other_calls() {
 
 #[tokio::test]
 async fn single_frames_are_fully_adapted_after_a_pause() {
-    let daemon = Daemon::start_with(small_rig(), |options| options.views.settings.exposure.adaptation_s = 0.02).await;
+    let daemon = Daemon::start_with(small_rig(), |options| options.views.settings.exposure = adapting(0.02)).await;
     let mut client = daemon.client().await;
     *daemon.controls.metered_ev100_per_m.lock().unwrap() = 1.0;
     for x in [0.0, 20.0, -7.0] {
@@ -240,7 +240,7 @@ async fn single_frames_are_fully_adapted_after_a_pause() {
 #[tokio::test]
 async fn a_single_frame_soon_after_another_continues_adapting() {
     // An hour: no pause of the machine is long enough to complete the adaptation.
-    let daemon = Daemon::start_with(small_rig(), |options| options.views.settings.exposure.adaptation_s = 3600.0).await;
+    let daemon = Daemon::start_with(small_rig(), |options| options.views.settings.exposure = adapting(3600.0)).await;
     let mut client = daemon.client().await;
     *daemon.controls.metered_ev100_per_m.lock().unwrap() = 1.0;
     assert_eq!(client.render_frame("flat", Encoding::Rgba8).await.unwrap().exposure_ev100, 0.0);
@@ -257,7 +257,7 @@ async fn a_single_frame_soon_after_another_continues_adapting() {
 
 #[tokio::test]
 async fn single_frames_after_a_jump_of_time_are_adapted_at_once() {
-    let daemon = Daemon::start_with(small_rig(), |options| options.views.settings.exposure.adaptation_s = 3600.0).await;
+    let daemon = Daemon::start_with(small_rig(), |options| options.views.settings.exposure = adapting(3600.0)).await;
     let mut client = daemon.client().await;
     let update = |time_s: f64| SceneUpdate { time_s: Some(time_s), ..SceneUpdate::default() };
     client.update_scene(&update(1e8), None).await.unwrap();

@@ -15,7 +15,7 @@ use steradian::{
     gpu::AdapterReport,
     plan::{
         FramePlan,
-        settings::{AsteroidSettings, RenderSettings, StarMethod},
+        settings::{AsteroidSettings, ExposureSettings, ExposureValues, RenderSettings, StarMethod},
     },
     render::{AsteroidCounts, Frame, FrameImage, FrameRequest, FrameTimes, ViewStatistics},
     scene::{Camera, SceneObjects, SceneSnapshot, asteroids::ShapeSet},
@@ -285,6 +285,11 @@ pub fn large_rig() -> Rig {
 fn rig(kinds: &[(&str, ViewKind)]) -> Rig {
     let view = |(name, kind): &(&str, ViewKind)| View::new(name, kind.clone(), DQuat::IDENTITY, DVec3::ZERO).unwrap();
     Rig::new(kinds.iter().map(view).collect()).unwrap()
+}
+
+/// Automatic exposure with a time constant of adaptation.
+pub fn adapting(adaptation_s: f64) -> ExposureSettings {
+    ExposureValues { adaptation_s, ..ExposureValues::default() }.into()
 }
 
 /// A running daemon.

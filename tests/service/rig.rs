@@ -3,26 +3,32 @@
 use std::{sync::atomic::Ordering::SeqCst, time::Duration};
 
 use steradian::{
+    config::{FisheyeSpec, MappingConfig, ViewGeometry, ViewKindSpec, ViewSpec},
     output::Encoding,
-    service::{CameraUpdate, Client, ClientError, FrameReceiver, ReceivedFrame, SceneUpdate, TableChange, ViewUpdate},
+    plan::settings::{ExposureKeys, GlareKeys},
+    service::{CameraUpdate, Client, ClientError, FrameReceiver, ReceivedFrame, SceneUpdate, ViewUpdate},
 };
-use toml::Table;
 use tonic::Code;
 
 use crate::daemon::{Daemon, LARGE, small_rig, until, within};
 
-fn table(text: &str) -> Table {
-    text.parse().unwrap()
+fn spec(text: &str) -> ViewSpec {
+    ViewSpec::from_toml(text).unwrap().0
+}
+
+pub fn fisheye(name: &str, size: [u32; 2], fov_deg: f64) -> ViewSpec {
+    let kind = ViewKindSpec::Fisheye(FisheyeSpec { size, mapping: MappingConfig::Equidistant, fov_deg });
+    ViewSpec { geometry: ViewGeometry { kind, ..ViewGeometry::default() }, ..ViewSpec::custom(name) }
 }
 
 /// Returns a round view of this many pixels across.
-pub fn round(name: &str, size: u32) -> Table {
-    table(&format!("name = '{name}'\ntype = 'fisheye'\nsize = [{size}, {size}]\nfov_deg = 180.0"))
+pub fn round(name: &str, size: u32) -> ViewSpec {
+    fisheye(name, [size; 2], 180.0)
 }
 
-fn keys(text: &str) -> ViewUpdate {
-    let keys = table(text).into_iter().map(|(key, value)| (key, Some(value))).collect();
-    ViewUpdate { definition: TableChange::Keys(keys), ..ViewUpdate::default() }
+/// Returns the change to the geometry of a specification.
+pub fn geometry(spec: ViewSpec) -> ViewUpdate {
+    ViewUpdate { geometry: Some(spec.geometry), ..ViewUpdate::default() }
 }
 
 fn at_x(x: f64) -> CameraUpdate {
@@ -59,7 +65,7 @@ async fn a_view_is_created_streamed_changed_and_deleted_while_others_continue() 
     let mut others = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
     let mut last = next(&mut others).await.number;
 
-    let definition = table(
+    let definition = spec(
         "name = 'scope'\ntype = 'perspective'\nsize = [8, 5]\nfov_y_deg = 20.0\norientation = [0.0, 0.6, 0.0, 0.8]\n\
          position_m = [0.0, 1.5, 0.0]\nexposure_group = 'optics'\nexposure = { mode = 'manual', ev100 = 2.0 }\n\
          glare = { fraction = 0.25 }\ntest_pattern = true",
@@ -83,24 +89,21 @@ async fn a_view_is_created_streamed_changed_and_deleted_while_others_continue() 
     assert!(daemon.controls.framed.lock().unwrap().iter().any(|(names, _)| names == &["scope"]));
 
     // The stream continues with the new size.
-    let changed = client.update_view("scope", &keys("size = [12, 6]\nfov_y_deg = 10.0"), Some(8)).await.unwrap();
+    let mut wider = definition.clone();
+    let ViewKindSpec::Perspective(perspective) = &mut wider.geometry.kind else { panic!("a perspective view") };
+    (perspective.size, perspective.fov_y_deg) = ([12, 6], Some(10.0));
+    let changed = client.update_view("scope", &geometry(wider), Some(8)).await.unwrap();
     assert_eq!((changed.revision, changed.images[0].width, &changed.own_keys), (9, 12, &made.own_keys));
     let frame = showing(&mut stream, 9).await;
     assert_eq!((frame.images[0].width, frame.images[0].height, frame.images[0].data.len()), (12, 6, 12 * 6 * 4));
     // The definition replaces the type and all keys.
-    let whole = ViewUpdate {
-        definition: TableChange::All(table("type = 'cubemap'\nface_size = 4\nfaces = ['front', 'up']")),
-        ..ViewUpdate::default()
-    };
-    let cube = client.update_view("scope", &whole, None).await.unwrap();
+    let whole = spec("name = 'scope'\ntype = 'cubemap'\nface_size = 4\nfaces = ['front', 'up']");
+    let cube = client.replace_view(&whole, None).await.unwrap();
     assert_eq!((cube.kind.as_str(), cube.own_keys.len(), cube.exposure_group.as_str()), ("cubemap", 0, ""));
     assert!(client.scene().await.unwrap().overlay.test_patterns.is_empty());
     assert_eq!(showing(&mut stream, 10).await.images.len(), 2);
     // Sending back the unchanged definition has no effect.
-    let mut definition = cube.definition.clone().unwrap();
-    definition.remove("name");
-    let same = ViewUpdate { definition: TableChange::All(definition), ..ViewUpdate::default() };
-    let same = client.update_view("scope", &same, None).await.unwrap();
+    let same = client.replace_view(cube.definition.as_ref().unwrap(), None).await.unwrap();
     assert_eq!((same.definition, same.images, same.revision), (cube.definition, cube.images, 11));
 
     // When earlier views are deleted, the view and its stream stay the same.
@@ -177,46 +180,64 @@ async fn refused_changes_keep_the_views() {
     let mut client = daemon.client().await;
     client.create_view(&round("dome", 8), Some(7)).await.unwrap();
     let good = client.views().await.unwrap();
-    let with = |text: &str| {
-        let mut definition = round("new", 8);
-        definition.extend(table(text));
-        definition
+    let new = || round("new", 8);
+    let exposure = Some(ExposureKeys { key: Some(0.2), ..ExposureKeys::default() });
+    let glare = |fraction, psf_file: Option<&str>| {
+        Some(GlareKeys { fraction, psf_file: psf_file.map(Into::into), ..GlareKeys::default() })
     };
-    let nameless: Table = round("new", 8).into_iter().filter(|(key, _)| key != "name").collect();
+    let far = ViewGeometry { position_m: [1e300, 0.0, 0.0], ..new().geometry };
     let long = "x".repeat(65);
     for (definition, expected, code, reason) in [
         (round("dome", 8), None, Code::AlreadyExists, "view `dome` exists already; the views are: flat, eyes, dome"),
         (round("flat", 8), None, Code::AlreadyExists, "view `flat`"),
         (round("new", 8), Some(7), Code::Aborted, "revision 8, not 7"),
-        (nameless, None, Code::InvalidArgument, "definition.name: missing key"),
+        (round("", 8), None, Code::InvalidArgument, "definition.name: "),
         (round("a b", 8), None, Code::InvalidArgument, "definition.name: view name `a b`: must be one or more letters"),
         (round(&long, 8), None, Code::InvalidArgument, "definition.name: 65 characters: must have at most 64"),
-        (with("type = 'dome'"), None, Code::InvalidArgument, "definition.type: unknown type `dome`"),
-        (with("fov_y_deg = 60.0"), None, Code::InvalidArgument, "definition.fov_y_deg: unknown key"),
-        (with("fov_deg = 400.0"), None, Code::InvalidArgument, "definition.fov_deg: 400"),
-        (with("fov_deg = nan"), None, Code::InvalidArgument, "definition.fov_deg"),
-        (with("size = [8]"), None, Code::InvalidArgument, "definition.size"),
-        (with("size = [0, 8]"), None, Code::InvalidArgument, "definition.size"),
-        (with("size = [20000, 8]"), None, Code::InvalidArgument, "16384"),
-        (with("position_m = [1e300, 0.0, 0.0]"), None, Code::InvalidArgument, "an eye at"),
-        (with("exposure = { key = 0.2 }"), None, Code::InvalidArgument, "definition.exposure.key: has no effect"),
-        (with("glare = { fraction = 2.0 }"), None, Code::InvalidArgument, "definition.glare.fraction: 2"),
-        (with("glare = { psf_file = '/etc/passwd' }"), None, Code::InvalidArgument, "definition.glare.psf_file: files"),
-        (with("exposure_group = 'a b'"), None, Code::InvalidArgument, "definition.exposure_group"),
-        (with("size = [9000, 9000]"), None, Code::ResourceExhausted, "at most 67108864 are allowed"),
+        (fisheye("new", [8; 2], 400.0), None, Code::InvalidArgument, "definition.fov_deg: 400"),
+        (fisheye("new", [8; 2], f64::NAN), None, Code::InvalidArgument, "definition.fov_deg"),
+        (fisheye("new", [0, 8], 180.0), None, Code::InvalidArgument, "definition.size"),
+        (fisheye("new", [20_000, 8], 180.0), None, Code::InvalidArgument, "16384"),
+        (ViewSpec { geometry: far, ..new() }, None, Code::InvalidArgument, "definition.position_m[0]: 1e300"),
+        (ViewSpec { exposure, ..new() }, None, Code::InvalidArgument, "definition.exposure.key: has no effect"),
+        (
+            ViewSpec { glare: glare(Some(2.0), None), ..new() },
+            None,
+            Code::InvalidArgument,
+            "definition.glare.fraction: 2",
+        ),
+        (
+            ViewSpec { glare: glare(None, Some("/etc/passwd")), ..new() },
+            None,
+            Code::InvalidArgument,
+            "definition.glare.psf_file: files come only from the configuration",
+        ),
+        (
+            ViewSpec { exposure_group: Some("a b".to_owned()), ..new() },
+            None,
+            Code::InvalidArgument,
+            "definition.exposure_group",
+        ),
+        (fisheye("new", [9000; 2], 180.0), None, Code::ResourceExhausted, "at most 67108864 are allowed"),
     ] {
         assert_refused(client.create_view(&definition, expected).await, code, reason);
         assert_eq!(client.views().await.unwrap(), good);
     }
     for (view, update, expected, code, reason) in [
-        ("dome", keys("fov_deg = 400.0"), None, Code::InvalidArgument, "definition.fov_deg: 400"),
-        ("dome", keys("size = [20000, 8]"), None, Code::InvalidArgument, "16384"),
-        ("dome", keys("size = [9000, 9000]"), None, Code::ResourceExhausted, "at most 67108864"),
-        ("dome", keys("fov_deg = 90.0"), Some(7), Code::Aborted, "revision 8, not 7"),
-        ("roof", keys("fov_deg = 90.0"), None, Code::NotFound, "the views are: flat, eyes, dome"),
-        ("flat", keys("fov_y_deg = 90.0"), None, Code::InvalidArgument, "`flat` does not come from a configuration"),
+        ("dome", fisheye("dome", [8; 2], 400.0), None, Code::InvalidArgument, "definition.fov_deg: 400"),
+        ("dome", fisheye("dome", [20_000, 8], 180.0), None, Code::InvalidArgument, "16384"),
+        ("dome", fisheye("dome", [9000; 2], 180.0), None, Code::ResourceExhausted, "at most 67108864"),
+        ("dome", fisheye("dome", [8; 2], 90.0), Some(7), Code::Aborted, "revision 8, not 7"),
+        ("roof", fisheye("roof", [8; 2], 90.0), None, Code::NotFound, "the views are: flat, eyes, dome"),
+        (
+            "flat",
+            fisheye("flat", [8; 2], 90.0),
+            None,
+            Code::InvalidArgument,
+            "`flat` does not come from a configuration",
+        ),
     ] {
-        assert_refused(client.update_view(view, &update, expected).await, code, reason);
+        assert_refused(client.update_view(view, &geometry(update), expected).await, code, reason);
     }
     assert_refused(client.delete_view("roof", None).await, Code::NotFound, "the views are: flat, eyes, dome");
     assert_refused(client.delete_view("dome", Some(7)).await, Code::Aborted, "revision 8, not 7");
@@ -253,10 +274,10 @@ async fn a_stream_ends_if_its_view_outgrows_the_clients_limit() {
     let mut large = client.stream_frames("wide", Encoding::Rgb32f, 0.0).await.unwrap();
     next(&mut first).await;
     next(&mut large).await;
-    let grown = client.update_view("dome", &keys(&format!("size = [{LARGE}, {LARGE}]")), None).await.unwrap();
+    let grown = client.update_view("dome", &geometry(round("dome", LARGE)), None).await.unwrap();
     assert_eq!(showing(&mut first, grown.revision).await.images[0].width, LARGE);
     // 12 bytes per pixel, twice: more than 512 MiB with the other stream.
-    let grown = client.update_view("wide", &keys("size = [4800, 4800]"), None).await.unwrap();
+    let grown = client.update_view("wide", &geometry(round("wide", 4800)), None).await.unwrap();
     let end = loop {
         match within(large.next()).await {
             Ok(Some(frame)) => assert!(frame.scene_revision < grown.revision),
@@ -264,7 +285,7 @@ async fn a_stream_ends_if_its_view_outgrows_the_clients_limit() {
         }
     };
     assert_refused(end, Code::ResourceExhausted, "512 MiB of one client");
-    client.update_view("wide", &keys("size = [16, 16]"), None).await.unwrap();
+    client.update_view("wide", &geometry(round("wide", 16)), None).await.unwrap();
     let revision = client.scene().await.unwrap().revision;
     assert_eq!(showing(&mut first, revision).await.images[0].width, LARGE);
     daemon.shutdown().await.unwrap();
@@ -282,8 +303,8 @@ async fn two_hundred_views_are_created_and_deleted_during_streams() {
     let mut others = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
     let mut last = next(&mut others).await.number;
     for cycle in 0..200 {
-        let mut definition = round("guest", 4 + cycle % 5);
-        definition.extend(table("exposure = { compensation_ev = 1.0 }"));
+        let exposure = Some(ExposureKeys { compensation_ev: Some(1.0), ..ExposureKeys::default() });
+        let definition = ViewSpec { exposure, ..round("guest", 4 + cycle % 5) };
         let made = client.create_view(&definition, None).await.unwrap();
         let mut guest = client.stream_frames("guest", Encoding::Rgba8, 0.0).await.unwrap();
         let frame = next(&mut guest).await;

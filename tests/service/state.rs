@@ -4,6 +4,7 @@ use std::{path::Path, sync::Arc};
 
 use glam::DVec3;
 use steradian::{
+    config::ViewSpec,
     plan::settings::{ImpostorMethod, RenderSettings, StarMethod},
     scene::{
         Camera, SceneSnapshot,
@@ -11,7 +12,7 @@ use steradian::{
     },
     service::{
         BodyForm, CameraUpdate, Change, Client, HeadsetOptions, Lease, SceneForm, SceneUpdate, ServeOptions,
-        TableChange, ViewForm, ViewUpdate, run,
+        SettingsChange, ViewForm, ViewUpdate, run,
     },
 };
 use tonic::Code;
@@ -19,7 +20,7 @@ use tonic::Code;
 use crate::{
     daemon::{Daemon, TestEngine, small_rig},
     objects::swarm,
-    rig::round,
+    rig::{fisheye, geometry, round},
 };
 
 async fn start(path: &Path) -> Daemon {
@@ -42,20 +43,15 @@ async fn change_all(client: &mut Client) {
     client.update_scene(&update, None).await.unwrap();
     let group = ViewUpdate {
         exposure_group: Some("desk".to_owned()),
-        exposure: TableChange::All("limiting_magnitude = 8.5".parse().unwrap()),
-        glare: TableChange::All("fraction = 0.25".parse().unwrap()),
+        exposure: SettingsChange::Replace(toml::from_str("limiting_magnitude = 8.5").unwrap()),
+        glare: SettingsChange::Replace(toml::from_str("fraction = 0.25").unwrap()),
         ..ViewUpdate::default()
     };
     client.update_view("flat", &group, None).await.unwrap();
     client.delete_view("eyes", None).await.unwrap();
-    let mut dome = round("dome", 16);
-    dome.extend("exposure_group = 'desk'\ntest_pattern = true".parse::<toml::Table>().unwrap());
+    let dome = ViewSpec { exposure_group: Some("desk".to_owned()), test_pattern: true, ..round("dome", 16) };
     client.create_view(&dome, None).await.unwrap();
-    let narrow = ViewUpdate {
-        definition: TableChange::Keys(vec![("fov_deg".to_owned(), Some(0.1.into()))]),
-        ..ViewUpdate::default()
-    };
-    client.update_view("dome", &narrow, None).await.unwrap();
+    client.update_view("dome", &geometry(fisheye("dome", [16; 2], 0.1)), None).await.unwrap();
     let pose = CameraUpdate { position_m: Some([1.0, -2.0, 3.5]), ..CameraUpdate::default() };
     client.set_camera(&pose).await.unwrap();
 }
@@ -196,4 +192,32 @@ async fn views_of_clients_and_of_a_changed_configuration_are_merged() {
     options.headset = Some(HeadsetOptions { name: "dome".to_owned(), drive: Box::new(|_| Ok(())) });
     let error = run(options).await.unwrap_err().to_string();
     assert!(error.contains("headset") && error.contains("`dome` is used twice"), "{error}");
+}
+
+/// `tests/data/state-format-3.redb` comes from a program with views as TOML text: `flat` is in the group `desk` and has its own glare, `dome` has
+/// another size, `made` was created, and `gone` was deleted.
+#[tokio::test]
+async fn a_file_of_format_3_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("state.redb");
+    std::fs::copy(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/state-format-3.redb"), &path).unwrap();
+    for _ in 0..2 {
+        // The second time it has the current format.
+        let daemon = start(&path).await;
+        let mut client = daemon.client().await;
+        let views = client.views().await.unwrap();
+        assert_eq!(views.iter().map(|view| view.name.as_str()).collect::<Vec<_>>(), ["flat", "eyes", "dome", "made"]);
+        assert_eq!(views[0].own_keys, ["exposure.limiting_magnitude", "glare.fraction"]);
+        assert_eq!((views[0].exposure.limiting_magnitude, views[0].glare.fraction), (Some(8.5), Some(0.25)));
+        assert_eq!(views[2].definition, Some(fisheye("dome", [24; 2], 180.0)));
+        let made = views[3].definition.clone().unwrap();
+        assert_eq!((made.exposure_group.as_deref(), made.test_pattern), (Some("desk"), true));
+        assert_eq!(made.geometry.orientation, [0.0, 0.6, 0.0, 0.8]);
+        assert_eq!(made.geometry.kind, fisheye("made", [16; 2], 90.0).geometry.kind);
+        let pose = CameraUpdate { position_m: Some([1.0, 0.0, 0.0]), ..CameraUpdate::default() };
+        client.set_camera(&pose).await.unwrap();
+        client.load_snapshot("evening", None).await.unwrap();
+        drop(client);
+        daemon.shutdown().await.unwrap();
+    }
 }

@@ -10,7 +10,7 @@ use steradian::{
     service::{CameraUpdate, FrameReceiver, ReceivedFrame},
 };
 
-use crate::daemon::{Daemon, large_rig, small_rig, until, within};
+use crate::daemon::{Daemon, adapting, large_rig, small_rig, until, within};
 
 async fn next(stream: &mut FrameReceiver) -> ReceivedFrame {
     within(stream.next()).await.unwrap().expect("the stream goes on")
@@ -113,7 +113,7 @@ async fn a_quiet_scene_has_a_heartbeat() {
 
 #[tokio::test]
 async fn frames_continue_until_the_exposure_has_adapted() {
-    let daemon = Daemon::start_with(small_rig(), |options| options.views.settings.exposure.adaptation_s = 0.05).await;
+    let daemon = Daemon::start_with(small_rig(), |options| options.views.settings.exposure = adapting(0.05)).await;
     let mut client = daemon.client().await;
     let mut stream = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
     assert_eq!(next(&mut stream).await.exposure_ev100, 0.0, "the first frame is fully adapted");

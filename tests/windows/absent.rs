@@ -93,21 +93,21 @@ fn outlives() -> Result<(), String> {
 
 fn wrong_windows() -> Result<(), String> {
     for (window, key, expected) in [
-        ("view = 'astern'", "windows[0].view", "allowed are ahead, pair"),
-        ("view = 'pair'", "windows[0].part", "needed is one of left, right"),
-        ("view = 'pair'\npart = 'middle'", "windows[0].part", "allowed are left, right"),
+        ("view = 'astern'", "windows[0].view", "must be one of ahead, pair"),
+        ("view = 'pair'", "windows[0].part", "must be one of left, right"),
+        ("view = 'pair'\npart = 'middle'", "windows[0].part", "must be one of left, right"),
         ("view = 'ahead'\npart = 'left'", "windows[0].part", "leave it out"),
-        ("view = 'ahead'\nmonitor = 0", "windows[0].monitor", "numbers of monitors begin with 1"),
+        ("view = 'ahead'\nmonitor = 0", "windows[0].monitor", "numbers of monitors begin at 1"),
         ("view = 'ahead'\nmonitor = ''", "windows[0].monitor", "such as \"DP-1\""),
         ("view = 'ahead'\nmonitor = { serial = 'x' }", "windows[0].monitor.serial", "expected `edid`"),
         ("view = 'ahead'\nmonitor = true", "windows[0].monitor", "{ edid ="),
         ("view = 'ahead'\nformat = 'rgb12'", "windows[0].format", "`srgb8`, `rgb10`, `hdr`"),
         ("view = 'ahead'\nfull_screen = true", "windows[0].full_screen", "`fullscreen`"),
         ("view = 'ahead'\nfullscreen = true\nsize = [3, 4]", "windows[0].size", "leave it out"),
-        ("view = 'ahead'\nsize = [0, 4]", "windows[0].size", "allowed are 1 to 32767"),
-        ("view = 'ahead'\nposition = [0, 40000]", "windows[0].position", "-32767 to 32767"),
+        ("view = 'ahead'\nsize = [0, 4]", "windows[0].size", "must be between 1 and 32767"),
+        ("view = 'ahead'\nposition = [0, 40000]", "windows[0].position", "between -32767 and 32767"),
         ("view = 'ahead'\nname = 'a b'", "windows[0].name", "letters, digits"),
-        ("view = 'ahead'\n[[windows]]\nview = 'ahead'", "windows[1].name", "names of their own"),
+        ("view = 'ahead'\n[[windows]]\nview = 'ahead'", "windows[1].name", "names must be unique"),
         (
             "view = 'ahead'\nmonitor = 1\nfullscreen = true\n[[windows]]\nview = 'pair'\npart = 'left'\nmonitor = 1\nfullscreen = true",
             "windows[1].monitor",

@@ -5,6 +5,9 @@
 
 #![allow(clippy::all, missing_docs, reason = "generated code follows the rules of its generator")]
 
+#[doc(hidden)]
+pub mod lists;
+
 /// Version 1 of the protocol.
 pub mod v1 {
     tonic::include_proto!("steradian.v1");

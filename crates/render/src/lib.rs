@@ -3,14 +3,14 @@
 //! For programs that draw. Data flows in one direction: [`scene`] and [`view`] are planned by [`plan`] on the CPU, drawn by [`render`] on an
 //! adapter ([`gpu`]), compared with [`reference`](mod@reference), and judged by [`metrics`]. Distances are in metres, angles in radians, luminance in cd/m².
 
-#[macro_use(named)]
+#[macro_use(named, settings)]
 extern crate steradian_sky;
 
 pub use glam;
 
 // Modules of `steradian-sky`, so that `crate::photometry` names the same module in all crates.
 pub(crate) use steradian_sky::{
-    catalogue, coordinates, ephemeris, files, observer, photometry, picture_file, relativity, sky_pictures,
+    catalogue, coordinates, ephemeris, files, observer, photometry, picture_file, ranges, relativity, sky_pictures,
     solar_system, units,
 };
 

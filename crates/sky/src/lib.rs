@@ -20,6 +20,8 @@ pub mod coordinates;
 #[doc(hidden)]
 pub mod files;
 mod polynomial;
+#[macro_use]
+pub mod ranges;
 pub mod sky_pictures;
 pub mod solar_system;
 pub mod units;

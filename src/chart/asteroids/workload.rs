@@ -13,7 +13,7 @@ use crate::{
     catalogue::chunks::StarSet,
     chart::{ChartError, Sky},
     plan::settings::{
-        AsteroidSettings, Culling, ExposureMode, GlareSettings, ImpostorMethod, MethodSource, RenderSettings,
+        AsteroidSettings, Culling, ExposureSettings, GlareSettings, ImpostorMethod, MethodSource, RenderSettings,
     },
     scene::{
         Camera, SceneObjects, SceneSnapshot,
@@ -100,9 +100,8 @@ impl Variant {
     pub fn render_settings(&self) -> RenderSettings {
         let mut settings = RenderSettings { asteroids: self.settings.clone(), ..RenderSettings::default() };
         settings.glare = GlareSettings::none();
-        settings.exposure.mode = ExposureMode::Manual;
         // Daylight exposure, as used for asteroids in sunlight.
-        settings.exposure.ev100 = 12.0;
+        settings.exposure = ExposureSettings::manual(12.0);
         settings
     }
 }

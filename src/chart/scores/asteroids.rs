@@ -18,7 +18,7 @@ use crate::{
     chart::ChartError,
     metrics::{Overlap, mean_normal_error_rad, overlap},
     photometry::rec709::luminance,
-    plan::settings::{AsteroidSettings, ExposureMode, GlareSettings, ImpostorMethod, RenderSettings},
+    plan::settings::{AsteroidSettings, ExposureSettings, GlareSettings, ImpostorMethod, RenderSettings},
     render::{FrameRequest, Renderer, Wanted},
     scene::SceneSnapshot,
 };
@@ -89,8 +89,7 @@ fn draw(
 ) -> Result<Vec<Pixels>, Failure> {
     let mut settings = RenderSettings { asteroids: asteroids.clone(), ..RenderSettings::default() };
     settings.glare = GlareSettings::none();
-    settings.exposure.mode = ExposureMode::Manual;
-    settings.exposure.ev100 = 12.0;
+    settings.exposure = ExposureSettings::manual(12.0);
     let frame = renderer.render(FrameRequest::new(scene, &scenes.rig).settings(&settings).wanted(Wanted::hdr()))?;
     Ok(frame.images.into_iter().filter_map(|image| image.hdr).collect())
 }

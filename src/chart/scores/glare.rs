@@ -13,7 +13,7 @@ use super::{Failure, Pixels, Score, Scores, measure::pixels_of};
 use crate::{
     chart::ChartError,
     metrics::{HdrView, log_log_slope, radial_profile, relative_errors, roundness, total_illuminance_lx},
-    plan::settings::{ExposureMode, GlareSettings, RenderSettings},
+    plan::settings::{ExposureSettings, GlareSettings, RenderSettings},
     render::{FrameRequest, Renderer, Wanted},
     scene::SceneSnapshot,
     view::{Rig, ViewImage},
@@ -88,7 +88,7 @@ pub(in crate::chart) fn score_glare(
 ) -> Result<Scores<GlareMetric>, ChartError> {
     let glare = GlareSettings { fraction: 1.0, ..settings.clone() };
     let mut all = RenderSettings { glare, ..RenderSettings::default() };
-    all.exposure.mode = ExposureMode::Manual;
+    all.exposure = ExposureSettings::manual(-3.0);
     score(scenes, &mut |scene, rig| {
         let frame = renderer.render(FrameRequest::new(scene, rig).settings(&all).wanted(Wanted::hdr()))?;
         Ok(frame.images.into_iter().filter_map(|image| image.hdr).collect())

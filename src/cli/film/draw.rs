@@ -401,7 +401,7 @@ impl Film {
                         ("view_name", view.name.clone()),
                         ("view_part", image.part.name().unwrap_or("whole").to_owned()),
                         ("film_frame", frame.to_string()),
-                        ("projection", projection(config, image.view)),
+                        ("projection", config.geometry_line(image.view)),
                         ("camera_position_m", numbers(&camera.position_m.to_array())),
                         ("camera_orientation", numbers(&camera.world_from_camera.to_array())),
                         ("camera_velocity_c", numbers(&camera.velocity_c.to_array())),
@@ -509,13 +509,6 @@ struct Moment {
 struct Scene<'a> {
     stars: &'a SeenStars,
     objects: &'a Arc<SceneObjects>,
-}
-
-/// Returns the geometry keys of a view from its configuration, in one line.
-fn projection(config: &Config, view: usize) -> String {
-    let definition = &config.views[view].definition;
-    let keys: Vec<String> = definition.iter().map(|(key, value)| format!("{key} = {value}")).collect();
-    keys.join("; ")
 }
 
 /// Formats numbers with enough digits to read back the same values.

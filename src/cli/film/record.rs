@@ -12,6 +12,7 @@ use super::within;
 use crate::config::{ExposureKey, UNIX_PREFIX};
 use crate::files;
 use crate::output::film::{ObservedScene, Recording};
+use crate::plan::settings::{ExposureKeys, ExposureMode};
 use crate::service::{self, Client, ClientError, Credentials, SceneForm};
 
 /// Maximum size of a token or certificate file, bytes.
@@ -163,12 +164,11 @@ async fn exposure(client: &mut Client, view: Option<&str>) -> Result<ExposureKey
         let request = view.map_or("a view is needed".to_owned(), |name| format!("no view `{name}`, valid names"));
         return Err(CliError::Usage(format!("--view: {request}: {allowed}")));
     };
-    let number = |key: &str| form.exposure.get(key).and_then(toml::Value::as_float);
-    let is_manual = form.exposure.get("mode").and_then(toml::Value::as_str) == Some("manual");
+    let ExposureKeys { mode, ev100, compensation_ev, .. } = &form.exposure;
     // The daemon leaves out keys without effect, so the key that applies is present.
-    Ok(match number("ev100").filter(|_| is_manual) {
+    Ok(match ev100.filter(|_| *mode == Some(ExposureMode::Manual)) {
         Some(ev100) => ExposureKey::Ev100(ev100),
-        None => ExposureKey::CompensationEv(number("compensation_ev").unwrap_or(0.0)),
+        None => ExposureKey::CompensationEv(compensation_ev.unwrap_or(0.0)),
     })
 }
 

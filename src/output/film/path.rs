@@ -6,14 +6,13 @@
 //! picture's size on its plane, for the same reason.
 
 use glam::{DQuat, DVec3};
-use toml::Value;
 
 use super::spline::{Track, Turns};
 use crate::config::{
-    Config, ConfigError, Easing, ExposureKey, FilmPath, FovConfig, FovKey, FrameValues, Keyframe, ViewKindConfig,
+    Config, ConfigError, Easing, ExposureKey, FilmPath, FovKey, FovSpec, FrameValues, Keyframe, ViewKindSpec,
 };
 use crate::observer::Frame;
-use crate::plan::settings::ExposureMode;
+use crate::plan::settings::{ExposureMode, ExposureSettings};
 use crate::scene::{Camera, PoseError};
 
 /// The positions of keyframes.
@@ -186,8 +185,8 @@ pub fn check_with(path: &FilmPath, config: &Config) -> Result<(), ConfigError> {
         Err(ConfigError::Key { origin, key: format!("keyframes.{key}"), problem })
     };
     let perspective = |by_edges: bool| {
-        config.views.iter().any(|view| match &view.kind {
-            ViewKindConfig::Perspective(view) => by_edges || view.fov_y_deg.is_some(),
+        config.views.iter().any(|view| match &view.geometry.kind {
+            ViewKindSpec::Perspective(view) => by_edges || view.fov_y_deg.is_some(),
             _ => false,
         })
     };
@@ -209,7 +208,7 @@ pub fn check_with(path: &FilmPath, config: &Config) -> Result<(), ConfigError> {
             _ => {}
         }
         if matches!(keyframe.values.exposure, Some(ExposureKey::CompensationEv(_)))
-            && config.exposure.mode == ExposureMode::Manual
+            && config.exposure.mode() == ExposureMode::Manual
         {
             let problem = "has no effect with mode = \"manual\"";
             return fault(
@@ -248,36 +247,34 @@ impl FrameValues {
         }
         match self.exposure {
             Some(ExposureKey::Ev100(ev100)) => {
-                (config.exposure.mode, config.exposure.ev100) = (ExposureMode::Manual, ev100);
+                config.exposure = ExposureSettings::manual(ev100);
                 // The path's exposure applies to every view.
                 for view in &mut config.views {
-                    (view.tables.exposure, view.tables.exposure_group) = (None, None);
+                    (view.exposure, view.exposure_group) = (None, None);
                 }
             }
-            Some(ExposureKey::CompensationEv(ev)) => config.exposure.compensation_ev = ev,
+            Some(ExposureKey::CompensationEv(ev)) => {
+                if let ExposureSettings::Auto(auto) = &mut config.exposure {
+                    auto.compensation_ev = ev;
+                }
+            }
             None => {}
         }
         let Some(fov) = self.fov else { return config };
         for view in &mut config.views {
-            let ViewKindConfig::Perspective(perspective) = &mut view.kind else { continue };
+            let ViewKindSpec::Perspective(perspective) = &mut view.geometry.kind else { continue };
             if let Some(own_deg) = perspective.fov_y_deg {
                 let deg = match fov {
                     FovKey::Scale(scale) => 2.0 * scaled_deg(0.5 * own_deg, scale),
                     FovKey::YDeg(deg) => deg,
                 };
                 perspective.fov_y_deg = Some(deg);
-                view.definition.insert("fov_y_deg".to_owned(), Value::Float(deg));
             }
             if let (Some(edges), FovKey::Scale(scale)) = (&mut perspective.fov, fov) {
-                let FovConfig { left_deg, right_deg, up_deg, down_deg } = edges;
-                let mut table = toml::Table::new();
-                for (key, edge) in
-                    [("left_deg", left_deg), ("right_deg", right_deg), ("up_deg", up_deg), ("down_deg", down_deg)]
-                {
+                let FovSpec { left_deg, right_deg, up_deg, down_deg } = edges;
+                for edge in [left_deg, right_deg, up_deg, down_deg] {
                     *edge = scaled_deg(*edge, scale);
-                    table.insert(key.to_owned(), Value::Float(*edge));
                 }
-                view.definition.insert("fov".to_owned(), Value::Table(table));
             }
         }
         config
@@ -370,15 +367,15 @@ mod tests {
             [[views]]\nname = 'b'\ntype = 'perspective'\nsize = [8, 8]\nfov = { left_deg = -45, right_deg = 20, up_deg = 10, down_deg = -10 }\n";
         let config = Config::from_text(text, "c.toml", Path::new(""), &[]).unwrap();
         let halved = FrameValues { fov: Some(FovKey::Scale(0.5)), ..FrameValues::default() }.applied_to(&config);
-        let ViewKindConfig::Perspective(view) = &halved.views[0].kind else { panic!() };
+        let ViewKindSpec::Perspective(view) = &halved.views[0].geometry.kind else { panic!() };
         assert!((view.fov_y_deg.unwrap() - 2.0 * (0.5 / 3.0_f64.sqrt()).atan().to_degrees()).abs() < 1e-12);
-        let ViewKindConfig::Perspective(view) = &halved.views[1].kind else { panic!() };
+        let ViewKindSpec::Perspective(view) = &halved.views[1].geometry.kind else { panic!() };
         assert!((view.fov.unwrap().left_deg + 0.5_f64.atan().to_degrees()).abs() < 1e-12);
         halved.rig().unwrap();
         let fixed =
             FrameValues { exposure: Some(ExposureKey::Ev100(2.5)), ..FrameValues::default() }.applied_to(&config);
         let groups = fixed.frame_groups().unwrap();
-        assert_eq!((groups.len(), groups[0].settings.exposure.ev100), (1, 2.5));
+        assert_eq!((groups.len(), groups[0].settings.exposure), (1, ExposureSettings::manual(2.5)));
         // A key without effect on the configuration is refused.
         let dome =
             "[exposure]\nmode = 'manual'\n[[views]]\nname = 'a'\ntype = 'dome_master'\nsize = [8, 8]\nfov_deg = 180\n";

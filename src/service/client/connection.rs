@@ -7,8 +7,10 @@ use tonic::{Code, Status, Streaming, service::interceptor::InterceptedService, t
 use super::credentials::{Credentials, Transport};
 use super::stats::HeadsetStatus;
 use crate::{
+    config::ViewSpec,
     gpu::AdapterReport,
     output::Encoding,
+    plan::settings::{ExposureKeys, GlareKeys, ToneMapKeys},
     scene::{Camera, PoseError},
     service::{
         proto::{
@@ -19,10 +21,7 @@ use crate::{
         wire::{
             camera::{self, CameraMessageError, camera_from_pb},
             encoding,
-            views::{
-                definition_from_pb, definition_to_pb, exposure_to_table, glare_to_table, tone_map_to_table,
-                view_update_to_pb,
-            },
+            views::{keys_from_pb, spec_from_pb, spec_to_pb, view_replacement_to_pb, view_update_to_pb},
         },
     },
 };
@@ -117,34 +116,38 @@ pub struct ViewForm {
     pub images: Vec<ViewImageForm>,
     /// Exposure group; empty: none.
     pub exposure_group: String,
-    /// Effective keys of `[exposure]`.
-    pub exposure: toml::Table,
-    /// Effective keys of `[glare]`.
-    pub glare: toml::Table,
-    /// Effective keys of `[tone_map]`.
-    pub tone_map: toml::Table,
+    /// Effective exposure: the keys that have an effect.
+    pub exposure: ExposureKeys,
+    /// Effective glare.
+    pub glare: GlareKeys,
+    /// Effective tone mapping.
+    pub tone_map: ToneMapKeys,
     /// Keys that the view or its group sets itself: `glare.fraction`.
     pub own_keys: Vec<String>,
-    /// Table of `[[views]]` that defines the view; `None` for a view from another source, such as the headset's.
-    pub definition: Option<toml::Table>,
+    /// Specification, which can be changed and sent back; `None` if the geometry has no keys, such as that of a headset.
+    pub definition: Option<ViewSpec>,
     /// Revision of the scene, which includes changes of views.
     pub revision: u64,
 }
 
-impl From<proto::View> for ViewForm {
-    fn from(view: proto::View) -> Self {
-        Self {
+impl TryFrom<proto::View> for ViewForm {
+    type Error = ClientError;
+
+    fn try_from(view: proto::View) -> Result<Self, ClientError> {
+        let lacks = |field| move |_| ClientError::Answer { field };
+        let definition = view.definition.as_ref().map(spec_from_pb).transpose();
+        Ok(Self {
             images: view.images.into_iter().map(ViewImageForm::from).collect(),
-            exposure: view.exposure.as_ref().map(exposure_to_table).unwrap_or_default(),
-            glare: view.glare.as_ref().map(glare_to_table).unwrap_or_default(),
-            tone_map: view.tone_map.as_ref().map(tone_map_to_table).unwrap_or_default(),
+            exposure: keys_from_pb(&view.exposure.unwrap_or_default(), "exposure").map_err(lacks("exposure"))?,
+            glare: keys_from_pb(&view.glare.unwrap_or_default(), "glare").map_err(lacks("glare"))?,
+            tone_map: keys_from_pb(&view.tone_map.unwrap_or_default(), "tone_map").map_err(lacks("tone_map"))?,
             name: view.name,
             kind: view.r#type,
             exposure_group: view.exposure_group,
             own_keys: view.own_keys,
-            definition: view.definition.as_ref().map(definition_from_pb),
+            definition: definition.map_err(|_| ClientError::Answer { field: "definition" })?.map(|(spec, _)| spec),
             revision: view.revision,
-        }
+        })
     }
 }
 
@@ -363,23 +366,23 @@ impl Client {
     /// Lists the views.
     pub async fn views(&mut self) -> Result<Vec<ViewForm>, ClientError> {
         let answer = self.view.list_views(proto::ListViewsRequest {}).await?.into_inner();
-        Ok(answer.views.into_iter().map(ViewForm::from).collect())
+        answer.views.into_iter().map(ViewForm::try_from).collect()
     }
 
     /// Returns a view.
     pub async fn view(&mut self, name: &str) -> Result<ViewForm, ClientError> {
-        Ok(self.view.get_view(proto::GetViewRequest { view: name.to_owned() }).await?.into_inner().into())
+        self.view.get_view(proto::GetViewRequest { view: name.to_owned() }).await?.into_inner().try_into()
     }
 
-    /// Creates a view from a table of `[[views]]` if the scene has the expected revision.
+    /// Creates a view if the scene has the expected revision.
     pub async fn create_view(
         &mut self,
-        definition: &toml::Table,
+        spec: &ViewSpec,
         expected_revision: Option<u64>,
     ) -> Result<ViewForm, ClientError> {
-        let definition = Some(definition_to_pb(definition).map_err(ClientError::Update)?);
-        let request = proto::CreateViewRequest { definition, expected_revision };
-        Ok(self.view.create_view(request).await?.into_inner().into())
+        let definition = spec_to_pb(spec).map_err(|error| ClientError::Update(error.to_string()))?;
+        let request = proto::CreateViewRequest { definition: Some(definition), expected_revision };
+        self.view.create_view(request).await?.into_inner().try_into()
     }
 
     /// Deletes a view if the scene has the expected revision; returns the new revision.
@@ -396,7 +399,17 @@ impl Client {
         expected_revision: Option<u64>,
     ) -> Result<ViewForm, ClientError> {
         let request = view_update_to_pb(name, update, expected_revision).map_err(ClientError::Update)?;
-        Ok(self.view.update_view(request).await?.into_inner().into())
+        self.view.update_view(request).await?.into_inner().try_into()
+    }
+
+    /// Replaces the view of the specification's name by the specification if the scene has the expected revision.
+    pub async fn replace_view(
+        &mut self,
+        spec: &ViewSpec,
+        expected_revision: Option<u64>,
+    ) -> Result<ViewForm, ClientError> {
+        let request = view_replacement_to_pb(spec, expected_revision).map_err(ClientError::Update)?;
+        self.view.update_view(request).await?.into_inner().try_into()
     }
 
     /// Renders a view with the newest camera.

@@ -22,6 +22,7 @@ pub use self::{
     options::{Address, LimitOptions, NetworkOptions, Reloads, SceneOptions, ServeOptions, Shutdown, ViewOptions},
 };
 use crate::{
+    config::ViewSpec,
     plan::settings::RenderSettings,
     scene::{SceneClock, SceneSnapshot, SeenStars},
     service::{
@@ -47,11 +48,7 @@ use crate::{
             self, camera_service_server::CameraServiceServer, diagnostics_service_server::DiagnosticsServiceServer,
             scene_service_server::SceneServiceServer, view_service_server::ViewServiceServer,
         },
-        scene::{
-            objects::Objects,
-            state::SceneState,
-            views::{GivenView, ViewSet},
-        },
+        scene::{objects::Objects, state::SceneState, views::ViewSet},
         state_file::{StateError, StateFile},
         threads::panic_message,
         wire::camera::camera_from_pb,
@@ -245,7 +242,7 @@ fn restored(file: &StateFile, begun: Begun) -> Result<Begun, StateError> {
         let restored = saved.applied(&configured, &settings).map_err(|problem| file.content(problem))?;
         let revision = saved.scene.as_ref().map_or(restored.revision, |scene| scene.revision);
         tracing::info!("restored revision {revision} of the scene");
-        let of_clients = restored.views.kept().filter(|view| view.definition.is_some()).map(|view| view.name);
+        let of_clients = restored.views.kept().filter(|view| view.geometry.has_keys()).map(|view| view.name);
         let of_clients: Vec<String> = of_clients.collect();
         if !of_clients.is_empty() {
             tracing::info!("restored views that clients have defined: {}", of_clients.join(", "));
@@ -288,17 +285,16 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     let NetworkOptions { listen, hosts, access } = network;
     let LimitOptions { drain, pending_renders, subscribers } = limits;
     let SceneOptions { snapshot: scene, clock, catalogues, asteroid_fields, observer, star_sources } = scene;
-    let ViewOptions { rig, settings, tables: view_tables, definitions: view_definitions, folder } = views;
+    let ViewOptions { rig, settings, specs, folder } = views;
     let objects = Objects::new(Arc::clone(&scene.objects), &asteroid_fields, observer).map_err(ServeError::Objects)?;
     if let Some(HeadsetOptions { name, .. }) = &headset {
         check_name(name).map_err(ServeError::Headset)?;
     }
-    let given = rig.views().iter().enumerate().map(|(index, view)| GivenView {
-        view: view.clone(),
-        definition: view_definitions.get(index).cloned().flatten(),
-        tables: view_tables.get(index).cloned().unwrap_or_default(),
+    let specified = rig.views().iter().enumerate().map(|(index, view)| {
+        let spec = specs.get(index).cloned();
+        (spec.unwrap_or_else(|| ViewSpec::custom(&view.name)), view.clone())
     });
-    let views = ViewSet::new(&settings, given.collect(), &folder).map_err(ServeError::Views)?;
+    let views = ViewSet::new(&settings, specified.collect(), &folder).map_err(ServeError::Views)?;
     let file = state.map(|path| StateFile::open(&path)).transpose()?;
     let clock = clock.unwrap_or_else(|| SceneClock::stopped(scene.objects.time_s));
     // The state file may have another place of the observer.

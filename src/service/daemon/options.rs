@@ -3,10 +3,9 @@
 use std::{fmt, net::SocketAddr, path::PathBuf, pin::Pin, sync::Arc, time::Duration};
 
 use tokio::{signal, sync::mpsc};
-use toml::Table;
 
 use crate::{
-    config::{ObserverConfig, UNIX_PREFIX, ViewTables},
+    config::{ObserverConfig, UNIX_PREFIX, ViewSpec},
     plan::settings::RenderSettings,
     scene::{SceneClock, SceneSnapshot, asteroids::FieldSpec, loader::StarSource},
     service::{
@@ -130,13 +129,10 @@ pub struct ViewOptions {
     pub rig: Rig,
     /// General settings of frames.
     pub settings: RenderSettings,
-    /// Settings of single views, in the order of the rig; views beyond the end of the list have none.
-    pub tables: Vec<ViewTables>,
-    /// Keys of the geometry of views ([`ViewConfig::definition`](crate::config::ViewConfig::definition)), in the order of the
-    /// rig. Views beyond the end of the list and views without keys, such as projectors, have another source: clients do not
-    /// see their keys and can only replace their geometry as a whole.
-    pub definitions: Vec<Option<Table>>,
-    /// Folder that relative paths in these keys start from.
+    /// Specifications of the views, in the order of the rig. Views beyond the end of the list have the general settings and a
+    /// geometry without keys: clients can only replace them as a whole.
+    pub specs: Vec<ViewSpec>,
+    /// Folder that relative paths in these specifications start from.
     pub folder: PathBuf,
 }
 
@@ -189,7 +185,7 @@ impl ServeOptions {
                 observer: None,
                 star_sources: Vec::new(),
             },
-            views: ViewOptions { rig, settings, tables: Vec::new(), definitions: Vec::new(), folder: PathBuf::new() },
+            views: ViewOptions { rig, settings, specs: Vec::new(), folder: PathBuf::new() },
             headset: None,
             windows: None,
             state: None,

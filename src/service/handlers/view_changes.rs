@@ -13,13 +13,10 @@ use crate::{
         frames::errors::refused,
         network::access::By,
         proto,
-        scene::{
-            state::SceneState,
-            views::{GivenView, ViewSet, ViewUpdate},
-        },
+        scene::{state::SceneState, views::ViewSet},
         wire::{
             refusals,
-            views::{definition_from_pb, view_update_from_pb},
+            views::{ViewChange, spec_from_pb, view_change_from_pb},
         },
     },
     view::{Rig, View},
@@ -90,13 +87,13 @@ impl Service {
     /// Creates a view.
     pub(crate) async fn created_view(&self, by: &By, request: proto::CreateViewRequest) -> Result<proto::View, Status> {
         let definition = request.definition.ok_or_else(|| refusals::invalid("definition: missing"))?;
-        let (given, pattern) = GivenView::read(definition_from_pb(&definition)).map_err(refusals::invalid)?;
-        let name = given.view.name.clone();
+        let (spec, view) = spec_from_pb(&definition).map_err(|error| refusals::invalid(error.to_string()))?;
+        let name = spec.name.clone();
         if name.len() > MOST_NAME {
             let problem = format!("definition.name: {} characters: must have at most {MOST_NAME}", name.len());
             return Err(refusals::invalid(problem));
         }
-        self.check_view(&given.view)?;
+        self.check_view(&view)?;
         let scene = self
             .changed_views(request.expected_revision, |scene| {
                 if self.view_names(scene).contains(&&*name) {
@@ -107,8 +104,9 @@ impl Service {
                         format!("view `{name}` exists already; the views are: {names}"),
                     ));
                 }
-                let views = scene.views.with(&self.render.general(scene), given.clone()).map_err(refusals::invalid)?;
-                scene.clone().with_views(views, Some((&name, pattern))).map_err(|error| unchanged(&error))
+                let views = scene.views.with(&self.render.general(scene), spec.clone(), view.clone());
+                let views = views.map_err(refusals::invalid)?;
+                scene.clone().with_views(views, Some((&name, spec.test_pattern))).map_err(|error| unchanged(&error))
             })
             .await?;
         by.changed("CreateView", std::slice::from_ref(&name), scene.revision);
@@ -125,15 +123,21 @@ impl Service {
         // Report an unknown view before an invalid change.
         let scene = self.render.scene().map_err(refused)?;
         scene.views.named(&name).ok_or_else(|| self.no_view(&name, &scene))?;
-        let update: ViewUpdate = view_update_from_pb(&request).map_err(refusals::invalid)?;
         let scene = self
             .changed_views(request.expected_revision, |scene| {
                 let (_, index) = scene.views.named(&name).ok_or_else(|| self.no_view(&name, scene))?;
-                let views = scene.views.changed(&self.render.general(scene), index, &update);
+                let change = view_change_from_pb(&request, &scene.views.spec(index)).map_err(refusals::invalid)?;
+                let general = self.render.general(scene);
+                let (views, test_pattern) = match &change {
+                    ViewChange::Update(update) => (scene.views.changed(&general, index, update), update.test_pattern),
+                    ViewChange::Replace(spec) => (scene.views.replaced(&general, index, spec), Some(spec.test_pattern)),
+                };
                 let views = views.map_err(refusals::invalid)?;
                 self.check_view(&views.rig().views()[index])?;
-                let pattern = update.test_pattern.map(|shown| (&*name, shown));
-                scene.clone().with_views(views, pattern).map_err(|error| unchanged(&error))
+                scene
+                    .clone()
+                    .with_views(views, test_pattern.map(|shown| (&*name, shown)))
+                    .map_err(|error| unchanged(&error))
             })
             .await?;
         let keys = paths(request.update_mask).into_iter().map(|path| format!("{name}.{path}"));

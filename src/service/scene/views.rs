@@ -1,9 +1,9 @@
 //! The views of a scene, and the parts that clients may change: the list of views, their geometry, their own exposure, glare and
 //! tone mapping, and the groups that share an exposure.
 //!
-//! Tables have the keys of configurations and are validated in the same way; missing keys come from the general tables.
-//! The exposure of a named group belongs to the group: a change through any of its views changes it. Requests for
-//! frames refer to a view by its [`ViewId`], because its index in the rig changes when another view is deleted.
+//! Every view is kept as its [`ViewSpec`], together with the rig's view that was made from it. The exposure of a named group belongs
+//! to the group: a change through any of its views changes it. Requests for frames refer to a view by its [`ViewId`], because its
+//! index in the rig changes when another view is deleted.
 
 #[cfg(test)]
 mod tests;
@@ -17,18 +17,17 @@ use std::{
     },
 };
 
-use toml::{Table, Value};
-
 use crate::{
-    config::{ViewConfig, ViewTables, ViewTablesError, resolve_views},
+    config::{ViewGeometry, ViewSettingsError, ViewSpec, resolve_views},
     plan::{
-        settings::RenderSettings,
+        settings::{ExposureKeys, GlareKeys, RenderSettings, ToneMapKeys},
         view_settings::{FrameGroup, ViewSettings, frame_groups},
     },
+    ranges::PartialSettings,
     view::{Rig, View},
 };
 
-/// Key under which clients send a view's geometry.
+/// Field of a request for the specification of a view.
 const DEFINITION: &str = "definition";
 
 /// Identity of a view: a number that is never reused, even for a new view of the same name. It is valid within the
@@ -46,108 +45,83 @@ impl ViewId {
     }
 }
 
-/// A change of one of a view's tables.
+/// A change of a view's own settings.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub enum TableChange {
+pub enum SettingsChange<K> {
     /// No change.
     #[default]
-    Nothing,
-    /// Replaces the table; an empty table restores the general settings.
-    All(Table),
-    /// Changes of keys; `None` restores the general value.
-    Keys(Vec<(String, Option<Value>)>),
+    Keep,
+    /// Replaces all keys; without keys the general settings apply.
+    Replace(K),
+    /// Changes some keys.
+    Edit {
+        /// Keys that get a value.
+        set: K,
+        /// Names of the keys for which the general value applies again.
+        clear: Vec<String>,
+    },
 }
 
-/// Changes of a view; `None` and [`TableChange::Nothing`] keep a value.
+impl<K: PartialSettings> SettingsChange<K> {
+    /// Sets the given keys.
+    pub fn set(keys: K) -> Self {
+        Self::Edit { set: keys, clear: Vec::new() }
+    }
+
+    fn apply(&self, keys: &mut Option<K>) {
+        let mut changed = keys.take().unwrap_or_default();
+        match self {
+            Self::Keep => {}
+            Self::Replace(all) => changed = all.clone(),
+            Self::Edit { set, clear } => {
+                clear.iter().for_each(|name| changed.remove(name));
+                changed.extend(set.clone());
+            }
+        }
+        *keys = non_empty(Some(changed));
+    }
+
+    /// Whether the change sets a key.
+    fn sets(&self, key: &str) -> bool {
+        match self {
+            Self::Keep => false,
+            Self::Replace(keys) | Self::Edit { set: keys, .. } => keys.given().contains(&key),
+        }
+    }
+}
+
+/// Changes of a view; `None` and [`SettingsChange::Keep`] keep a value.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ViewUpdate {
-    /// Keys of the geometry: `type`, those of the type, `orientation` and `position_m`.
-    pub definition: TableChange,
+    /// Type with its keys, orientation and position.
+    pub geometry: Option<ViewGeometry>,
     /// Whether display images show a test pattern.
     pub test_pattern: Option<bool>,
     /// Exposure group; empty: none.
     pub exposure_group: Option<String>,
     /// Keys of `[exposure]`; they apply to the whole group if the view is in one.
-    pub exposure: TableChange,
+    pub exposure: SettingsChange<ExposureKeys>,
     /// Keys of `[glare]` except `psf_file`: files come only from the configuration.
-    pub glare: TableChange,
+    pub glare: SettingsChange<GlareKeys>,
     /// Keys of `[tone_map]`.
-    pub tone_map: TableChange,
+    pub tone_map: SettingsChange<ToneMapKeys>,
 }
 
-impl TableChange {
-    fn apply(&self, table: &mut Table) {
-        match self {
-            Self::Nothing => {}
-            Self::All(all) => table.clone_from(all),
-            Self::Keys(keys) => {
-                for (key, value) in keys {
-                    match value {
-                        Some(value) => table.insert(key.clone(), value.clone()),
-                        None => table.remove(key),
-                    };
-                }
-            }
-        }
-    }
-
-    /// Whether the change sets a key.
-    fn names(&self, key: &str) -> bool {
-        match self {
-            Self::Nothing => false,
-            Self::All(all) => all.contains_key(key),
-            Self::Keys(keys) => keys.iter().any(|(name, value)| name == key && value.is_some()),
-        }
-    }
-}
-
-/// A view as defined by a configuration, a client or a state file.
+/// One view of a scene.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct GivenView {
-    pub(crate) view: View,
-    /// Keys of the geometry; `None` if the program derived it from another source.
-    pub(crate) definition: Option<Table>,
-    /// The view's own settings.
-    pub(crate) tables: ViewTables,
-}
-
-impl GivenView {
-    /// Reads a view from a table of `[[views]]`, and whether it shows a test pattern; the error names the key within
-    /// the table.
-    pub(crate) fn read(table: Table) -> Result<(Self, bool), String> {
-        let (config, view) = ViewConfig::read(table).map_err(|error| error.within(DEFINITION).to_string())?;
-        let ViewConfig { definition, tables, test_pattern, .. } = config;
-        Ok((Self { view, definition: Some(definition), tables }, test_pattern))
-    }
-
-    /// Creates a view from a name and the keys of its geometry.
-    fn defined(name: &str, definition: &Table) -> Result<Self, String> {
-        let mut table = definition.clone();
-        table.insert("name".to_owned(), Value::from(name));
-        Self::read(table).map(|(given, _)| given)
-    }
+struct ViewEntry {
+    /// Its specification. Settings without keys are `None`, and so is the exposure of a view in a group. A test pattern is part of the overlay.
+    spec: ViewSpec,
+    /// Whether a client created the view or changed its geometry.
+    from_client: bool,
 }
 
 /// The views that the daemon was started with.
 #[derive(Debug)]
 struct Configured {
-    views: Vec<GivenView>,
-    /// Folder that relative paths in their tables start from.
+    views: Vec<(ViewSpec, View)>,
+    /// Folder that relative paths in their settings start from.
     folder: PathBuf,
-}
-
-/// A view's own settings. Empty tables count as none.
-#[derive(Clone, Debug, Default)]
-struct Own {
-    /// Keys of the geometry; `None` if the program derived it from another source.
-    definition: Option<Table>,
-    /// Whether a client created the view or changed its geometry.
-    of_client: bool,
-    group: Option<String>,
-    /// Own exposure of a view that is in no group.
-    exposure: Table,
-    glare: Table,
-    tone_map: Table,
 }
 
 /// All views of a scene.
@@ -157,9 +131,9 @@ pub(crate) struct ViewSet {
     /// The rig that is drawn. The lists below have the same order.
     rig: Arc<Rig>,
     ids: Arc<[ViewId]>,
-    own: Vec<Own>,
+    entries: Vec<ViewEntry>,
     /// Exposures of the groups.
-    groups: BTreeMap<String, Table>,
+    groups: BTreeMap<String, ExposureKeys>,
     /// Effective settings of each view.
     pub(crate) settings: Vec<ViewSettings>,
 }
@@ -167,71 +141,61 @@ pub(crate) struct ViewSet {
 /// A view that is about to join a set.
 struct Member {
     id: ViewId,
-    given: GivenView,
-    of_client: bool,
+    spec: ViewSpec,
+    view: View,
+    from_client: bool,
 }
 
-/// The part of a view that a state file keeps.
-pub(crate) struct KeptView {
-    pub(crate) name: String,
-    /// Keys of the geometry if a client has set them.
-    pub(crate) definition: Option<Table>,
-    /// The view's own settings.
-    pub(crate) tables: ViewTables,
+fn non_empty<K: PartialSettings>(keys: Option<K>) -> Option<K> {
+    keys.filter(|keys| !keys.is_empty())
 }
 
-fn some(table: &Table) -> Option<Table> {
-    Some(table.clone()).filter(|table| !table.is_empty())
+/// The checked specification of a client or a state file, and the rig's view of it; the error names the key within the request.
+fn checked(spec: &ViewSpec) -> Result<(ViewSpec, View), String> {
+    spec.checked().map_err(|error| error.within(DEFINITION).to_string())
 }
 
 impl ViewSet {
-    /// Creates the views that the daemon starts with; paths in their tables start from `folder`. The error describes an
+    /// Creates the views that the daemon starts with; paths in their settings start from `folder`. The error describes an
     /// invalid view.
-    pub(crate) fn new(general: &RenderSettings, views: Vec<GivenView>, folder: &Path) -> Result<Self, String> {
+    pub(crate) fn new(general: &RenderSettings, views: Vec<(ViewSpec, View)>, folder: &Path) -> Result<Self, String> {
         let configured = Arc::new(Configured { views: views.clone(), folder: folder.to_owned() });
-        let members = views.into_iter().map(|given| Member { id: ViewId::new(), given, of_client: false });
-        Self::from_members(general, configured, members.collect())
-            .map_err(|error| format!("views[{}]: {error}", error.view))
+        let member = |(spec, view)| Member { id: ViewId::new(), spec, view, from_client: false };
+        let members = views.into_iter().map(member).collect();
+        Self::from_members(general, configured, members).map_err(|error| format!("views[{}]: {error}", error.view))
     }
 
     fn from_members(
         general: &RenderSettings,
         configured: Arc<Configured>,
-        members: Vec<Member>,
-    ) -> Result<Self, ViewTablesError> {
-        // Pass all tables unmerged, so that no view of a group takes precedence.
-        let given: Vec<(&str, &ViewTables)> =
-            members.iter().map(|member| (member.given.view.name.as_str(), &member.given.tables)).collect();
-        resolve_views(general, &given, &configured.folder)?;
-        let ids = members.iter().map(|member| member.id).collect();
+        mut members: Vec<Member>,
+    ) -> Result<Self, ViewSettingsError> {
+        for Member { spec, .. } in &mut members {
+            spec.exposure = non_empty(spec.exposure.take());
+            spec.glare = non_empty(spec.glare.take());
+            spec.tone_map = non_empty(spec.tone_map.take());
+        }
+        let settings = resolve_views(general, members.iter().map(|member| &member.spec), &configured.folder)?;
         let mut groups = BTreeMap::new();
-        let mut own = Vec::with_capacity(members.len());
-        let mut views = Vec::with_capacity(members.len());
-        for Member { given: GivenView { view, definition, tables }, of_client, .. } in members {
-            let mut exposure = tables.exposure.unwrap_or_default();
-            if let Some(group) = &tables.exposure_group {
-                let of_group: &mut Table = groups.entry(group.clone()).or_default();
-                if !exposure.is_empty() {
-                    *of_group = std::mem::take(&mut exposure);
+        let (mut ids, mut entries, mut views) = (Vec::new(), Vec::new(), Vec::new());
+        for Member { id, mut spec, view, from_client } in members {
+            if let Some(group) = &spec.exposure_group {
+                let of_group: &mut ExposureKeys = groups.entry(group.clone()).or_default();
+                if let Some(exposure) = spec.exposure.take() {
+                    *of_group = exposure;
                 }
             }
             views.push(view);
-            own.push(Own {
-                definition,
-                of_client,
-                group: tables.exposure_group,
-                exposure,
-                glare: tables.glare.unwrap_or_default(),
-                tone_map: tables.tone_map.unwrap_or_default(),
-            });
+            ids.push(id);
+            entries.push(ViewEntry { spec, from_client });
         }
         let rig = Self::rig_of(views)?;
-        Self { configured, rig, ids, own, groups, settings: Vec::new() }.resolved(general)
+        Ok(Self { configured, rig, ids: ids.into(), entries, groups, settings })
     }
 
-    fn rig_of(views: Vec<View>) -> Result<Arc<Rig>, ViewTablesError> {
+    fn rig_of(views: Vec<View>) -> Result<Arc<Rig>, ViewSettingsError> {
         let count = views.len();
-        Rig::new(views).map(Arc::new).map_err(|error| ViewTablesError {
+        Rig::new(views).map(Arc::new).map_err(|error| ViewSettingsError {
             view: count.saturating_sub(1),
             key: "name".to_owned(),
             problem: error.to_string(),
@@ -284,75 +248,70 @@ impl ViewSet {
         frame_groups(&self.rig, general, &self.settings)
     }
 
-    /// Returns the keys of a view's geometry; `None` if the program derived it from another source.
-    pub(crate) fn definition(&self, view: usize) -> Option<&Table> {
-        self.own[view].definition.as_ref()
+    /// Returns the specification of a view, with the exposure of its group.
+    pub(crate) fn spec(&self, view: usize) -> ViewSpec {
+        let spec = self.entries[view].spec.clone();
+        let of_group = spec.exposure_group.as_ref().and_then(|name| self.groups.get(name));
+        let exposure = of_group.map_or_else(|| spec.exposure.clone(), |keys| non_empty(Some(keys.clone())));
+        ViewSpec { exposure, ..spec }
     }
 
-    /// Returns the tables of a view, with the exposure of its group.
-    pub(crate) fn tables_with_group(&self, view: usize) -> ViewTables {
-        let Own { group, exposure, glare, tone_map, .. } = &self.own[view];
-        let exposure = group.as_ref().and_then(|name| self.groups.get(name)).unwrap_or(exposure);
-        ViewTables {
-            exposure_group: group.clone(),
-            exposure: some(exposure),
-            glare: some(glare),
-            tone_map: some(tone_map),
-        }
-    }
-
-    /// Returns the tables of a view as in a configuration; a group's exposure is in the table of its first view.
-    pub(crate) fn tables(&self, view: usize) -> ViewTables {
-        let group = &self.own[view].group;
-        let is_first = self.own[..view].iter().all(|other| other.group != *group);
-        let mut tables = self.tables_with_group(view);
-        tables.exposure = tables.exposure.filter(|_| group.is_none() || is_first);
-        tables
+    /// Returns the specification of a view as in a configuration; a group's exposure is in that of its first view.
+    fn spec_in_configuration(&self, view: usize) -> ViewSpec {
+        let group = &self.entries[view].spec.exposure_group;
+        let is_first = self.entries[..view].iter().all(|other| other.spec.exposure_group != *group);
+        let spec = self.spec(view);
+        ViewSpec { exposure: spec.exposure.filter(|_| group.is_none() || is_first), ..spec }
     }
 
     fn members(&self) -> impl Iterator<Item = Member> {
         self.rig.views().iter().enumerate().map(|(index, view)| Member {
             id: self.ids[index],
-            of_client: self.own[index].of_client,
-            given: GivenView {
-                view: view.clone(),
-                definition: self.own[index].definition.clone(),
-                tables: self.tables(index),
-            },
+            spec: self.spec_in_configuration(index),
+            view: view.clone(),
+            from_client: self.entries[index].from_client,
         })
     }
 
-    fn resolved(mut self, general: &RenderSettings) -> Result<Self, ViewTablesError> {
-        let tables: Vec<ViewTables> = (0..self.ids.len()).map(|view| self.tables(view)).collect();
-        let views: Vec<(&str, &ViewTables)> = self.names().zip(&tables).collect();
-        self.settings = resolve_views(general, &views, &self.configured.folder)?;
+    fn resolved(mut self, general: &RenderSettings) -> Result<Self, ViewSettingsError> {
+        let in_use: Vec<Option<&String>> =
+            self.entries.iter().map(|entry| entry.spec.exposure_group.as_ref()).collect();
+        self.groups.retain(|group, _| in_use.contains(&Some(group)));
+        let specs: Vec<ViewSpec> = (0..self.ids.len()).map(|view| self.spec_in_configuration(view)).collect();
+        self.settings = resolve_views(general, &specs, &self.configured.folder)?;
         Ok(self)
     }
 
     /// Returns the name of a view's group; empty if it is in none.
     pub(crate) fn group_of(&self, view: usize) -> &str {
-        self.own[view].group.as_deref().unwrap_or_default()
+        self.entries[view].spec.exposure_group.as_deref().unwrap_or_default()
     }
 
     /// Returns the keys that differ from the general ones, with the name of their table: `glare.fraction`.
     pub(crate) fn own_keys(&self, view: usize) -> Vec<String> {
-        let Own { group, exposure, glare, tone_map, .. } = &self.own[view];
-        let exposure = group.as_ref().and_then(|name| self.groups.get(name)).unwrap_or(exposure);
-        [("exposure", exposure), ("glare", glare), ("tone_map", tone_map)]
+        let ViewSpec { exposure, glare, tone_map, .. } = self.spec(view);
+        let tables = [
+            ("exposure", exposure.map(|keys| keys.given())),
+            ("glare", glare.map(|keys| keys.given())),
+            ("tone_map", tone_map.map(|keys| keys.given())),
+        ];
+        let mut keys: Vec<String> = tables
             .into_iter()
-            .flat_map(|(name, table)| table.keys().map(move |key| format!("{name}.{key}")))
-            .collect()
+            .flat_map(|(table, keys)| keys.unwrap_or_default().into_iter().map(move |key| format!("{table}.{key}")))
+            .collect();
+        keys.sort_unstable();
+        keys
     }
 
     /// Returns the views with a new one at the end; the error states the valid values.
-    pub(crate) fn with(&self, general: &RenderSettings, given: GivenView) -> Result<Self, String> {
-        if given.tables.glare.as_ref().is_some_and(|glare| glare.contains_key("psf_file")) {
+    pub(crate) fn with(&self, general: &RenderSettings, spec: ViewSpec, view: View) -> Result<Self, String> {
+        if spec.glare.as_ref().is_some_and(|glare| glare.psf_file.is_some()) {
             return Err(format!(
                 "{DEFINITION}.glare.psf_file: files come only from the configuration: a new view cannot have one"
             ));
         }
         let new = self.ids.len();
-        let members = self.members().chain([Member { id: ViewId::new(), given, of_client: true }]);
+        let members = self.members().chain([Member { id: ViewId::new(), spec, view, from_client: true }]);
         Self::from_members(general, Arc::clone(&self.configured), members.collect()).map_err(|error| {
             let place = if error.view == new { format!("{DEFINITION}.") } else { String::new() };
             format!("{place}{}: {}", error.key, error.problem)
@@ -365,102 +324,131 @@ impl ViewSet {
         let others: Vec<usize> = (0..self.ids.len()).filter(|index| *index != view).collect();
         left.rig = Arc::new(self.rig.of_views(&others));
         left.ids = others.iter().map(|index| self.ids[*index]).collect();
-        left.own.remove(view);
-        left.forget_empty_groups();
+        left.entries.remove(view);
         left.resolved(general).map_err(|error| error.to_string())
     }
 
-    fn forget_empty_groups(&mut self) {
-        let in_use: Vec<Option<&String>> = self.own.iter().map(|own| own.group.as_ref()).collect();
-        self.groups.retain(|group, _| in_use.contains(&Some(group)));
-    }
-
-    /// Returns a view with changed geometry.
-    fn redefine(&mut self, view: usize, change: &TableChange) -> Result<(), String> {
-        let before = &self.rig.views()[view];
-        let mut definition = match (change, &self.own[view].definition) {
-            (TableChange::Nothing, _) => return Ok(()),
-            (TableChange::Keys(_), None) => {
-                return Err(format!(
-                    "{DEFINITION}: view `{}` does not come from a configuration and has no keys: send a whole definition",
-                    before.name
-                ));
-            }
-            (_, definition) => definition.clone().unwrap_or_default(),
-        };
-        change.apply(&mut definition);
-        let after = GivenView::defined(&before.name, &definition)?;
-        let own = &mut self.own[view];
-        // A definition that is sent back unchanged still counts as the configuration's.
-        own.of_client |= own.definition != after.definition;
-        own.definition = after.definition;
+    /// Changes the geometry of a view.
+    fn set_geometry(&mut self, view: usize, geometry: &ViewGeometry) -> Result<(), String> {
+        let entry = &mut self.entries[view];
+        if entry.spec.geometry == *geometry {
+            return Ok(());
+        }
+        let spec = ViewSpec { geometry: geometry.clone(), ..ViewSpec::custom(&entry.spec.name) };
+        let (spec, made) = checked(&spec)?;
+        entry.spec.geometry = spec.geometry;
+        entry.from_client = true;
         let mut views = self.rig.views().to_vec();
-        views[view] = after.view;
+        views[view] = made;
         self.rig = Self::rig_of(views).map_err(|error| error.problem)?;
         Ok(())
+    }
+
+    /// Puts a view into a group, or takes it out of its group. A new group starts with the exposure of its first view.
+    fn set_group(&mut self, view: usize, group: &str) {
+        let spec = &mut self.entries[view].spec;
+        let group = Some(group.to_owned()).filter(|group| !group.is_empty());
+        if spec.exposure_group != group {
+            let exposure = spec.exposure.take().unwrap_or_default();
+            if let Some(group) = &group {
+                self.groups.entry(group.clone()).or_insert(exposure);
+            }
+            spec.exposure_group = group;
+        }
+    }
+
+    /// Changes the glare of a view. Its file stays; the effective value may be sent back with the other keys.
+    fn set_glare(&mut self, view: usize, change: &SettingsChange<GlareKeys>) -> Result<(), String> {
+        let glare = &mut self.entries[view].spec.glare;
+        let file = glare.as_ref().and_then(|glare| glare.psf_file.clone());
+        change.apply(glare);
+        if change.sets("psf_file") {
+            let effective = &self.settings[view].glare.psf_file;
+            let given = glare.as_ref().and_then(|glare| glare.psf_file.as_ref());
+            if given != effective.as_ref() {
+                let valid = effective.as_ref().map_or("none".to_owned(), |file| file.display().to_string());
+                return Err(format!(
+                    "glare.psf_file: files come only from the configuration: the only valid value is {valid}"
+                ));
+            }
+            let mut keys = glare.take().unwrap_or_default();
+            keys.psf_file = file;
+            *glare = non_empty(Some(keys));
+        }
+        Ok(())
+    }
+
+    /// Changes the exposure of a view, or of its group. Removes keys without effect in a new mode or metering, except those that
+    /// the change sets.
+    fn set_exposure(&mut self, general: &RenderSettings, view: usize, change: &SettingsChange<ExposureKeys>) {
+        let spec = &mut self.entries[view].spec;
+        let mut exposure = match &spec.exposure_group {
+            Some(group) => self.groups.remove(group),
+            None => spec.exposure.take(),
+        };
+        change.apply(&mut exposure);
+        if let Some(keys) = &mut exposure
+            && (change.sets("mode") || change.sets("metering"))
+        {
+            for key in keys.without_effect(&general.exposure, general.stars.method.is_relative()) {
+                if !change.sets(key) {
+                    keys.remove(key);
+                }
+            }
+        }
+        match &spec.exposure_group {
+            Some(group) => drop(self.groups.insert(group.clone(), exposure.unwrap_or_default())),
+            None => spec.exposure = exposure,
+        }
     }
 
     /// Returns the views after a change of one of them; the error states the valid values.
     pub(crate) fn changed(&self, general: &RenderSettings, view: usize, update: &ViewUpdate) -> Result<Self, String> {
         let mut changed = self.clone();
-        changed.redefine(view, &update.definition)?;
-        let own = &mut changed.own[view];
-        if matches!(update.definition, TableChange::All(_)) && matches!(update.exposure, TableChange::Nothing) {
-            // For a definition without an exposure, the group takes nothing from the view.
-            own.exposure.clear();
+        if let Some(geometry) = &update.geometry {
+            changed.set_geometry(view, geometry)?;
         }
         if let Some(group) = &update.exposure_group {
-            let group = Some(group.clone()).filter(|group| !group.is_empty());
-            if own.group != group {
-                // A new group starts with the exposure of its first view.
-                let exposure = std::mem::take(&mut own.exposure);
-                if let Some(group) = &group {
-                    changed.groups.entry(group.clone()).or_insert(exposure);
-                }
-                own.group = group;
-            }
+            changed.set_group(view, group);
         }
-        let file = own.glare.get("psf_file").cloned();
-        update.glare.apply(&mut own.glare);
-        if update.glare.names("psf_file") {
-            // The effective value may be sent back with the other keys.
-            let in_effect = self.settings[view].glare.psf_file.as_ref().map(|file| file.display().to_string());
-            let given = own.glare.remove("psf_file");
-            if given.as_ref().and_then(Value::as_str) != in_effect.as_deref() {
-                let allowed = in_effect.unwrap_or_else(|| "none".to_owned());
-                return Err(format!(
-                    "glare.psf_file: files come only from the configuration: the only valid value is {allowed}"
-                ));
-            }
-            own.glare.extend(file.map(|file| ("psf_file".to_owned(), file)));
-        }
-        update.tone_map.apply(&mut own.tone_map);
-        let exposure = match &own.group {
-            Some(group) => changed.groups.entry(group.clone()).or_default(),
-            None => &mut own.exposure,
-        };
-        update.exposure.apply(exposure);
-        if update.exposure.names("mode") || update.exposure.names("metering") {
-            let mut tables = ViewTables { exposure: some(exposure), ..ViewTables::default() };
-            tables.leave_out_without_effect(&general.exposure, general.stars.method, |key| update.exposure.names(key));
-            *exposure = tables.exposure.unwrap_or_default();
-        }
-        changed.forget_empty_groups();
+        changed.set_glare(view, &update.glare)?;
+        update.tone_map.apply(&mut changed.entries[view].spec.tone_map);
+        changed.set_exposure(general, view, &update.exposure);
         changed.resolved(general).map_err(|error| error.to_string())
     }
 
-    /// Returns the part of the views that a state file keeps.
-    pub(crate) fn kept(&self) -> impl Iterator<Item = KeptView> {
-        self.members().map(|Member { given, of_client, .. }| KeptView {
-            name: given.view.name,
-            definition: given.definition.filter(|_| of_client),
-            tables: given.tables,
-        })
+    /// Returns the views after the replacement of one of them by a specification; its name stays. The exposure of its group changes
+    /// only if the specification has one.
+    pub(crate) fn replaced(&self, general: &RenderSettings, view: usize, spec: &ViewSpec) -> Result<Self, String> {
+        let mut before = self.clone();
+        before.entries[view].spec.exposure = None;
+        let is_in_group = spec.exposure_group.is_some();
+        let update = ViewUpdate {
+            geometry: Some(spec.geometry.clone()),
+            test_pattern: None,
+            exposure_group: Some(spec.exposure_group.clone().unwrap_or_default()),
+            exposure: match &spec.exposure {
+                None if is_in_group => SettingsChange::Keep,
+                exposure => SettingsChange::Replace(exposure.clone().unwrap_or_default()),
+            },
+            glare: SettingsChange::Replace(spec.glare.clone().unwrap_or_default()),
+            tone_map: SettingsChange::Replace(spec.tone_map.clone().unwrap_or_default()),
+        };
+        before.changed(general, view, &update)
+    }
+
+    /// Returns the specifications that a state file keeps, with the geometry only of views whose geometry a client has set.
+    pub(crate) fn kept(&self) -> impl Iterator<Item = ViewSpec> {
+        self.members().map(
+            |Member { spec, from_client, .. }| {
+                if from_client { spec } else { ViewSpec { geometry: ViewGeometry::default(), ..spec } }
+            },
+        )
     }
 
     /// Returns the names of deleted views that the daemon was started with.
     pub(crate) fn deleted(&self) -> impl Iterator<Item = &str> {
-        let configured = self.configured.views.iter().map(|given| given.view.name.as_str());
+        let configured = self.configured.views.iter().map(|(spec, _)| spec.name.as_str());
         configured.filter(|name| self.rig.index_of(name).is_none())
     }
 
@@ -470,35 +458,31 @@ impl ViewSet {
     pub(crate) fn restored(
         &self,
         general: &RenderSettings,
-        kept: Vec<KeptView>,
+        kept: Vec<ViewSpec>,
         deleted: &[String],
     ) -> Result<Self, String> {
-        let (mut of_configuration, mut of_clients) = (Vec::new(), Vec::new());
-        for given in &self.configured.views {
-            if !deleted.contains(&given.view.name) {
-                of_configuration.push((given.clone(), false));
-            }
-        }
-        for KeptView { name, definition, tables } in kept {
-            let known = of_configuration.iter_mut().find(|(given, _)| given.view.name == name);
-            match (definition, known) {
-                (Some(definition), known) => {
-                    let defined =
-                        GivenView::defined(&name, &definition).map_err(|error| format!("view `{name}`: {error}"))?;
-                    let made = (GivenView { tables, ..defined }, true);
+        let id = |name: &str| self.named(name).map_or_else(ViewId::new, |(id, _)| id);
+        let remaining = self.configured.views.iter().filter(|(spec, _)| !deleted.contains(&spec.name)).cloned();
+        let configured = remaining.map(|(spec, view)| Member { id: id(&spec.name), spec, view, from_client: false });
+        let mut members: Vec<Member> = configured.collect();
+        for spec in kept {
+            let known = members.iter_mut().find(|member| member.spec.name == spec.name && !member.from_client);
+            match (spec.geometry.has_keys(), known) {
+                (true, known) => {
+                    let (spec, view) = checked(&spec).map_err(|error| format!("view `{}`: {error}", spec.name))?;
+                    let made = Member { id: id(&spec.name), spec, view, from_client: true };
                     match known {
                         Some(known) => *known = made,
-                        None => of_clients.push(made),
+                        None => members.push(made),
                     }
                 }
-                (None, Some((given, _))) => given.tables = tables,
-                (None, None) => tracing::warn!("view `{name}` is left out: the configuration no longer has it"),
+                (false, Some(known)) => {
+                    let ViewSpec { geometry, packing, .. } = known.spec.clone();
+                    known.spec = ViewSpec { geometry, packing, ..spec };
+                }
+                (false, None) => tracing::warn!("view `{}` is left out: the configuration no longer has it", spec.name),
             }
         }
-        let all = of_configuration.into_iter().chain(of_clients).map(|(given, of_client)| {
-            let id = self.named(&given.view.name).map_or_else(ViewId::new, |(id, _)| id);
-            Member { id, given, of_client }
-        });
-        Self::from_members(general, Arc::clone(&self.configured), all.collect()).map_err(|error| error.to_string())
+        Self::from_members(general, Arc::clone(&self.configured), members).map_err(|error| error.to_string())
     }
 }

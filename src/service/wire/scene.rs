@@ -113,7 +113,7 @@ pub(crate) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Resul
             update.star_method = Some(method);
         }
         if names("stars", ".magnitude_limit") {
-            let [least, most] = crate::plan::settings::StarSettings::MAGNITUDES;
+            let [least, most] = crate::plan::settings::MAGNITUDES;
             if !(least..=most).contains(&stars.magnitude_limit) {
                 let allowed = format!("must be a magnitude between {least} and {most}");
                 return Err(format!("stars.magnitude_limit = {}: {allowed}", stars.magnitude_limit));

@@ -1,124 +1,95 @@
-//! Views and their settings: conversion between protobuf messages and plain types. Tables have the keys of
-//! configurations. Errors state the problem and the valid values.
+//! Views and their settings: conversion between protobuf messages and plain types. Errors state the problem and the valid values.
+//!
+//! The messages `ViewDefinition`, `ExposureSettings`, `GlareSettings` and `ToneMapSettings` have the keys of configurations as
+//! fields, and `crates/proto/build.rs` makes serde read and write them under these names. A specification is thus converted to a
+//! message and back without a list of keys; a new key needs a field in `proto/steradian/v1/view.proto` and one in the specification.
 
-use toml::{Table, Value};
+use std::{collections::BTreeSet, sync::LazyLock};
+
+use prost::Message;
+use serde::{Serialize, de::DeserializeOwned};
 
 use super::objects::orientation_to_pb;
 use crate::{
-    config::has_effect,
-    plan::{settings::StarMethod, view_settings::ViewSettings},
+    config::{KeyError, PackingConfig, ViewGeometry, ViewSpec, with_keys_of, with_same_keys},
+    plan::{
+        settings::{ExposureKeys, GlareKeys, StarMethod, ToneMapKeys},
+        view_settings::ViewSettings,
+    },
+    ranges::PartialSettings,
     service::{
         proto,
         scene::{
             state::SceneState,
-            views::{TableChange, ViewUpdate},
+            views::{SettingsChange, ViewUpdate},
         },
     },
-    view::projection::{Perspective, Projection},
+    view::{
+        View,
+        projection::{Perspective, Projection},
+    },
 };
 
 /// Maximum number of paths in a mask.
 const MOST_PATHS: usize = 64;
 
-/// Type of a message field that is read from a table's value.
-trait Field: Sized {
-    fn read(value: &Value) -> Option<Self>;
+/// Field of views and requests for the specification.
+const DEFINITION: &str = "definition";
+
+/// Fields of `ViewDefinition` that define the geometry of a view.
+static GEOMETRY_KEYS: LazyLock<Vec<String>> = LazyLock::new(|| {
+    let others = ["name", "test_pattern", "exposure_group", "exposure", "glare", "tone_map"];
+    fields_of("ViewDefinition").into_iter().filter(|field| !others.contains(&field.as_str())).collect()
+});
+
+/// Returns the names of the fields of a message, from its descriptor.
+fn fields_of(message: &str) -> Vec<String> {
+    let files = prost_types::FileDescriptorSet::decode(proto::DESCRIPTORS).unwrap_or_default();
+    let mut messages = files.file.into_iter().flat_map(|file| file.message_type);
+    let found = messages.find(|candidate| candidate.name() == message).unwrap_or_default();
+    found.field.iter().map(|field| field.name().to_owned()).collect()
 }
 
-impl Field for String {
-    fn read(value: &Value) -> Option<Self> {
-        value.as_str().map(str::to_owned)
-    }
+fn within(prefix: &'static str) -> impl Fn(KeyError) -> String {
+    move |error| error.within(prefix).to_string()
 }
 
-impl Field for f64 {
-    fn read(value: &Value) -> Option<Self> {
-        value.as_float().or(value.as_integer().map(|whole| whole as f64))
-    }
+/// Returns the partial settings of a message; the error names the key within `table`.
+pub(crate) fn keys_from_pb<K: DeserializeOwned>(message: &impl Serialize, table: &'static str) -> Result<K, String> {
+    with_same_keys(message).map_err(within(table))
 }
 
-impl Field for bool {
-    fn read(value: &Value) -> Option<Self> {
-        value.as_bool()
-    }
+/// Returns the specification in a message, and the rig's view made from it.
+pub(crate) fn spec_from_pb(message: &proto::ViewDefinition) -> Result<(ViewSpec, View), KeyError> {
+    ViewSpec::from_keys(message).map_err(|error| error.within(DEFINITION))
 }
 
-/// Returns the value of a key; the error states that its type is wrong.
-fn read<T: Field>(table: &Table, key: &str) -> Result<Option<T>, String> {
-    let wrong = |value: &Value| format!("{key} = {value}: the value has the wrong type");
-    table.get(key).map(|value| T::read(value).ok_or_else(|| wrong(value))).transpose()
+/// Returns the message of a specification, without packing: only `render` and `film` write files of views.
+pub(crate) fn spec_to_pb(spec: &ViewSpec) -> Result<proto::ViewDefinition, KeyError> {
+    ViewSpec { packing: PackingConfig::None, ..spec.clone() }.keys().map_err(|error| error.within(DEFINITION))
 }
-
-/// Defines the conversion between the keys of a table and the fields of a message.
-macro_rules! table_message {
-    ($keys:ident, $to_table:ident, $from_table:ident, $message:ident, [$($key:ident),* $(,)?]) => {
-        const $keys: &[&str] = &[$(stringify!($key)),*];
-
-        pub(crate) fn $to_table(message: &proto::$message) -> Table {
-            let mut table = Table::new();
-            $(
-                if let Some(value) = message.$key.clone() {
-                    table.insert(stringify!($key).to_owned(), Value::from(value));
-                }
-            )*
-            table
-        }
-
-        fn $from_table(table: &Table) -> Result<proto::$message, String> {
-            if let Some(key) = table.keys().find(|key| !$keys.contains(&key.as_str())) {
-                return Err(format!("unknown key `{key}`: must be one of {}", $keys.join(", ")));
-            }
-            Ok(proto::$message { $($key: read(table, stringify!($key))?),* })
-        }
-    };
-}
-
-mod definition;
-
-use definition::{
-    DEFINITION_KEYS, IS_ALL_OF_IT, definition_of, geometry_from_table, geometry_to_table, whole_definition,
-    whole_definition_to_pb,
-};
-pub(crate) use definition::{definition_from_pb, definition_to_pb};
-
-table_message!(
-    EXPOSURE_KEYS,
-    exposure_to_table,
-    exposure_from_table,
-    ExposureSettings,
-    [mode, metering, limiting_magnitude, ev100, key, spot_deg, compensation_ev, min_ev100, max_ev100, adaptation_s]
-);
-table_message!(
-    GLARE_KEYS,
-    glare_to_table,
-    glare_from_table,
-    GlareSettings,
-    [method, kernel, inner_deg, fraction, age_years, eye_colour, absolute, psf_file, weights]
-);
-table_message!(
-    TONE_MAP_KEYS,
-    tone_map_to_table,
-    tone_map_from_table,
-    ToneMapSettings,
-    [operator, white, peak_cd_m2, black_cd_m2, desaturation, scotopic, dither]
-);
 
 /// Returns a view's effective settings as messages, without its geometry.
 pub(crate) fn settings_to_pb(settings: &ViewSettings, stars: StarMethod) -> proto::View {
-    let table = |value: Result<Value, toml::ser::Error>| match value {
-        Ok(Value::Table(table)) => table,
-        // Only a non-UTF-8 path fails to serialise; it is then left out.
-        _ => Table::new(),
-    };
-    let mut exposure = table(Value::try_from(settings.exposure));
-    exposure.retain(|key, _| has_effect(key, &settings.exposure, stars));
-    let (glare, tone_map) = (table(Value::try_from(&settings.glare)), table(Value::try_from(settings.tone_map)));
+    // Only a non-UTF-8 path fails to serialise; the glare is then left out.
     proto::View {
-        exposure: exposure_from_table(&exposure).ok(),
-        glare: glare_from_table(&glare).ok(),
-        tone_map: tone_map_from_table(&tone_map).ok(),
+        exposure: with_same_keys(&ExposureKeys::with_effect(&settings.exposure, stars.is_relative())).ok(),
+        glare: with_same_keys(&GlareKeys::from(&settings.glare)).ok(),
+        tone_map: with_same_keys(&ToneMapKeys::from(&settings.tone_map)).ok(),
         ..proto::View::default()
     }
+}
+
+/// Returns the specification of a view of the rig, which can be sent back; `None` if its geometry has no keys.
+fn definition_of(number: usize, scene: &SceneState) -> Option<proto::ViewDefinition> {
+    let mut spec = scene.views.spec(number);
+    spec.test_pattern = scene.objects.drawn.overlay.test_patterns.contains(&spec.name);
+    if let Some(file) = spec.glare.as_mut().and_then(|glare| glare.psf_file.as_mut())
+        && let Some(effective) = &scene.views.settings[number].glare.psf_file
+    {
+        file.clone_from(effective);
+    }
+    spec.geometry.has_keys().then(|| spec_to_pb(&spec).ok())?
 }
 
 fn projection_to_pb(projection: &Projection) -> proto::Projection {
@@ -170,23 +141,71 @@ pub(crate) fn view_to_pb(number: usize, scene: &SceneState) -> proto::View {
     }
 }
 
-/// Reads the fields that the mask names; the error states the problem and the valid values.
-pub(crate) fn view_update_from_pb(request: &proto::UpdateViewRequest) -> Result<ViewUpdate, String> {
+/// A change that a client asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum ViewChange {
+    /// Replacement by a specification.
+    Replace(Box<ViewSpec>),
+    /// Change of some settings.
+    Update(Box<ViewUpdate>),
+}
+
+const IS_ALL: &str = "names the whole view: name no other field with it";
+const IS_WHOLE_TABLE: &str = "names the whole table: use either it, or keys below it";
+
+/// Paths of a mask below one field.
+#[derive(Default)]
+struct Paths<'a> {
+    whole: bool,
+    keys: BTreeSet<&'a str>,
+}
+
+impl Paths<'_> {
+    /// Returns the change of settings that the paths name; the error names the key below `table`.
+    fn change<K, M>(&self, table: &'static str, given: Option<&M>) -> Result<SettingsChange<K>, String>
+    where
+        K: PartialSettings + DeserializeOwned,
+        M: Clone + Default + Serialize + DeserializeOwned,
+    {
+        let given = given.cloned().unwrap_or_default();
+        if self.whole {
+            return Ok(SettingsChange::Replace(keys_from_pb(&given, table)?));
+        }
+        if self.keys.is_empty() {
+            return Ok(SettingsChange::Keep);
+        }
+        // Ignore values that the mask does not name.
+        let keys: Vec<&str> = self.keys.iter().copied().collect();
+        let named: M = with_keys_of(&M::default(), &given, &keys).map_err(within(table))?;
+        let set: K = keys_from_pb(&named, table)?;
+        let clear = keys.iter().filter(|key| !set.given().contains(key)).map(|key| (*key).to_owned()).collect();
+        Ok(SettingsChange::Edit { set, clear })
+    }
+}
+
+/// Lists the valid paths of a mask, as text.
+fn valid_paths() -> String {
     let keys = |table: &str, keys: &[&str]| keys.iter().map(|key| format!("{table}.{key}")).collect::<Vec<_>>();
-    let tables = [("exposure", EXPOSURE_KEYS), ("glare", GLARE_KEYS), ("tone_map", TONE_MAP_KEYS)];
-    let allowed = || {
-        let keys: Vec<String> = tables.iter().flat_map(|(table, of)| keys(table, of)).collect();
-        let keys: Vec<&str> = keys.iter().map(String::as_str).filter(|key| *key != "glare.psf_file").collect();
-        let of_definition = DEFINITION_KEYS.iter().map(|key| format!("definition.{key}")).collect::<Vec<_>>();
-        format!(
-            "must be one of exposure_group, exposure, glare, tone_map, definition, {}, {}, definition.test_pattern",
-            keys.join(", "),
-            of_definition.join(", ")
-        )
-    };
+    let tables =
+        [keys("exposure", ExposureKeys::NAMES), keys("glare", GlareKeys::NAMES), keys("tone_map", ToneMapKeys::NAMES)];
+    let keys: Vec<String> = tables.concat().into_iter().filter(|key| key != "glare.psf_file").collect();
+    let of_definition: Vec<String> = GEOMETRY_KEYS.iter().map(|key| format!("{DEFINITION}.{key}")).collect();
+    format!(
+        "must be one of exposure_group, exposure, glare, tone_map, definition, {}, {}, definition.test_pattern",
+        keys.join(", "),
+        of_definition.join(", ")
+    )
+}
+
+/// Reads the change that the mask names, for a view with its current specification; the error states the problem and the valid
+/// values.
+pub(crate) fn view_change_from_pb(
+    request: &proto::UpdateViewRequest,
+    current: &ViewSpec,
+) -> Result<ViewChange, String> {
     let paths = request.update_mask.as_ref().map_or(&[][..], |mask| &mask.paths);
     if paths.is_empty() {
-        return Err(format!("update_mask names no field: {}", allowed()));
+        return Err(format!("update_mask names no field: {}", valid_paths()));
     }
     if paths.len() > MOST_PATHS {
         return Err(format!("update_mask names {} fields: there must be at most {MOST_PATHS}", paths.len()));
@@ -196,147 +215,245 @@ pub(crate) fn view_update_from_pb(request: &proto::UpdateViewRequest) -> Result<
     }
     let view = request.view.clone().unwrap_or_default();
     let given = view.definition.clone().unwrap_or_default();
-    if given.name.as_ref().is_some_and(|name| *name != view.name) {
-        let name = given.name.unwrap_or_default();
+    if let Some(name) = given.name.as_ref().filter(|name| **name != view.name) {
         return Err(format!(
             "definition.name: `{name}`: the name of a view cannot change: it must be `{}`, or missing",
             view.name
         ));
     }
-    if paths.iter().any(|path| path == "definition") {
-        return if paths.len() == 1 { Ok(whole_definition(&given)) } else { Err(IS_ALL_OF_IT.to_owned()) };
+    if paths.iter().any(|path| path == DEFINITION) {
+        if paths.len() > 1 {
+            return Err(format!("update_mask: `{DEFINITION}` {IS_ALL}"));
+        }
+        let whole = proto::ViewDefinition { name: Some(view.name), ..given };
+        let (spec, _) = spec_from_pb(&whole).map_err(|error| error.to_string())?;
+        return Ok(ViewChange::Replace(Box::new(spec)));
     }
+    let (mut geometry, mut exposure, mut glare, mut tone_map) =
+        (Paths::default(), Paths::default(), Paths::default(), Paths::default());
     let mut update = ViewUpdate::default();
     for path in paths {
-        if path == "definition.test_pattern" {
-            update.test_pattern = Some(given.test_pattern.unwrap_or_default());
-            continue;
-        }
-        if path == "exposure_group" {
-            update.exposure_group = Some(view.exposure_group.clone());
-            continue;
-        }
         let (table, key) = path.split_once('.').map_or((path.as_str(), None), |(table, key)| (table, Some(key)));
-        let (change, given, known) = match table {
-            "exposure" => (&mut update.exposure, view.exposure.as_ref().map(exposure_to_table), EXPOSURE_KEYS),
-            "glare" => (&mut update.glare, view.glare.as_ref().map(glare_to_table), GLARE_KEYS),
-            "tone_map" => (&mut update.tone_map, view.tone_map.as_ref().map(tone_map_to_table), TONE_MAP_KEYS),
-            "definition" => (&mut update.definition, Some(geometry_to_table(&given)), DEFINITION_KEYS),
-            "name" | "type" | "images" | "own_keys" | "revision" => {
-                return Err(format!("update_mask: `{path}` cannot be changed: {}", allowed()));
-            }
-            _ => return Err(format!("update_mask: no field `{path}`: {}", allowed())),
+        let names: Vec<&str> = match table {
+            "exposure" => ExposureKeys::NAMES.to_vec(),
+            "glare" => GlareKeys::NAMES.to_vec(),
+            "tone_map" => ToneMapKeys::NAMES.to_vec(),
+            "definition" => GEOMETRY_KEYS.iter().map(String::as_str).collect(),
+            _ => Vec::new(),
         };
-        let mut given = given.unwrap_or_default();
-        let Some(key) = key else {
-            if !matches!(change, TableChange::Nothing) {
-                let problem = "names the whole table: use either it, or keys below it";
-                return Err(format!("update_mask: `{path}` {problem}"));
+        let paths = match (table, key) {
+            ("definition", Some("test_pattern")) => {
+                update.test_pattern = Some(given.test_pattern.unwrap_or_default());
+                continue;
             }
-            *change = TableChange::All(given);
-            continue;
+            ("exposure_group", None) => {
+                update.exposure_group = Some(view.exposure_group.clone());
+                continue;
+            }
+            ("glare", Some("psf_file")) => {
+                return Err(format!("update_mask: `{path}` cannot be changed: files come only from the configuration"));
+            }
+            ("exposure", _) => &mut exposure,
+            ("glare", _) => &mut glare,
+            ("tone_map", _) => &mut tone_map,
+            ("definition", _) => &mut geometry,
+            ("name" | "type" | "images" | "own_keys" | "revision", _) => {
+                return Err(format!("update_mask: `{path}` cannot be changed: {}", valid_paths()));
+            }
+            _ => return Err(format!("update_mask: no field `{path}`: {}", valid_paths())),
         };
-        if !known.contains(&key) {
-            return Err(format!("update_mask: no field `{path}`: {}", allowed()));
+        match key {
+            None => paths.whole = true,
+            Some(key) if names.contains(&key) => drop(paths.keys.insert(key)),
+            Some(_) => return Err(format!("update_mask: no field `{path}`: {}", valid_paths())),
         }
-        if path == "glare.psf_file" {
-            return Err(format!("update_mask: `{path}` cannot be changed: files come only from the configuration"));
-        }
-        let value = given.remove(key);
-        match change {
-            TableChange::Nothing => *change = TableChange::Keys(vec![(key.to_owned(), value)]),
-            TableChange::Keys(keys) => keys.push((key.to_owned(), value)),
-            TableChange::All(_) => {
-                let problem = "names the whole table: use either it, or keys below it";
-                return Err(format!("update_mask: `{table}` {problem}"));
-            }
+        if paths.whole && !paths.keys.is_empty() {
+            return Err(format!("update_mask: `{table}` {IS_WHOLE_TABLE}"));
         }
     }
-    Ok(update)
+    update.exposure = exposure.change("exposure", view.exposure.as_ref())?;
+    update.glare = glare.change("glare", view.glare.as_ref())?;
+    update.tone_map = tone_map.change("tone_map", view.tone_map.as_ref())?;
+    if !geometry.keys.is_empty() {
+        update.geometry = Some(changed_geometry(current, &given, &geometry.keys.into_iter().collect::<Vec<_>>())?);
+    }
+    Ok(ViewChange::Update(Box::new(update)))
 }
 
-/// Returns the request for a change. The error names an unknown key.
+/// Returns the geometry of a view after a change of some keys.
+fn changed_geometry(current: &ViewSpec, given: &proto::ViewDefinition, keys: &[&str]) -> Result<ViewGeometry, String> {
+    if !current.geometry.has_keys() {
+        return Err(format!(
+            "{DEFINITION}: view `{}` does not come from a configuration and has no keys: send a whole definition",
+            current.name
+        ));
+    }
+    let current = ViewSpec { geometry: current.geometry.clone(), ..ViewSpec::custom(&current.name) };
+    let message = spec_to_pb(&current).map_err(|error| error.to_string())?;
+    let changed = with_keys_of(&message, given, keys).map_err(within(DEFINITION))?;
+    Ok(spec_from_pb(&changed).map_err(|error| error.to_string())?.0.geometry)
+}
+
+/// Returns the request for a change of some settings. The error names a geometry without keys.
 pub(crate) fn view_update_to_pb(
     name: &str,
     update: &ViewUpdate,
     expected_revision: Option<u64>,
 ) -> Result<proto::UpdateViewRequest, String> {
-    if let TableChange::All(geometry) = &update.definition {
-        let definition = Some(whole_definition_to_pb(name, geometry, update)?);
-        return Ok(proto::UpdateViewRequest {
-            view: Some(proto::View { name: name.to_owned(), definition, ..proto::View::default() }),
-            update_mask: Some(prost_types::FieldMask { paths: vec!["definition".to_owned()] }),
-            expected_revision,
-        });
-    }
     let mut paths = Vec::new();
-    let mut table = |name: &str, change: &TableChange| match change {
-        TableChange::Nothing => Table::new(),
-        TableChange::All(all) => {
-            paths.push(name.to_owned());
-            all.clone()
-        }
-        TableChange::Keys(keys) => {
-            paths.extend(keys.iter().map(|(key, _)| format!("{name}.{key}")));
-            keys.iter().filter_map(|(key, value)| Some((key.clone(), value.clone()?))).collect()
-        }
-    };
-    let (definition, exposure, glare, tone_map) = (
-        table("definition", &update.definition),
-        table("exposure", &update.exposure),
-        table("glare", &update.glare),
-        table("tone_map", &update.tone_map),
-    );
+    let mut definition = proto::ViewDefinition::default();
+    if let Some(geometry) = &update.geometry {
+        let spec = ViewSpec { geometry: geometry.clone(), ..ViewSpec::custom(name) };
+        definition = spec_to_pb(&spec).map_err(|error| error.to_string())?;
+        paths.extend(GEOMETRY_KEYS.iter().map(|key| format!("{DEFINITION}.{key}")));
+    }
+    definition.test_pattern = update.test_pattern;
     paths.extend(update.test_pattern.map(|_| "definition.test_pattern".to_owned()));
     paths.extend(update.exposure_group.is_some().then(|| "exposure_group".to_owned()));
-    let within = |table: &'static str| move |problem: String| format!("{table}: {problem}");
     let view = proto::View {
         name: name.to_owned(),
         exposure_group: update.exposure_group.clone().unwrap_or_default(),
-        definition: Some(proto::ViewDefinition {
-            test_pattern: update.test_pattern,
-            ..geometry_from_table(&definition).map_err(within("definition"))?
-        }),
-        exposure: Some(exposure_from_table(&exposure).map_err(within("exposure"))?),
-        glare: Some(glare_from_table(&glare).map_err(within("glare"))?),
-        tone_map: Some(tone_map_from_table(&tone_map).map_err(within("tone_map"))?),
+        exposure: named("exposure", &update.exposure, &mut paths)?,
+        glare: named("glare", &update.glare, &mut paths)?,
+        tone_map: named("tone_map", &update.tone_map, &mut paths)?,
+        definition: Some(definition),
         ..proto::View::default()
     };
-    Ok(proto::UpdateViewRequest {
-        view: Some(view),
-        update_mask: Some(prost_types::FieldMask { paths }),
-        expected_revision,
-    })
+    let update_mask = Some(prost_types::FieldMask { paths });
+    Ok(proto::UpdateViewRequest { view: Some(view), update_mask, expected_revision })
+}
+
+/// Returns the message of changed settings, and adds their paths to the mask.
+fn named<K: PartialSettings + Serialize, M: DeserializeOwned>(
+    table: &'static str,
+    change: &SettingsChange<K>,
+    paths: &mut Vec<String>,
+) -> Result<Option<M>, String> {
+    let keys = match change {
+        SettingsChange::Keep => return Ok(None),
+        SettingsChange::Replace(keys) => {
+            paths.push(table.to_owned());
+            keys
+        }
+        SettingsChange::Edit { set, clear } => {
+            let given = set.given();
+            let names =
+                given.iter().copied().chain(clear.iter().map(String::as_str).filter(|name| !given.contains(name)));
+            paths.extend(names.map(|key| format!("{table}.{key}")));
+            set
+        }
+    };
+    with_same_keys(keys).map(Some).map_err(within(table))
+}
+
+/// Returns the request that replaces a view by a specification. The error names a geometry without keys.
+pub(crate) fn view_replacement_to_pb(
+    spec: &ViewSpec,
+    expected_revision: Option<u64>,
+) -> Result<proto::UpdateViewRequest, String> {
+    let definition = spec_to_pb(spec).map_err(|error| error.to_string())?;
+    let view = proto::View { name: spec.name.clone(), definition: Some(definition), ..proto::View::default() };
+    let update_mask = Some(prost_types::FieldMask { paths: vec![DEFINITION.to_owned()] });
+    Ok(proto::UpdateViewRequest { view: Some(view), update_mask, expected_revision })
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
 mod tests {
     use super::*;
-    use crate::plan::settings::{ExposureMode, ExposureSettings, GlareSettings, RenderSettings, ToneMapSettings};
+    use crate::plan::settings::{ExposureMode, ExposureSettings, RenderSettings};
+
+    const ALL_KEYS: &str = "
+        name = 'v'
+        type = 'stereo'
+        size = [8, 6]
+        fov_y_deg = 60.0
+        fov = { left_deg = -50.5, right_deg = 40.0, up_deg = 45.0, down_deg = -45.0 }
+        fov_left = { left_deg = -50.0 }
+        fov_right = { down_deg = 1e-3 }
+        ipd_m = 0.064
+        face_size = 8
+        faces = ['front', 'up']
+        mapping = 'equisolid'
+        fov_deg = 180.0
+        tilt_deg = -15.0
+        orientation = [0.0, 0.6, 0.0, 0.8]
+        position_m = [1.0, 2.0, 1e-300]
+        test_pattern = true
+        exposure_group = 'g'
+        exposure = { mode = 'manual', ev100 = 2.0 }
+        glare = { fraction = 0.1 }
+        tone_map = { dither = false }";
+
+    fn fisheye(more: &str) -> ViewSpec {
+        ViewSpec::from_toml(&format!("name = 'v'\ntype = 'fisheye'\nsize = [8, 8]\nfov_deg = 90.0\n{more}")).unwrap().0
+    }
+
+    fn update_of(request: &proto::UpdateViewRequest) -> ViewUpdate {
+        match view_change_from_pb(request, &fisheye("")).unwrap() {
+            ViewChange::Update(update) => *update,
+            ViewChange::Replace(_) => panic!("a replacement"),
+        }
+    }
 
     #[test]
-    fn every_configuration_key_has_a_field() {
-        let keys = |value: Value| value.as_table().unwrap().keys().cloned().collect::<Vec<_>>();
-        let glare = GlareSettings { psf_file: Some("a.csv".into()), ..GlareSettings::default() };
-        for (mut settings, fields) in [
-            (keys(Value::try_from(ExposureSettings::default()).unwrap()), EXPOSURE_KEYS),
-            (keys(Value::try_from(glare).unwrap()), GLARE_KEYS),
-            (keys(Value::try_from(ToneMapSettings::default()).unwrap()), TONE_MAP_KEYS),
+    fn messages_have_the_keys_of_configurations() {
+        let sorted = |keys: &[&str]| keys.iter().map(|key| (*key).to_owned()).collect::<BTreeSet<_>>();
+        let fields = |message: &str| fields_of(message).into_iter().collect::<BTreeSet<_>>();
+        assert_eq!(fields("ExposureSettings"), sorted(ExposureKeys::NAMES));
+        assert_eq!(fields("GlareSettings"), sorted(GlareKeys::NAMES));
+        assert_eq!(fields("ToneMapSettings"), sorted(ToneMapKeys::NAMES));
+        let schema = crate::config::reference::schema();
+        let kinds = schema["properties"]["views"]["items"]["oneOf"].as_array().unwrap();
+        // Clients can name neither the files of projectors nor packed files.
+        let kinds = kinds.iter().filter(|kind| kind["properties"]["type"]["const"] != "projector");
+        let properties = kinds.flat_map(|kind| kind["properties"].as_object().unwrap().keys().cloned());
+        let properties: BTreeSet<String> = properties.filter(|key| key != "packing").collect();
+        assert_eq!(fields("ViewDefinition"), properties);
+    }
+
+    #[test]
+    fn a_message_keeps_every_key() {
+        let message: proto::ViewDefinition = toml::from_str(ALL_KEYS).unwrap();
+        let again: proto::ViewDefinition = with_same_keys(&message).unwrap();
+        assert_eq!(again, message);
+    }
+
+    #[test]
+    fn specifications_become_messages_without_defaults_and_back() {
+        for more in ["", "mapping = 'equisolid'\norientation = [0.0, 0.6, 0.0, 0.8]\n[glare]\nfraction = 0.25"] {
+            let spec = fisheye(more);
+            let message = spec_to_pb(&spec).unwrap();
+            assert_eq!(spec_from_pb(&message).unwrap().0, spec);
+            assert_eq!((message.test_pattern, message.position_m, message.tilt_deg), (None, None, None));
+        }
+        let stereo: proto::ViewDefinition = toml::from_str(ALL_KEYS).unwrap();
+        for (message, expected) in [
+            (stereo, "definition.face_size: unknown key `face_size`"),
+            (
+                proto::ViewDefinition { fov_y_deg: Some(3.0), ..spec_to_pb(&fisheye("")).unwrap() },
+                "definition.fov_y_deg: unknown key",
+            ),
+            (
+                proto::ViewDefinition { r#type: Some("dome".to_owned()), ..Default::default() },
+                "definition.name: missing key",
+            ),
+            (
+                proto::ViewDefinition { mapping: Some("round".to_owned()), ..spec_to_pb(&fisheye("")).unwrap() },
+                "definition.mapping: unknown variant `round`",
+            ),
         ] {
-            let mut fields: Vec<&str> = fields.to_vec();
-            settings.sort_unstable();
-            fields.sort_unstable();
-            assert_eq!(settings, fields);
+            let problem = spec_from_pb(&message).unwrap_err().to_string();
+            assert!(problem.starts_with(expected), "{problem}");
         }
     }
 
     #[test]
     fn messages_contain_only_settings_with_an_effect() {
         let mut settings = ViewSettings::general(&RenderSettings::default());
-        let message = settings_to_pb(&settings, StarMethod::Auto).exposure.unwrap();
-        assert_eq!((message.limiting_magnitude, message.key, message.ev100), (Some(6.5), None, None));
-        settings.exposure.mode = ExposureMode::Manual;
+        let exposure = settings_to_pb(&settings, StarMethod::Auto).exposure.unwrap();
+        assert_eq!((exposure.limiting_magnitude, exposure.key, exposure.ev100), (Some(6.5), None, None));
+        settings.exposure = ExposureSettings::manual(-3.0);
         let message = settings_to_pb(&settings, StarMethod::Auto);
         let exposure = message.exposure.unwrap();
         assert_eq!((exposure.limiting_magnitude, exposure.metering, exposure.ev100), (None, None, Some(-3.0)));
@@ -346,23 +463,23 @@ mod tests {
 
     #[test]
     fn updates_survive_a_round_trip_and_bad_masks_are_refused() {
-        let table = |text: &str| text.parse::<Table>().unwrap();
         let update = ViewUpdate {
-            definition: TableChange::Keys(vec![
-                ("fov_deg".to_owned(), Some(Value::Float(90.0))),
-                ("mapping".to_owned(), None),
-            ]),
+            geometry: Some(fisheye("mapping = 'equisolid'").geometry),
             test_pattern: Some(true),
             exposure_group: Some("dim".to_owned()),
-            exposure: TableChange::All(table("mode = 'manual'\nev100 = 2.0")),
-            glare: TableChange::Keys(vec![
-                ("fraction".to_owned(), Some(Value::Float(0.2))),
-                ("kernel".to_owned(), None),
-            ]),
-            tone_map: TableChange::Nothing,
+            exposure: SettingsChange::Replace(ExposureKeys {
+                mode: Some(ExposureMode::Manual),
+                ev100: Some(2.0),
+                ..Default::default()
+            }),
+            glare: SettingsChange::Edit {
+                set: GlareKeys { fraction: Some(0.2), ..Default::default() },
+                clear: vec!["kernel".to_owned()],
+            },
+            tone_map: SettingsChange::Keep,
         };
         let request = view_update_to_pb("v", &update, Some(3)).unwrap();
-        assert_eq!(view_update_from_pb(&request).unwrap(), update);
+        assert_eq!(update_of(&request), update);
         let request = |paths: &[&str]| proto::UpdateViewRequest {
             update_mask: Some(prost_types::FieldMask { paths: paths.iter().map(|path| (*path).to_owned()).collect() }),
             ..Default::default()
@@ -373,7 +490,7 @@ mod tests {
             (&["exposure.iso"], "no field `exposure.iso`"),
             (&["exposure.mode.x"], "no field `exposure.mode.x`"),
             (&["name"], "`name` cannot be changed"),
-            (&["glare.psf_file"], "`glare.psf_file` cannot be changed: files"),
+            (&["glare.psf_file"], "`glare.psf_file` cannot be changed: files come only from the configuration"),
             (&["glare", "glare"], "`glare` is named twice"),
             (&["glare", "glare.fraction"], "either it, or keys below it"),
             (&["glare.fraction", "glare"], "either it, or keys below it"),
@@ -383,10 +500,49 @@ mod tests {
             (&["definition.name"], "no field `definition.name`"),
             (&["exposure.mode"; 65], "names 65 fields: there must be at most 64"),
         ] {
-            let problem = view_update_from_pb(&request(paths)).unwrap_err();
+            let problem = view_change_from_pb(&request(paths), &fisheye("")).unwrap_err();
             assert!(problem.contains(expected), "{problem}");
         }
-        let unknown = ViewUpdate { glare: TableChange::All(table("colour = 1")), ..ViewUpdate::default() };
-        assert!(view_update_to_pb("v", &unknown, None).unwrap_err().contains("glare: unknown key `colour`"));
+    }
+
+    #[test]
+    fn values_that_are_not_valid_are_refused_only_if_the_mask_names_them() {
+        let view = proto::View {
+            exposure: Some(proto::ExposureSettings {
+                metering: Some("median".to_owned()),
+                ev100: Some(1.0),
+                ..Default::default()
+            }),
+            definition: Some(proto::ViewDefinition {
+                fov_deg: Some(400.0),
+                mapping: Some("round".to_owned()),
+                ..Default::default()
+            }),
+            ..Default::default()
+        };
+        let change = |path: &str| {
+            let update_mask = Some(prost_types::FieldMask { paths: vec![path.to_owned()] });
+            let request = proto::UpdateViewRequest { view: Some(view.clone()), update_mask, expected_revision: None };
+            view_change_from_pb(&request, &fisheye("")).map(drop)
+        };
+        assert_eq!(change("exposure.ev100"), Ok(()));
+        assert_eq!(change("definition.tilt_deg"), Ok(()));
+        for (path, expected) in [
+            ("exposure.metering", "exposure.metering: unknown variant `median`"),
+            ("definition.fov_deg", "definition.fov_deg: 400: "),
+            ("definition.mapping", "definition.mapping: unknown variant `round`"),
+        ] {
+            let problem = change(path).unwrap_err();
+            assert!(problem.starts_with(expected), "{problem}");
+        }
+        let mut request = view_replacement_to_pb(&fisheye(""), None).unwrap();
+        let replaced = view_change_from_pb(&request, &ViewSpec::custom("v")).unwrap();
+        assert_eq!(replaced, ViewChange::Replace(Box::new(fisheye(""))));
+        request.view.as_mut().unwrap().definition.as_mut().unwrap().name = Some("w".to_owned());
+        assert!(view_change_from_pb(&request, &fisheye("")).unwrap_err().starts_with("definition.name: `w`"));
+        let by_keys =
+            view_update_to_pb("v", &ViewUpdate { geometry: Some(fisheye("").geometry), ..Default::default() }, None);
+        let problem = view_change_from_pb(&by_keys.unwrap(), &ViewSpec::custom("v")).unwrap_err();
+        assert!(problem.contains("`v` does not come from a configuration"), "{problem}");
     }
 }

@@ -15,7 +15,7 @@ use super::{
 use crate::{
     gpu::{Gpu, GpuOptions},
     photometry::glare::GlareKernel,
-    plan::settings::{ExposureMode, Metering},
+    plan::settings::{ExposureSettings, Metering},
     render::{Frame, FrameImage, FrameRequest, Renderer, Wanted},
     scene::SceneSnapshot,
     view::{Rig, ViewKind, projection::FisheyeMapping},
@@ -139,8 +139,7 @@ fn strips(context: &mut Context<'_>, scene: &SceneSnapshot) -> Result<f64, Check
 /// and a rolling head, EV. It uses the scattered fraction of the settings, because the metered light includes stars.
 fn exposures(context: &mut Context<'_>, scene: &SceneSnapshot, rolled: &SceneSnapshot) -> Result<f64, CheckError> {
     context.settings.glare = context.glare.clone();
-    context.settings.exposure.mode = ExposureMode::Auto;
-    context.settings.exposure.metering = Metering::Mean;
+    context.settings.exposure = ExposureSettings::auto(Metering::Mean);
     let mut found = Vec::new();
     for kind in whole_spheres() {
         found.push(context.render(scene, &rig([kind])?)?.metered_ev100);

@@ -9,7 +9,7 @@ use steradian::{
     photometry::rec709::luminance,
     plan::{
         bodies::light::illuminance_of,
-        settings::{Metering, StarMethod},
+        settings::{ExposureSettings, Metering, StarMethod},
     },
     reference::bodies::rays::hides,
     render::{FrameImage, Renderer},
@@ -202,7 +202,7 @@ fn a_transit_hides_exactly_the_stars_behind_it_in_every_projection() {
     let mut figures = Vec::new();
     // With the exposure of the mean, all stars use the same kernel; different kernels would lose different shares at a rim.
     let mut settings = settings(StarMethod::Auto);
-    settings.exposure.metering = Metering::Mean;
+    settings.exposure = ExposureSettings::auto(Metering::Mean);
     for (name, kind) in all_views() {
         let rig = rig(vec![(name, kind.clone())]);
         let count = |renderer: &mut Renderer, objects: SceneObjects| {

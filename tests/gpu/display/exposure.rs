@@ -12,7 +12,7 @@ use steradian::{
         exposure::{mean_luminance_cd_m2, white_luminance_cd_m2},
         rec709::luminance,
     },
-    plan::settings::{Metering, RenderSettings, StarMethod, ToneMapSettings},
+    plan::settings::{ExposureKeys, ExposureSettings, Metering, RenderSettings, StarMethod, ToneMapSettings},
     render::{Frame, FrameRequest, Renderer, Wanted},
     scene::SceneSnapshot,
     view::{
@@ -81,9 +81,8 @@ fn exposure_of_a_rig_equals_the_f64_mean_over_its_images() {
     let rig = rig_of_all();
     for (key, scene) in [(None, crowd()), (Some(0.3), snapshot(vec![star(DVec3::new(0.3, 0.2, -1.0), -26.7)]))] {
         let mut settings = settings(StarMethod::Auto);
-        settings.exposure.metering = Metering::Mean;
-        settings.exposure.max_ev100 = 60.0;
-        settings.exposure.key = key.unwrap_or(settings.exposure.key);
+        let keys = ExposureKeys { metering: Some(Metering::Mean), max_ev100: Some(60.0), key, ..Default::default() };
+        settings.exposure = keys.over(&settings.exposure);
         let frame = render(&mut renderer, &scene, &rig, &settings, None);
         let pixels = pixels(&frame, &rig);
         let expected = settings.exposure.metered_ev100(mean_luminance_cd_m2(pixels.iter().copied()));
@@ -122,7 +121,7 @@ fn all_images_of_a_frame_use_its_reported_exposure() {
     let (rig, scene) = (rig_of_all(), crowd());
     let mut settings = settings(StarMethod::Auto);
     settings.tone_map.dither = false;
-    settings.exposure.metering = Metering::Mean;
+    settings.exposure = ExposureSettings::auto(Metering::Mean);
     let metered = render(&mut renderer, &scene, &rig, &settings, None);
     assert_eq!(metered.images.len(), 12);
     let known = render(&mut renderer, &scene, &rig, &settings, Some(metered.exposure_ev100 + 1.5));
@@ -141,7 +140,7 @@ fn all_images_of_a_frame_use_its_reported_exposure() {
 fn a_picture_cut_into_faces_windows_or_tiles_has_the_same_exposure() {
     let scene = crowd();
     let mut settings = settings(StarMethod::BSpline);
-    settings.exposure.metering = Metering::Mean;
+    settings.exposure = ExposureSettings::auto(Metering::Mean);
     let exposure = |options: &GpuOptions, views| {
         render_hdr(&mut renderer_with(options), &scene, &rig(views), &settings).exposure_ev100
     };
@@ -177,7 +176,7 @@ fn darkness_has_the_lowest_exposure_and_stays_black() {
     let mut renderer = renderer();
     let rig = rig(vec![("map", ViewKind::Equirectangular { size: [64, 32] })]);
     let mut settings = settings(StarMethod::Auto);
-    settings.exposure.metering = Metering::Mean;
+    settings.exposure = ExposureSettings::auto(Metering::Mean);
     for adapted in [None, Some(-20.0)] {
         let frame = render(&mut renderer, &snapshot(vec![]), &rig, &settings, adapted);
         assert_eq!((frame.exposure_ev100, frame.metered_ev100, frame.mean_luminance_cd_m2), (-20.0, -20.0, 0.0));
@@ -196,7 +195,7 @@ fn exposure_does_not_depend_on_earlier_frames() {
     let bright = snapshot(records);
     for method in [StarMethod::Auto, StarMethod::HardwarePoint] {
         let mut settings = settings(method);
-        settings.exposure.metering = Metering::Mean;
+        settings.exposure = ExposureSettings::auto(Metering::Mean);
         let expected = render(&mut new_renderer(), &faint, &small, &settings, None);
         let mut used = renderer();
         for before in [rig_of_all(), rig(vec![("sky", ViewKind::Equirectangular { size: [256, 128] })])] {
@@ -225,7 +224,7 @@ fn adaptation_to_the_sun_and_back_is_monotonic() {
     let night = snapshot(stars().collect());
     let day = snapshot(stars().chain([star(glam::DVec3::new(0.2, 0.1, -1.0), -26.7)]).collect());
     let mut settings = RenderSettings::default();
-    settings.exposure.metering = Metering::Mean;
+    settings.exposure = ExposureSettings::auto(Metering::Mean);
     // Exposures at every tenth of a second, from the first frame with the Sun and from the first frame after it.
     let mut run = |rate_hz: u32| {
         let mut eye = Adaptation::default();
@@ -272,7 +271,8 @@ fn adaptation_to_the_sun_and_back_is_monotonic() {
                 }
                 // A frame may be all black or all white only as long as an eye that adapts by the closed form would also see it so.
                 let elapsed_s = f64::from(frame) * dt_s;
-                let eye_ev100 = goal + (start - goal) * (-elapsed_s / settings.exposure.adaptation_s).exp();
+                let eye_ev100 =
+                    goal + (start - goal) * (-elapsed_s / settings.exposure.auto_or_default().adaptation_s).exp();
                 let green = |pixel: &[f32; 4]| f64::from(pixel[1]);
                 let displayed =
                     |cd_m2: f64| settings.tone_map.display_rgb([cd_m2; 3], white_luminance_cd_m2(eye_ev100))[0];

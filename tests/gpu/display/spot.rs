@@ -8,7 +8,7 @@ use glam::{DQuat, DVec3};
 use steradian::{
     catalogue::StarRecord,
     photometry::rec709::luminance,
-    plan::settings::{Metering, RenderSettings, StarMethod},
+    plan::settings::{ExposureKeys, ExposureSettings, ExposureValues, Metering, RenderSettings, StarMethod},
     render::{Frame, FrameRequest, Wanted},
     scene::{
         SceneObjects, SceneSnapshot,
@@ -24,8 +24,7 @@ const AHEAD: DVec3 = DVec3::X;
 
 fn spot_settings() -> RenderSettings {
     let mut settings = settings(StarMethod::Auto);
-    settings.exposure.metering = Metering::Spot;
-    settings.exposure.spot_deg = SPOT_DEG;
+    settings.exposure = ExposureValues { metering: Metering::Spot, spot_deg: SPOT_DEG, ..Default::default() }.into();
     settings
 }
 
@@ -68,7 +67,7 @@ fn spot_exposure_equals_the_f64_mean_of_the_cone() {
     let (stars, mut settings) = (stars(), spot_settings());
     let scene = snapshot(stars.clone());
     for key in [0.104, 0.3] {
-        settings.exposure.key = key;
+        settings.exposure = ExposureKeys { key: Some(key), ..Default::default() }.over(&settings.exposure);
         let frame = draw(&scene, &settings, [Wanted::display(); 2], None);
         let expected = settings.exposure.metered_ev100(mean_of_cone(&stars, SPOT_DEG));
         let error = frame.exposure_ev100 - expected;
@@ -113,8 +112,7 @@ fn unrequested_views_are_not_drawn_and_keep_the_spot_exposure() {
     let with_hdr = draw(&scene, &settings, [Wanted::both(); 2], None);
     assert_eq!(with_hdr.exposure_ev100.to_bits(), both.exposure_ev100.to_bits());
     let mut manual = settings.clone();
-    manual.exposure.mode = steradian::plan::settings::ExposureMode::Manual;
-    manual.exposure.ev100 = both.exposure_ev100;
+    manual.exposure = ExposureSettings::manual(both.exposure_ev100);
     let known = draw(&scene, &manual, [Wanted::display(); 2], None);
     assert_eq!(known.images[0].display, both.images[0].display, "equal to the frame with manual exposure");
 }
@@ -132,8 +130,8 @@ fn an_adapted_frame_reports_the_metered_spot_exposure() {
 #[test]
 fn a_spot_without_light_stays_within_the_limits() {
     let mut settings = spot_settings();
-    settings.exposure.min_ev100 = -9.0;
-    settings.exposure.max_ev100 = 4.0;
+    let limits = ExposureKeys { min_ev100: Some(-9.0), max_ev100: Some(4.0), ..Default::default() };
+    settings.exposure = limits.over(&settings.exposure);
     let away = snapshot(vec![star(-AHEAD, 1.0)]);
     let dark = draw(&away, &settings, [Wanted::display(); 2], None);
     assert_eq!((dark.exposure_ev100, dark.mean_luminance_cd_m2), (-9.0, 0.0));

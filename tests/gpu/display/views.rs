@@ -8,7 +8,7 @@ use glam::DVec3;
 use steradian::{
     catalogue::StarRecord,
     plan::{
-        settings::{ExposureMode, GlareSettings, Metering, RenderSettings, ToneMapOperator},
+        settings::{ExposureSettings, ExposureValues, GlareSettings, Metering, RenderSettings, ToneMapOperator},
         view_settings::{ExposureGroup, FrameGroup, ViewSettings, frame_groups},
     },
     render::{Frame, FrameRequest, Renderer, Wanted},
@@ -48,14 +48,15 @@ fn draw(renderer: &mut Renderer, scene: &SceneSnapshot, groups: &[FrameGroup], n
 fn each_view_equals_the_view_drawn_alone_with_its_settings() {
     let (scene, rig) = (scene(), rig_of_three());
     let views = [
-        own_settings("dome", |view| view.exposure.limiting_magnitude = 5.0),
+        own_settings("dome", |view| {
+            view.exposure = ExposureValues { limiting_magnitude: 5.0, ..Default::default() }.into()
+        }),
         own_settings("ahead", |view| {
-            view.exposure.metering = Metering::Mean;
+            view.exposure = ExposureSettings::auto(Metering::Mean);
             view.glare = GlareSettings { fraction: 0.4, ..GlareSettings::default() };
         }),
         own_settings("sky", |view| {
-            view.exposure.mode = ExposureMode::Manual;
-            view.exposure.ev100 = -6.0;
+            view.exposure = ExposureSettings::manual(-6.0);
             view.glare = GlareSettings::none();
             view.tone_map.operator = ToneMapOperator::Reinhard;
         }),
@@ -88,8 +89,10 @@ fn each_view_equals_the_view_drawn_alone_with_its_settings() {
 fn alternating_groups_create_no_gpu_objects_once_warm() {
     let (scene, rig) = (scene(), rig_of_three());
     let views = [
-        own_settings("dome", |view| view.exposure.limiting_magnitude = 5.0),
-        own_settings("ahead", |view| view.exposure.metering = Metering::Spot),
+        own_settings("dome", |view| {
+            view.exposure = ExposureValues { limiting_magnitude: 5.0, ..Default::default() }.into()
+        }),
+        own_settings("ahead", |view| view.exposure = ExposureSettings::auto(Metering::Spot)),
         own_settings("sky", |view| view.glare.fraction = 0.3),
     ];
     let groups = frame_groups(&rig, &RenderSettings::default(), &views);
@@ -109,8 +112,7 @@ fn group_of_two(metering: Metering) -> [ViewSettings; 3] {
     let in_group = |glare: GlareSettings| {
         let mut settings = own_settings("", |view| view.glare = glare);
         settings.group = ExposureGroup::Named("two".to_owned());
-        settings.exposure.metering = metering;
-        settings.exposure.spot_deg = 20.0;
+        settings.exposure = ExposureValues { metering, spot_deg: 20.0, ..Default::default() }.into();
         settings
     };
     let general = ViewSettings::general(&RenderSettings::default());

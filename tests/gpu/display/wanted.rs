@@ -5,7 +5,7 @@ use std::{f64::consts::PI, sync::Arc};
 use crate::common::*;
 use glam::DVec3;
 use steradian::{
-    plan::settings::{ExposureMode, ExposureSettings, Metering, RenderSettings, StarMethod},
+    plan::settings::{ExposureSettings, Metering, RenderSettings, StarMethod},
     render::{Frame, FrameRequest, Wanted},
     scene::{
         SceneObjects, SceneSnapshot,
@@ -82,7 +82,7 @@ fn a_lit_body_in_an_unrequested_view_affects_exposure() {
 
 #[test]
 fn mean_metering_includes_unrequested_views() {
-    let exposure = ExposureSettings { mode: ExposureMode::Auto, metering: Metering::Mean, ..Default::default() };
+    let exposure = ExposureSettings::auto(Metering::Mean);
     let settings = RenderSettings { exposure, ..settings(StarMethod::Auto) };
     let both = draw(&settings, [Wanted::display(); 2]);
     let one = draw(&settings, [NOTHING, Wanted::display()]);

@@ -19,7 +19,7 @@ use steradian::{
     },
     plan::PlanError,
     plan::{
-        settings::{Accumulator, ExposureMode, RenderSettings, StarMethod},
+        settings::{Accumulator, ExposureSettings, RenderSettings, StarMethod},
         stars::billboards::{BillboardPlan, DrawnPsf},
     },
     reference::stars::{
@@ -48,8 +48,7 @@ fn blending() -> impl Iterator<Item = StarMethod> {
 
 fn manual(method: StarMethod) -> RenderSettings {
     let mut settings = settings(method);
-    settings.exposure.mode = ExposureMode::Manual;
-    settings.exposure.ev100 = EV100;
+    settings.exposure = ExposureSettings::manual(EV100);
     settings
 }
 
@@ -248,7 +247,7 @@ fn the_light_of_a_star_equals_the_published_formula() {
 fn a_resolved_point_spread_function_keeps_the_light() {
     let mut renderer = renderer();
     let mut settings = manual(StarMethod::PsfTexture);
-    settings.exposure.ev100 = -40.0;
+    settings.exposure = ExposureSettings::manual(-40.0);
     settings.stars.psf_texture.width_arcmin = 1200.0;
     settings.stars.psf_texture.diameter_mm = 0.2;
     let rig = rig(vec![("flat", ViewKind::Perspective { size: [900, 900], fov_y_rad: 24f64.to_radians() })]);
@@ -335,7 +334,7 @@ fn a_sampled_gaussian_flickers_and_an_integrated_one_does_not() {
 fn a_point_spread_function_has_the_same_size_in_every_view() {
     let mut renderer = renderer();
     let mut settings = manual(StarMethod::PsfTexture);
-    settings.exposure.ev100 = -60.0;
+    settings.exposure = ExposureSettings::manual(-60.0);
     settings.stars.psf_texture.width_arcmin = 1160.0;
     settings.stars.psf_texture.diameter_mm = 0.2;
     let rig = rig(vec![

@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use steradian::{
     plan::PlanError,
-    plan::settings::{CellSkySettings, ExposureMode, StarMethod},
+    plan::settings::{CellSkySettings, ExposureSettings, StarMethod},
     reference::stars::cell_sky,
     render::{FrameRequest, RenderError, Shader},
     scene::{Camera, SceneSnapshot},
@@ -205,8 +205,7 @@ fn the_procedural_sky_equals_the_reference_in_every_projection() {
     // A star of the catalogue must not appear.
     let scene = SceneSnapshot { camera, ..snapshot(vec![star(DVec3::NEG_Z, -5.0)]) };
     let mut settings = settings(StarMethod::CellSky);
-    settings.exposure.mode = ExposureMode::Manual;
-    settings.exposure.ev100 = EV100;
+    settings.exposure = ExposureSettings::manual(EV100);
     let sky = CellSkySettings { cells: 24, layers: 5, radius_px: 1.0, seed: 3 };
     settings.stars.cell_sky = sky;
     let frame = render_hdr(&mut renderer, &scene, &rig, &settings);

@@ -190,7 +190,7 @@ fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
         photometry::kernel::SplatKernel,
         plan::{
             GaussianWidth,
-            settings::{ExposureMode, ExposureSettings, PixelGaussianSettings},
+            settings::{ExposureSettings, PixelGaussianSettings},
         },
         reference::stars::splat::{Eye, StarKernel, draw},
     };
@@ -212,7 +212,7 @@ fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
         for (name, kind) in all_views() {
             let rig = rig(vec![(name, kind)]);
             let mut settings = settings(method);
-            settings.exposure = ExposureSettings { mode: ExposureMode::Manual, ev100: -60.0, ..settings.exposure };
+            settings.exposure = ExposureSettings::manual(-60.0);
             let frame = render_hdr(&mut renderer, scene, &rig, &settings);
             for (image, view_image) in frame.images.iter().zip(&rig.views()[0].images) {
                 let mapping = view_image.projection.mapping();

@@ -244,7 +244,7 @@ fn five_frames_are_identical() {
 fn resolve_and_tone_mapping_pass_give_the_same_display_image() {
     use steradian::{
         photometry::exposure::white_luminance_cd_m2,
-        plan::settings::{Metering, ToneMapOperator, ToneMapSettings},
+        plan::settings::{ExposureSettings, Metering, ToneMapOperator, ToneMapSettings},
     };
     let mut renderer = renderer();
     let scene = snapshot(spiral(20_000).enumerate().map(|(i, d)| star(d, (i % 12) as f32)).collect());
@@ -262,7 +262,7 @@ fn resolve_and_tone_mapping_pass_give_the_same_display_image() {
     ]) {
         let mut settings = settings(StarMethod::BSpline);
         settings.tone_map = tone_map;
-        settings.exposure.metering = Metering::Mean;
+        settings.exposure = ExposureSettings::auto(Metering::Mean);
         let operator = tone_map.operator;
         let mut render = |wanted: Wanted, ev100: Option<f64>| {
             renderer
@@ -366,7 +366,7 @@ fn an_eye_apart_from_the_camera_sees_stars_from_its_position() {
 fn the_exposure_is_metered_over_all_views_by_solid_angle() {
     use steradian::{
         photometry::exposure::metered_ev100,
-        plan::settings::{ExposureSettings, Metering},
+        plan::settings::{ExposureValues, Metering},
     };
     let mut renderer = renderer();
     let crowded = |(i, d): (usize, DVec3)| star(d + DVec3::X * 0.8, (i % 9) as f32);
@@ -375,7 +375,7 @@ fn the_exposure_is_metered_over_all_views_by_solid_angle() {
     for (compensation_ev, max_ev100) in [(0.0, 24.0), (3.5, 24.0), (0.0, -15.0)] {
         let mut settings = settings(StarMethod::BSpline);
         settings.exposure =
-            ExposureSettings { metering: Metering::Mean, compensation_ev, max_ev100, ..Default::default() };
+            ExposureValues { metering: Metering::Mean, compensation_ev, max_ev100, ..Default::default() }.into();
         let frame = render_hdr(&mut renderer, &scene, &rig, &settings);
         let (mut light, mut solid_angle, mut plain_sum, mut pixels) = (0.0, 0.0, 0.0, 0.0);
         let images = rig.views().iter().flat_map(|view| &view.images);

@@ -1,7 +1,7 @@
 //! Adaptation of the exposure over time: the exposure value approaches the metered one by 1 - exp(-dt/tau), which does not
 //! depend on how the time is cut into frames. Exposure values are EV at ISO 100, times seconds.
 
-use super::settings::{ExposureMode, ExposureSettings};
+use super::settings::ExposureSettings;
 
 /// Closer than this to the metered value the exposure counts as adapted, EV.
 const CONVERGED_EV: f64 = 0.01;
@@ -20,7 +20,7 @@ pub struct Adaptation {
 impl Adaptation {
     /// Whether the exposure follows what frames ask for, with a delay.
     pub fn adapts(settings: &ExposureSettings) -> bool {
-        settings.mode == ExposureMode::Auto && settings.adaptation_s > 0.0
+        matches!(settings, ExposureSettings::Auto(auto) if auto.adaptation_s > 0.0)
     }
 
     /// The exposure for a frame that comes `dt_s` after the last one that was observed; `None` for the fully adapted value:
@@ -33,8 +33,9 @@ impl Adaptation {
     /// before the last one is observed. The time counts from the frame that was observed, so nothing is lost of what the eye has
     /// adapted since.
     pub fn exposure(&self, dt_s: f64, new_for_s: f64, settings: &ExposureSettings) -> Option<f64> {
-        let tau_s = settings.adaptation_s;
-        let adapts = Self::adapts(settings) && new_for_s < ADAPTED_AFTER * tau_s;
+        let ExposureSettings::Auto(auto) = settings else { return None };
+        let tau_s = auto.adaptation_s;
+        let adapts = tau_s > 0.0 && new_for_s < ADAPTED_AFTER * tau_s;
         let (Some(current), Some(metered), true) = (self.current, self.metered, adapts) else { return None };
         let share = -(-dt_s.max(0.0) / tau_s).exp_m1();
         Some(current + (metered - current) * share)
@@ -53,8 +54,8 @@ impl Adaptation {
 
     /// Whether another frame of the same scene would have the same exposure.
     pub fn converged(&self, settings: &ExposureSettings) -> bool {
-        match (self.current, self.metered, settings.mode) {
-            (Some(current), Some(metered), ExposureMode::Auto) => (metered - current).abs() <= CONVERGED_EV,
+        match (self.current, self.metered, settings) {
+            (Some(current), Some(metered), ExposureSettings::Auto(_)) => (metered - current).abs() <= CONVERGED_EV,
             _ => true,
         }
     }
@@ -63,9 +64,10 @@ impl Adaptation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::settings::ExposureValues;
 
     fn settings(adaptation_s: f64) -> ExposureSettings {
-        ExposureSettings { adaptation_s, ..ExposureSettings::default() }
+        ExposureValues { adaptation_s, ..ExposureValues::default() }.into()
     }
 
     #[test]
@@ -118,7 +120,7 @@ mod tests {
         let mut eye = Adaptation::default();
         eye.observe(1.0, 2.0);
         assert_eq!(eye.exposure(0.1, 0.0, &settings(0.0)), None);
-        let manual = ExposureSettings { mode: ExposureMode::Manual, ..settings(0.5) };
+        let manual = ExposureSettings::manual(-3.0);
         assert_eq!(eye.exposure(0.1, 0.0, &manual), None);
         assert!(eye.converged(&manual), "it has nothing to wait for");
     }

@@ -605,7 +605,7 @@ impl Planner {
             let shown_ev100 = settings
                 .known_white_ev100(known_ev100)
                 .unwrap_or_else(|| settings.exposure.metered_ev100(mean_luminance_cd_m2(&scene.stars, camera_pc)));
-            BillboardPlan::new(&settings.stars, settings.exposure.ev100, shown_ev100, psf.as_deref())
+            BillboardPlan::new(&settings.stars, settings.exposure.unit_ev100(), shown_ev100, psf.as_deref())
         });
         // Lines and text.
         let views: Vec<String> = rig.views().iter().map(|view| view.name.clone()).collect();

@@ -67,12 +67,15 @@ pub struct HeadsetSettings {
     /// Format of the swapchain images.
     pub format: SwapchainFormat,
     /// Factor on the width and height that the runtime recommends.
+    #[schemars(range(min = 0.1, max = 4.0))]
     pub resolution_scale: f64,
     /// OpenXR reference space whose origin is the camera of the scene.
     pub reference_space: ReferenceSpace,
     /// Speed of flight at full deflection of the thumbstick.
+    #[schemars(range(max = 1e12), extend("exclusiveMinimum" = 0.0, "x-unit" = "m/s"))]
     pub flight_m_s: f64,
     /// Turn rate at full deflection of the thumbstick.
+    #[schemars(range(min = 0.0, max = 360.0), extend("x-unit" = "deg/s"))]
     pub turn_deg_s: f64,
     /// What `serve` does after the user has ended the session in the menu of the runtime.
     pub after_exit: AfterExit,

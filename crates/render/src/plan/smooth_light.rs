@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use super::{
     Limits, costs,
     glare::sky_cube::map_place_pc,
-    settings::{ExposureMode, GlareMethod, RenderSettings, StarMethod},
+    settings::{ExposureSettings, GlareMethod, RenderSettings, StarMethod},
     stars::cull::{light_at, near_stars},
 };
 use crate::{
@@ -122,7 +122,7 @@ impl SkyFace {
         settings.stars.method = StarMethod::Tent;
         settings.glare.method = GlareMethod::None;
         settings.glare.kernel = GlareKernelName::InverseSquare;
-        settings.exposure.mode = ExposureMode::Manual;
+        settings.exposure = ExposureSettings::manual(settings.exposure.unit_ev100());
         settings
     }
 }

@@ -4,7 +4,9 @@
 //! An exposure is shared by a group of views, whatever else they differ in: it is that of the group's views together, found with
 //! the glare and the tone mapping of the first of them. Without settings of their own all views are one frame.
 
-use super::settings::{ExposureSettings, GlareSettings, Metering, RenderSettings, ToneMapSettings};
+use super::settings::{
+    AutoExposure, ExposureSettings, GlareSettings, Meter, Metering, RenderSettings, ToneMapSettings,
+};
 use crate::view::{Rig, RigError, View, ViewKind, projection::FisheyeMapping};
 
 use glam::{DQuat, DVec2, DVec3};
@@ -102,12 +104,15 @@ pub fn frame_groups(rig: &Rig, common: &RenderSettings, views: &[ViewSettings]) 
 pub const SPOT_PX: u32 = 86;
 
 /// The cone that `spot` meters for a rig, as a rig of one round picture: around the middle of the first view's picture, of a view of two eyes
-/// between them, of a view of several faces in the first one. `None`: there is no view.
+/// between them, of a view of several faces in the first one. `None`: there is no view, or the exposure does not meter a spot.
 ///
 /// # Errors
 ///
 /// The angle is none that a fisheye can have.
 pub fn spot_rig(rig: &Rig, exposure: &ExposureSettings) -> Result<Option<Rig>, RigError> {
+    let ExposureSettings::Auto(AutoExposure { meter: Meter::Spot { spot_deg, .. }, .. }) = exposure else {
+        return Ok(None);
+    };
     let Some(view) = rig.views().first() else { return Ok(None) };
     let eyes = match view.kind {
         ViewKind::Stereo { .. } | ViewKind::StereoDome { .. } | ViewKind::Headset { .. } => view.images.len(),
@@ -122,11 +127,8 @@ pub fn spot_rig(rig: &Rig, exposure: &ExposureSettings) -> Result<Option<Rig>, R
         towards += image.camera_from_view * middle.unwrap_or(DVec3::NEG_Z);
         place_m += image.eye_position_m / images.len() as f64;
     }
-    let kind = ViewKind::Fisheye {
-        size: [SPOT_PX; 2],
-        mapping: FisheyeMapping::Equidistant,
-        fov_rad: exposure.spot_deg.to_radians(),
-    };
+    let kind =
+        ViewKind::Fisheye { size: [SPOT_PX; 2], mapping: FisheyeMapping::Equidistant, fov_rad: spot_deg.to_radians() };
     let ahead = towards.try_normalize().unwrap_or(DVec3::NEG_Z);
     let orientation = DQuat::from_rotation_arc(DVec3::NEG_Z, ahead);
     Rig::new(vec![View::new("spot", kind, orientation, place_m)?]).map(Some)
@@ -137,11 +139,12 @@ pub fn spot_rig(rig: &Rig, exposure: &ExposureSettings) -> Result<Option<Rig>, R
 pub fn meter_settings(settings: &RenderSettings) -> RenderSettings {
     use super::settings::GlareMethod;
     let mut meter = settings.clone();
-    if settings.exposure.goes_by(Metering::Spot) && settings.glare.chosen(settings.stars.method) != GlareMethod::SkyCube
-    {
+    if settings.exposure.uses(Metering::Spot) && settings.glare.chosen(settings.stars.method) != GlareMethod::SkyCube {
         meter.glare = GlareSettings::none();
     }
-    meter.exposure.metering = Metering::Mean;
+    if let ExposureSettings::Auto(auto) = &mut meter.exposure {
+        auto.meter = Meter::Mean { key: auto.key() };
+    }
     meter
 }
 
@@ -151,6 +154,7 @@ mod tests {
     use std::f64::consts::PI;
 
     use super::*;
+    use crate::plan::settings::{ExposureKeys, ExposureValues};
     use crate::view::{Fov, projection::Face};
 
     fn rig() -> Rig {
@@ -175,11 +179,11 @@ mod tests {
         let general = ViewSettings::general(&common);
         let named = ViewSettings {
             group: ExposureGroup::Named("dim".to_owned()),
-            exposure: ExposureSettings { limiting_magnitude: 8.0, ..common.exposure },
+            exposure: ExposureKeys { limiting_magnitude: Some(8.0), ..ExposureKeys::default() }.over(&common.exposure),
             ..general.clone()
         };
         let clear = ViewSettings { glare: GlareSettings::none(), ..named.clone() };
-        let groups = frame_groups(&rig(), &common, &[general.clone(), clear, general, named]);
+        let groups = frame_groups(&rig(), &common, &[general.clone(), clear, general, named.clone()]);
         let views: Vec<&[usize]> = groups.iter().map(|group| &group.views[..]).collect();
         assert_eq!(views, [&[0, 2][..], &[1], &[3]]);
         assert!(groups[0].exposed_as.is_none());
@@ -188,13 +192,13 @@ mod tests {
             let names: Vec<&str> = shared.views().iter().map(|view| view.name.as_str()).collect();
             assert_eq!(names, ["b", "d"]);
             assert_eq!(settings.glare, GlareSettings::none(), "the first view of the group tells");
-            assert_eq!(group.settings.exposure.limiting_magnitude, 8.0);
+            assert_eq!(group.settings.exposure, named.exposure);
         }
     }
 
     #[test]
     fn the_spot_stands_in_the_middle_of_the_first_picture_between_two_eyes_and_in_the_first_face() {
-        let exposure = ExposureSettings { spot_deg: 4.0, ..ExposureSettings::default() };
+        let exposure = ExposureValues { metering: Metering::Spot, spot_deg: 4.0, ..ExposureValues::default() }.into();
         let spot = |kind: ViewKind| {
             let turn = DQuat::from_rotation_y(0.3);
             let view = View::new("v", kind, turn, DVec3::X).unwrap();

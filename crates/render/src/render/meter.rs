@@ -59,19 +59,16 @@ impl Renderer {
         let exposure = &settings.exposure;
         let is_exposed_by_others = request.exposed_as.is_some();
         let meter_series = Series { slot: series.slot + 1, ..series };
-        if is_exposed_by_others && exposure.goes_by(Metering::LimitingMagnitude) {
+        if is_exposed_by_others && exposure.uses(Metering::LimitingMagnitude) {
             let planner = &mut self.planners[meter_series.slot];
             let planned = planner.exposure(scene, rig, settings, &self.limits)?;
             let source = planned.map_or(ExposureSource::Own, ExposureSource::Planned);
             return Ok(Metered { exposure: source, adapted_ev100, buffer: None });
         }
-        let spot = match exposure.goes_by(Metering::Spot) {
-            true => spot_rig(rig, exposure).map_err(PlanError::from)?,
-            false => None,
-        };
+        let spot = spot_rig(rig, exposure).map_err(PlanError::from)?;
         let metered = match &spot {
             Some(spot) => Some(spot),
-            None => Some(rig).filter(|_| is_exposed_by_others && exposure.goes_by(Metering::Mean)),
+            None => Some(rig).filter(|_| is_exposed_by_others && exposure.uses(Metering::Mean)),
         };
         let Some(metered) = metered else {
             return Ok(Metered { exposure: ExposureSource::Own, adapted_ev100, buffer: None });

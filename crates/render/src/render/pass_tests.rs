@@ -8,7 +8,7 @@ use crate::{
     photometry::exposure::{mean_luminance_cd_m2, metered_ev100},
     plan::{
         KernelPlan,
-        settings::{ExposureSettings, ToneMapOperator, ToneMapSettings},
+        settings::{ExposureSettings, ExposureValues, Metering, ToneMapOperator, ToneMapSettings},
         tiles::Tile,
     },
     render::{
@@ -78,7 +78,8 @@ fn exposure_of(gpu: &Gpu, settings: &ExposureSettings, known: Option<f64>, parti
 #[test]
 fn exposure_of_sums_matches_f64_and_ignores_nan_and_infinity() {
     let gpu = gpu();
-    let settings = ExposureSettings { key: 0.3, compensation_ev: 1.25, ..ExposureSettings::default() };
+    let settings: ExposureSettings =
+        ExposureValues { metering: Metering::Mean, key: 0.3, compensation_ev: 1.25, ..Default::default() }.into();
     let sums: Vec<[f32; 2]> = (0..1000_u32).map(|i| [1e-6 * ((i * i) % 997) as f32, 0.0]).collect();
     let light: f64 = sums.iter().map(|sum| f64::from(sum[0])).sum();
     let expected = settings.metered_ev100(light / 12.5);

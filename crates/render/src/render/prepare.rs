@@ -14,7 +14,7 @@ use super::{
 use crate::{
     plan::{
         PlanError,
-        settings::{Metering, RenderSettings},
+        settings::RenderSettings,
         view_settings::{meter_settings, spot_rig},
     },
     scene::{SceneObjects, SceneSnapshot},
@@ -75,10 +75,7 @@ impl Renderer {
         let viewports = rig.viewports(glam::DQuat::IDENTITY);
         self.hold_tables(&viewports)?;
         // A separate meter draws another picture.
-        let spot = match settings.exposure.goes_by(Metering::Spot) {
-            true => spot_rig(rig, &settings.exposure).map_err(PlanError::from)?,
-            false => None,
-        };
+        let spot = spot_rig(rig, &settings.exposure).map_err(PlanError::from)?;
         let spot_viewports = spot.map(|spot| spot.viewports(glam::DQuat::IDENTITY));
         let settings_of_meter = meter_settings(settings);
         let wish = Wish { gpu: &self.gpu, objects, settings, viewports: &viewports, made: wanted, formats };

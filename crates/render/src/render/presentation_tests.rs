@@ -15,8 +15,8 @@ use crate::{
     photometry::{exposure::white_luminance_cd_m2, tone_map::linear_from_srgb},
     plan::{
         settings::{
-            ExposureMode, GlareMethod, GlareSettings, Metering, RenderSettings, StarMethod, ToneMapOperator,
-            ToneMapSettings,
+            ExposureMode, ExposureSettings, GlareMethod, GlareSettings, Metering, RenderSettings, StarMethod,
+            ToneMapOperator, ToneMapSettings,
         },
         tiles::{BYTES_PER_PIXEL, Tile, batches},
     },
@@ -216,10 +216,9 @@ fn halves_off(light: &[[f64; 3]], image: &FrameImage, tone_map: &ToneMapSettings
 /// Settings with exposures known in advance or not, each with and without glare.
 fn exposures_and_glares(settings: &RenderSettings) -> Vec<(RenderSettings, Option<f64>)> {
     let mut manual = settings.clone();
-    manual.exposure.mode = ExposureMode::Manual;
-    manual.exposure.ev100 = -9.0;
+    manual.exposure = ExposureSettings::manual(-9.0);
     let mut metered = settings.clone();
-    metered.exposure.metering = Metering::Mean;
+    metered.exposure = ExposureSettings::auto(Metering::Mean);
     let cases = [(metered, None), (settings.clone(), Some(-8.0)), (manual, None)];
     let with_glare = |(settings, adapted): (RenderSettings, Option<f64>)| {
         let glaring = RenderSettings { glare: GlareSettings::default(), ..settings.clone() };
@@ -309,7 +308,7 @@ fn assert_byte_textures_match_display_images(cases: &[(Option<u64>, &[ToneMapOpe
             let base = RenderSettings { tone_map, ..settings(StarMethod::Auto) };
             for (settings, adapted) in exposures_and_glares(&base) {
                 let glares = settings.glare.chosen(StarMethod::Auto) != GlareMethod::None;
-                let case = format!("{operator:?}, {:?}, {adapted:?}, {glares}, {limit:?}", settings.exposure.mode);
+                let case = format!("{operator:?}, {:?}, {adapted:?}, {glares}, {limit:?}", settings.exposure.mode());
                 let reference = rendered(&mut renderer, &scene, &settings, adapted);
                 let format = if glares { SWAPPED_BYTES } else { BYTES };
                 let (frame, textures) = presented(&mut renderer, &scene, &settings, adapted, format);
@@ -391,7 +390,7 @@ fn every_star_method_is_presented_with_and_without_glare() {
     for method in StarMethod::ALL {
         for (settings, adapted) in exposures_and_glares(&settings(method)) {
             // With an exposure unknown in advance, all methods except `auto` share one code path.
-            if settings.exposure.mode == ExposureMode::Manual && method != StarMethod::Auto {
+            if settings.exposure.mode() == ExposureMode::Manual && method != StarMethod::Auto {
                 continue;
             }
             let case = format!("{method:?}, {adapted:?}, {:?}", settings.glare.chosen(method));
@@ -427,7 +426,7 @@ fn a_body_at_arm_s_length_is_presented_with_the_stars_behind_it() {
     let objects = Arc::new(SceneObjects { bodies: vec![Arc::new(body)], ..SceneObjects::default() });
     let scene = SceneSnapshot { objects, ..sky(0.0) };
     for (settings, adapted) in exposures_and_glares(&settings(StarMethod::Auto)) {
-        let case = format!("{:?}, {adapted:?}", settings.exposure.mode);
+        let case = format!("{:?}, {adapted:?}", settings.exposure.mode());
         let reference = rendered(&mut renderer, &scene, &settings, adapted);
         let (_, textures) = presented(&mut renderer, &scene, &settings, adapted, BYTES);
         assert_same_bytes(&renderer, &textures, &reference.images, &case);
@@ -486,8 +485,7 @@ fn both_eyes_show_the_light_of_stars() {
     let scene = scene(stars.iter().map(|(direction, magnitude)| star(*direction, *magnitude, 5772.0)).collect());
     let mut settings = settings(StarMethod::Auto);
     settings.tone_map = ToneMapSettings::of(ToneMapOperator::Srgb);
-    settings.exposure.mode = ExposureMode::Manual;
-    settings.exposure.ev100 = -5.0;
+    settings.exposure = ExposureSettings::manual(-5.0);
     let white = white_luminance_cd_m2(-5.0);
     let (_, textures) = presented(&mut renderer, &scene, &settings, None, HALVES);
     let viewports = rig.viewports(DQuat::IDENTITY);

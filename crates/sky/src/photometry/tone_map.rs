@@ -66,39 +66,36 @@ named!(ToneMapOperator {
     Calibrated = "calibrated",
 });
 
-/// Conversion of luminance to display values.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct ToneMapSettings {
-    /// Tone-mapping operator.
-    pub operator: ToneMapOperator,
-    /// `reinhard`: smallest luminance, relative to display white, that is mapped to the display's maximum.
-    pub white: f64,
-    /// `calibrated`: luminance of the display's white.
-    pub peak_cd_m2: f64,
-    /// `calibrated`: luminance of the display's black, at most half of `peak_cd_m2`.
-    pub black_cd_m2: f64,
-    /// Preservation of hue beyond the display's gamut: 0 clips or compresses each channel, 1 desaturates towards white at
-    /// constant hue.
-    pub desaturation: f64,
-    /// Strength of the shift to scotopic (rod) vision below 5 cd/m^2: less saturation, Purkinje shift to blue.
-    pub scotopic: f64,
-    /// Whether rounding to 8 bits is dithered, with an ordered pattern.
-    pub dither: bool,
-}
+/// Largest luminance of a calibrated display, cd/m^2.
+const MOST_PEAK_CD_M2: f64 = 1e6;
 
-impl Default for ToneMapSettings {
-    fn default() -> Self {
-        Self {
-            operator: ToneMapOperator::Filmic,
-            white: 16.0,
-            peak_cd_m2: 100.0,
-            black_cd_m2: 0.0,
-            desaturation: 1.0,
-            scotopic: 0.0,
-            dither: true,
-        }
+settings! {
+    /// Conversion of luminance to display values.
+    #[derive(Copy)]
+    pub struct ToneMapSettings, ToneMapKeys {
+        /// Tone-mapping operator.
+        pub operator: ToneMapOperator = ToneMapOperator::Filmic,
+        /// `reinhard`: smallest luminance, relative to display white, that is mapped to the display's maximum.
+        #[schemars(range(min = 1.0, max = 1e6), extend("x-unit" = "times display white"))]
+        pub white: f64 = 16.0,
+        /// `calibrated`: luminance of the display's white.
+        #[schemars(range(max = MOST_PEAK_CD_M2), extend("exclusiveMinimum" = 0.0, "x-unit" = "cd/m^2"))]
+        pub peak_cd_m2: f64 = 100.0,
+        /// `calibrated`: luminance of the display's black, at most half of `peak_cd_m2`.
+        // The contrast of a display is at least 2.
+        #[schemars(range(min = 0.0, max = MOST_PEAK_CD_M2 / 2.0), extend("x-unit" = "cd/m^2"))]
+        pub black_cd_m2: f64 = 0.0,
+        /// Preservation of hue beyond the display's gamut: 0 clips or compresses each channel, 1 desaturates towards white at
+        /// constant hue.
+        #[schemars(range(min = 0.0, max = 1.0))]
+        pub desaturation: f64 = 1.0,
+        /// Strength of the shift to scotopic (rod) vision below 5 cd/m^2: less saturation, Purkinje shift to blue.
+        #[schemars(range(min = 0.0, max = 1.0))]
+        pub scotopic: f64 = 0.0,
+        /// Whether rounding to 8 bits is dithered, with an ordered pattern.
+        pub dither: bool = true,
     }
+    optional {}
 }
 
 impl ToneMapSettings {

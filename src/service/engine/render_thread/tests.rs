@@ -6,15 +6,14 @@ use glam::{DQuat, DVec3};
 
 use super::*;
 use crate::{
-    config::ViewTables,
+    config::ViewSpec,
     gpu::AdapterReport,
-    plan::{FramePlan, settings::ExposureMode},
-    render::{Frame, FrameTimes},
-    service::{
-        engine::interface::OpenBeside,
-        frames::errors::Refused,
-        scene::{camera::CameraUpdate, views::GivenView},
+    plan::{
+        FramePlan,
+        settings::{ExposureMode, ExposureValues},
     },
+    render::{Frame, FrameTimes},
+    service::{engine::interface::OpenBeside, frames::errors::Refused, scene::camera::CameraUpdate},
     view::{View, ViewKind},
 };
 
@@ -171,13 +170,10 @@ fn start(planned: Duration, drawn: Duration, mode: ExposureMode) -> (RenderHandl
         SceneSnapshot { revision: 1, stars: Arc::default(), objects: Arc::default(), camera: Camera::default() };
     let objects = Objects::new(Arc::default(), &[], None).unwrap();
     let kind = ViewKind::Perspective { size: [4, 4], fov_y_rad: 1.0 };
-    let view = |name: &str| GivenView {
-        view: View::new(name, kind.clone(), DQuat::IDENTITY, DVec3::ZERO).unwrap(),
-        definition: None,
-        tables: ViewTables::default(),
-    };
+    let view =
+        |name: &str| (ViewSpec::custom(name), View::new(name, kind.clone(), DQuat::IDENTITY, DVec3::ZERO).unwrap());
     let mut settings = RenderSettings::default();
-    settings.exposure.mode = mode;
+    settings.exposure = ExposureValues { mode, ..Default::default() }.into();
     let views = ViewSet::new(&settings, vec![view("flat"), view("wide")], std::path::Path::new("")).unwrap();
     let clock = SceneClock::stopped(0.0);
     let mut forecast = Forecast::default();
@@ -379,7 +375,8 @@ fn deleting_a_view_ends_its_requests_and_keeps_others() {
     without(&handle, "wide");
     let kind = "name = 'flat'\ntype = 'equirectangular'\nsize = [4, 2]";
     with_views(&handle, |views, general| {
-        views.with(general, GivenView::read(kind.parse().unwrap()).unwrap().0).unwrap()
+        let (spec, view) = ViewSpec::from_toml(kind).unwrap();
+        views.with(general, spec, view).unwrap()
     });
     assert_ne!(named(&handle, "flat"), flat);
     refused(handle.request(flat, Wanted::display()).map(drop));
@@ -405,7 +402,8 @@ fn requests_of_a_new_view_are_drawn_during_shutdown() {
     let both = two_in_flight(&handle, &device);
     let kind = "name = 'new'\ntype = 'equirectangular'\nsize = [4, 2]";
     with_views(&handle, |views, general| {
-        views.with(general, GivenView::read(kind.parse().unwrap()).unwrap().0).unwrap()
+        let (spec, view) = ViewSpec::from_toml(kind).unwrap();
+        views.with(general, spec, view).unwrap()
     });
     let new = handle.request(named(&handle, "new"), Wanted::display()).unwrap();
     handle.drain();
@@ -422,11 +420,14 @@ fn exposure_state_belongs_to_a_view_not_to_its_name() {
     let scene = handle.scene().unwrap();
     let general = handle.general(&scene);
     let kind = "name = 'new'\ntype = 'equirectangular'\nsize = [4, 2]\nexposure = { ev100 = 1.0 }";
-    let view = || GivenView::read(kind.parse().unwrap()).unwrap().0;
+    let with = |views: &ViewSet| {
+        let (spec, view) = ViewSpec::from_toml(kind).unwrap();
+        views.with(&general, spec, view).unwrap()
+    };
     let groups = |views: ViewSet| Groups::new(&general, &scene.clone().with_views(views, None).unwrap(), 0);
-    let first = scene.views.with(&general, view()).unwrap();
+    let first = with(&scene.views);
     let without = first.without(&general, 2).unwrap();
-    let second = without.with(&general, view()).unwrap();
+    let second = with(&without);
     let [first, without, second] = [first, without, second].map(groups);
     assert_eq!([first.eyes.len(), without.eyes.len(), second.eyes.len()], [2, 1, 2]);
     assert_eq!([&first.eyes[0], &first.eyes[0]], [&without.eyes[0], &second.eyes[0]], "other views keep their state");
@@ -444,7 +445,8 @@ fn deleted_views_leave_no_state() {
     for _ in 0..200 {
         let kind = "name = 'new'\ntype = 'equirectangular'\nsize = [4, 2]\nexposure = { ev100 = 1.0 }";
         with_views(&handle, |views, general| {
-            views.with(general, GivenView::read(kind.parse().unwrap()).unwrap().0).unwrap()
+            let (spec, view) = ViewSpec::from_toml(kind).unwrap();
+            views.with(general, spec, view).unwrap()
         });
         let view = named(&handle, "new");
         let stream = handle.subscribe(view, Wanted::display(), Duration::ZERO).unwrap();

@@ -15,8 +15,8 @@ fn views_inherit_keys_missing_from_their_tables() {
     let config = parse(&text).unwrap();
     let views = config.view_settings().unwrap();
     assert_eq!(views[0], ViewSettings::general(&config.render_settings()));
-    let exposure = ExposureSettings { limiting_magnitude: 8.0, ..config.exposure };
-    assert_eq!((views[1].exposure, views[1].exposure.adaptation_s), (exposure, 2.0));
+    let exposure = ExposureValues { limiting_magnitude: 8.0, adaptation_s: 2.0, ..ExposureValues::default() };
+    assert_eq!(views[1].exposure, exposure.into());
     assert_eq!((views[1].glare.fraction, views[1].glare.inner_deg), (0.4, 0.3));
     assert_eq!(views[1].tone_map.operator, ToneMapOperator::Srgb);
     assert_eq!(views[1].group, ExposureGroup::OfView("b".to_owned()));
@@ -29,8 +29,8 @@ fn views_inherit_keys_missing_from_their_tables() {
     // An override changes a table of a view, and creates one.
     let config = parse_with(&text, &["views.a.exposure.mode=manual", "views.b.exposure.limiting_magnitude=7"]).unwrap();
     let views = config.view_settings().unwrap();
-    assert_eq!(views[0].exposure.mode, ExposureMode::Manual);
-    assert_eq!(views[1].exposure.limiting_magnitude, 7.0);
+    assert_eq!(views[0].exposure.mode(), ExposureMode::Manual);
+    assert_eq!(views[1].exposure.auto_or_default().meter, Meter::LimitingMagnitude { limiting_magnitude: 7.0 });
 }
 
 #[test]
@@ -46,10 +46,11 @@ fn views_of_a_group_share_one_exposure() {
     );
     for text in [two(five, ""), two("", five), two(five, same)] {
         let views = parse(&text).unwrap().view_settings().unwrap();
-        assert_eq!([0, 1].map(|view| views[view].exposure.limiting_magnitude), [5.0; 2], "{text}");
+        let limit = |limiting_magnitude| Meter::LimitingMagnitude { limiting_magnitude };
+        assert_eq!([0, 1].map(|view| views[view].exposure.auto_or_default().meter), [limit(5.0); 2], "{text}");
         assert_eq!([0, 1].map(|view| views[view].group.clone()), [0, 1].map(|_| ExposureGroup::Named("g".to_owned())));
         assert_eq!(views[2].group, ExposureGroup::Named("h".to_owned()));
-        assert_eq!(views[2].exposure.limiting_magnitude, 6.5);
+        assert_eq!(views[2].exposure.auto_or_default().meter, limit(6.5));
     }
     let both = ["views[1].exposure (view `b`)", "`g`", "views[0] (view `a`)", "another exposure_group"];
     refused(&two(five, six), &both);
@@ -62,10 +63,10 @@ fn mistakes_in_the_tables_of_views_are_refused_like_general_ones() {
         ("exposure = { iso = 100 }", &["views[0].exposure.iso (view `a`)", "unknown key", "spot_deg"][..]),
         ("exposure = { key = 0.2 }", &["views[0].exposure.key (view `a`)", "has no effect with metering"]),
         ("exposure = { mode = 'manual', adaptation_s = 1 }", &["views[0].exposure.adaptation_s", "mode = \"manual\""]),
-        ("exposure = { limiting_magnitude = 31 }", &["views[0].exposure.limiting_magnitude", "-10 to 30"]),
+        ("exposure = { limiting_magnitude = 31 }", &["views[0].exposure.limiting_magnitude", "between -10 and 30"]),
         ("exposure = { min_ev100 = 30 }", &["views[0].exposure.min_ev100", "max_ev100 = 24"]),
         ("exposure = 3", &["views[0].exposure", "invalid type"]),
-        ("glare = { fraction = 2 }", &["views[0].glare.fraction", "0 to 1"]),
+        ("glare = { fraction = 2 }", &["views[0].glare.fraction", "between 0 and 1"]),
         ("glare = { kernel = 'psf' }", &["views[0].glare.psf_file", "missing key"]),
         ("tone_map = { black_cd_m2 = 60 }", &["views[0].tone_map.black_cd_m2", "half of peak_cd_m2"]),
         ("tone_map = { gamma = 2 }", &["views[0].tone_map.gamma", "unknown key"]),
@@ -97,9 +98,7 @@ fn an_override_of_the_mode_drops_the_files_keys_for_the_other_mode() {
         (&["exposure.metering=spot"], ExposureMode::Auto, Metering::Spot),
     ] {
         let exposure = load(set).unwrap_or_else(|error| panic!("{set:?}: {error}")).exposure;
-        assert_eq!((exposure.mode, exposure.metering), (mode, metering), "{set:?}");
-        // Keys that still have an effect are kept from the file.
-        assert_eq!(exposure.limiting_magnitude, 6.5);
+        assert_eq!((exposure.mode(), exposure.auto_or_default().metering()), (mode, metering), "{set:?}");
     }
     // Keys of an override without effect are refused.
     for (set, parts) in [

@@ -64,12 +64,16 @@ pub struct AsteroidSettings {
     /// Where instances are culled.
     pub culling: Culling,
     /// Factor on the level-of-detail distances; 1 keeps every error below half a pixel.
+    #[schemars(range(min = AsteroidSettings::QUALITIES[0], max = AsteroidSettings::QUALITIES[1]))]
     pub quality: f64,
     /// Tiles along a side of an impostor atlas, a power of two.
+    #[schemars(range(min = AsteroidSettings::TILES[0], max = AsteroidSettings::TILES[1]), extend("x-also" = "a power of two"))]
     pub tiles: u32,
     /// Pixels along a side of a tile, a power of two.
+    #[schemars(range(min = AsteroidSettings::TILE_PX[0], max = AsteroidSettings::TILE_PX[1]), extend("x-unit" = "pixels", "x-also" = "a power of two"))]
     pub tile_px: u32,
     /// Samples along each axis of a pixel: samples² per pixel.
+    #[schemars(range(min = AsteroidSettings::SAMPLES[0], max = AsteroidSettings::SAMPLES[1]))]
     pub samples: u32,
     /// Draws every asteroid with the finest mesh, as a reference.
     pub finest_only: bool,

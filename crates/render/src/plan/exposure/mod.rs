@@ -7,12 +7,13 @@
 
 pub mod guard;
 pub mod pictures;
+pub mod settings;
 
 use self::{
     guard::{Lit, white_for_lit_cd_m2},
     pictures::Picture,
 };
-use super::settings::{Accumulator, Metering, RenderSettings};
+use super::settings::{Accumulator, AutoExposure, ExposureSettings, Meter, RenderSettings};
 use crate::{
     photometry::exposure::{WHITE_LUMINANCE_AT_EV0_CD_M2, limiting_ev100, limiting_illuminance_lx},
     units::{illuminance_lx_from_magnitude, magnitude_from_illuminance_lx},
@@ -77,17 +78,19 @@ pub fn planned_ev100(
     lit: Option<&Lit<'_>>,
 ) -> Option<f64> {
     let exposure = &settings.exposure;
-    if !exposure.goes_by(Metering::LimitingMagnitude) {
+    let ExposureSettings::Auto(auto @ AutoExposure { meter: Meter::LimitingMagnitude { limiting_magnitude }, .. }) =
+        exposure
+    else {
         return None;
-    }
+    };
     if let Some(white_ev100) = stars.white_ev100 {
         return Some(white_ev100);
     }
-    let dark = stars.ev100_for(exposure.limiting_magnitude)?;
+    let dark = stars.ev100_for(*limiting_magnitude)?;
     let white_cd_m2 = lit.map_or(0.0, |lit| white_for_lit_cd_m2(lit, pictures));
     // Without anything lit: minus infinity.
     let bright = (white_cd_m2 / WHITE_LUMINANCE_AT_EV0_CD_M2).log2();
-    Some((dark.max(bright) + exposure.compensation_ev).clamp(exposure.min_ev100, exposure.max_ev100))
+    Some((dark.max(bright) + auto.compensation_ev).clamp(auto.min_ev100, auto.max_ev100))
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use crate::{
     photometry::{blackbody, exposure::white_luminance_cd_m2, kernel::BSPLINE_PEAK, rec709::luminance},
     plan::{
         Limits, Output, PlanOutputs, Planner,
-        settings::{ExposureMode, ExposureSettings, GlareMethod, StarMethod, ToneMapOperator},
+        settings::{ExposureMode, ExposureValues, GlareMethod, Metering, StarMethod, ToneMapOperator},
     },
     scene::{
         SceneObjects, SceneSnapshot,
@@ -127,7 +127,7 @@ fn magnitudes_are_told_apart_and_bright_stars_keep_their_colours_in_domes_of_eve
 #[test]
 fn each_view_has_a_limit_of_its_own_and_the_first_one_that_of_the_settings() {
     let mut settings = RenderSettings::default();
-    settings.exposure.limiting_magnitude = 5.0;
+    settings.exposure = ExposureValues { limiting_magnitude: 5.0, ..Default::default() }.into();
     let kinds = [dome(1024), dome(2048), flat([1920, 1080], 60.0)];
     let (stars, ev100) = of_night(&kinds, &settings);
     let limits: Vec<f64> = (0..3).map(|view| stars.limiting_magnitude(view, ev100.unwrap()).unwrap()).collect();
@@ -139,7 +139,7 @@ fn each_view_has_a_limit_of_its_own_and_the_first_one_that_of_the_settings() {
     // A quarter of the pixel: 1.505 magnitudes.
     assert!((limits[1] - 6.505).abs() < 5e-3, "{limits:?}");
     // A compensation by a stop is 0.75 mag.
-    settings.exposure.compensation_ev = 1.0;
+    settings.exposure = ExposureValues { limiting_magnitude: 5.0, compensation_ev: 1.0, ..Default::default() }.into();
     let (stars, brighter) = of_night(&kinds, &settings);
     assert!((brighter.unwrap() - ev100.unwrap() - 1.0).abs() < 1e-12);
     assert!((stars.limiting_magnitude(0, brighter.unwrap()).unwrap() - 5.0 + 0.7526).abs() < 1e-3);
@@ -158,12 +158,14 @@ fn a_calibrated_display_and_other_ways_to_the_exposure_take_no_notice() {
     let limit = stars.limiting_magnitude(0, -99.0).unwrap();
     let light = 0.006_995 * 100.0 * stars.pixels_sr[0] / BSPLINE_PEAK;
     assert!((limit - magnitude_from_illuminance_lx(light)).abs() < 1e-3, "{limit}");
-    let of = |exposure| of_night(&[dome(64)], &RenderSettings { exposure, ..RenderSettings::default() }).1;
-    let base = ExposureSettings::default();
-    assert_eq!(of(ExposureSettings { metering: Metering::Mean, ..base }), None);
-    assert_eq!(of(ExposureSettings { mode: ExposureMode::Manual, ..base }), None);
-    assert_eq!(of(ExposureSettings { max_ev100: -15.0, ..base }), Some(-15.0));
-    assert_eq!(of(ExposureSettings { min_ev100: 5.0, ..base }), Some(5.0));
+    let of = |exposure: ExposureValues| {
+        of_night(&[dome(64)], &RenderSettings { exposure: exposure.into(), ..RenderSettings::default() }).1
+    };
+    let base = ExposureValues::default();
+    assert_eq!(of(ExposureValues { metering: Metering::Mean, ..base }), None);
+    assert_eq!(of(ExposureValues { mode: ExposureMode::Manual, ..base }), None);
+    assert_eq!(of(ExposureValues { max_ev100: -15.0, ..base }), Some(-15.0));
+    assert_eq!(of(ExposureValues { min_ev100: 5.0, ..base }), Some(5.0));
 }
 
 fn planet(distance_radii: f64, sun_behind: bool) -> Vec<Body> {

@@ -62,43 +62,32 @@ pub enum PyramidWeights {
     Equal,
 }
 
-/// Glare: light scattered in the eye or the lens, as a veil around bright sources.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct GlareSettings {
-    /// Glare method, see [glare-methods.md](glare-methods.md).
-    pub method: GlareMethod,
-    /// Kernel of `sky_cube`; the pyramids have kernels of their own.
-    pub kernel: GlareKernelName,
-    /// Angle below which the kernel is constant; minimum width of the `gaussians`.
-    pub inner_deg: f64,
-    /// Fraction of the light that is scattered.
-    pub fraction: f64,
-    /// `cie`: age of the observer.
-    pub age_years: f64,
-    /// `cie`: colour of the iris.
-    pub eye_colour: EyeColour,
-    /// `cie`: whether the formula gives the scattered fraction, in place of `fraction` (0.39 at 35 years); it must be at most 1.
-    pub absolute: bool,
-    /// `psf`: CSV file with the columns theta_deg,per_sr, or an EXR or FITS image; needed for this kernel.
-    pub psf_file: Option<PathBuf>,
-    /// Weights of the levels of the pyramids.
-    pub weights: PyramidWeights,
-}
-
-impl Default for GlareSettings {
-    fn default() -> Self {
-        Self {
-            method: GlareMethod::Auto,
-            kernel: GlareKernelName::InverseSquare,
-            inner_deg: 0.1,
-            fraction: 0.1,
-            age_years: 35.0,
-            eye_colour: EyeColour::default(),
-            absolute: false,
-            psf_file: None,
-            weights: PyramidWeights::Equal,
-        }
+settings! {
+    /// Glare: light scattered in the eye or the lens, as a veil around bright sources.
+    pub struct GlareSettings, GlareKeys {
+        /// Glare method, see [glare-methods.md](glare-methods.md).
+        pub method: GlareMethod = GlareMethod::Auto,
+        /// Kernel of `sky_cube`; the pyramids have kernels of their own.
+        pub kernel: GlareKernelName = GlareKernelName::InverseSquare,
+        /// Angle below which the kernel is constant; minimum width of the `gaussians`.
+        #[schemars(range(max = 180.0), extend("exclusiveMinimum" = 0.0, "x-unit" = "degrees"))]
+        pub inner_deg: f64 = 0.1,
+        /// Fraction of the light that is scattered.
+        #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "of the light"))]
+        pub fraction: f64 = 0.1,
+        /// `cie`: age of the observer.
+        #[schemars(range(min = 0.0, max = 120.0), extend("x-unit" = "years"))]
+        pub age_years: f64 = 35.0,
+        /// `cie`: colour of the iris.
+        pub eye_colour: EyeColour = EyeColour::default(),
+        /// `cie`: whether the formula gives the scattered fraction, instead of `fraction` (0.39 at 35 years); it must be at most 1.
+        pub absolute: bool = false,
+        /// Weights of the levels of the pyramids.
+        pub weights: PyramidWeights = PyramidWeights::Equal,
+    }
+    optional {
+        /// `psf`: CSV file with the columns theta_deg,per_sr, or an EXR or FITS image; needed for this kernel.
+        pub psf_file: PathBuf,
     }
 }
 

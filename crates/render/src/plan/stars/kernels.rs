@@ -8,7 +8,7 @@
 
 use std::f64::consts::FRAC_PI_4;
 
-use crate::plan::settings::PixelGaussianSettings;
+use crate::plan::settings::{PixelGaussianSettings, SIGMAS_PX};
 use crate::plan::settings::{RenderSettings, StarMethod};
 use crate::{
     photometry::{exposure::white_luminance_cd_m2, kernel::GAUSSIAN_CUT},
@@ -69,7 +69,7 @@ impl GaussianWidth {
     /// position.
     pub fn new(settings: &PixelGaussianSettings) -> Self {
         let in_pixels = |sigma_px: f64| (sigma_px * sigma_px + PIXEL_VARIANCE).sqrt();
-        let least_px = *PixelGaussianSettings::SIGMAS_PX.start();
+        let least_px = SIGMAS_PX[0];
         match settings.sigma_arcmin {
             Some(arcmin) => Self { sigma_rad: (arcmin / 60.0).to_radians(), sigma_px: in_pixels(least_px) },
             None => Self { sigma_rad: 0.0, sigma_px: in_pixels(settings.sigma_px) },

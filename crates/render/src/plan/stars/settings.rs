@@ -1,12 +1,16 @@
 //! The `[stars]` settings: which method, which stars, and one table for each method that has parameters of its own.
 
-use std::{ops::RangeInclusive, path::PathBuf};
+use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::method::StarMethod;
-use crate::photometry::psf::{self, Aperture, Optics, Psf, PsfError, WHITE_K};
+use crate::photometry::psf::{self, Aperture, DIAMETERS_MM, Optics, Psf, PsfError, WHITE_K};
+
+/// Range of `magnitude_limit` and of the magnitudes of the methods: beyond it an illuminance leaves the range of numbers that the
+/// planner works with.
+pub const MAGNITUDES: [f64; 2] = [-100.0, 100.0];
 
 /// How stars are drawn.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -15,6 +19,7 @@ pub struct StarSettings {
     /// Star method, see [star-methods.md](star-methods.md).
     pub method: StarMethod,
     /// Stars with a fainter apparent magnitude, at the position of the camera, are not drawn.
+    #[schemars(range(min = MAGNITUDES[0], max = MAGNITUDES[1]))]
     pub magnitude_limit: f64,
     /// Parameters of `pixel_gaussian`.
     pub pixel_gaussian: PixelGaussianSettings,
@@ -26,12 +31,6 @@ pub struct StarSettings {
     pub cell_sky: CellSkySettings,
     /// Parameters of `psf_texture`.
     pub psf_texture: PsfTextureSettings,
-}
-
-impl StarSettings {
-    /// Range of `magnitude_limit` and of the magnitudes of the methods: beyond it an illuminance leaves the numbers that the
-    /// planner works with.
-    pub const MAGNITUDES: [f64; 2] = [-100.0, 100.0];
 }
 
 impl Default for StarSettings {
@@ -48,27 +47,27 @@ impl Default for StarSettings {
     }
 }
 
+/// Standard deviations of `pixel_gaussian`, pixels. A narrower one flickers more than the certificate of a frame states; with a
+/// wider one every star covers a good part of the picture, and the time of a frame is unbounded.
+pub const SIGMAS_PX: [f64; 2] = [0.7, 64.0];
+/// Greatest standard deviation as an angle, arcminutes.
+const MOST_SIGMA_ARCMIN: f64 = 600.0;
+
 /// Parameters of `pixel_gaussian`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PixelGaussianSettings {
     /// Standard deviation in pixels; not used if `sigma_arcmin` is given.
+    #[schemars(range(min = SIGMAS_PX[0], max = SIGMAS_PX[1]), extend("x-unit" = "pixels"))]
     pub sigma_px: f64,
     /// Standard deviation as an angle on the sky, in place of `sigma_px`; at least 0.7 pixels everywhere.
+    #[schemars(range(max = MOST_SIGMA_ARCMIN), extend("exclusiveMinimum" = 0.0, "x-unit" = "arcminutes"))]
     pub sigma_arcmin: Option<f64>,
-}
-
-impl PixelGaussianSettings {
-    /// Standard deviations that may be asked for, pixels. A narrower one flickers more than the certificate of a frame says; of a
-    /// wider one every star covers a good part of the picture, and a frame takes as long as it likes.
-    pub const SIGMAS_PX: RangeInclusive<f64> = 0.7..=64.0;
-    /// Greatest standard deviation as an angle, arcminutes.
-    pub const MOST_SIGMA_ARCMIN: f64 = 600.0;
 }
 
 impl Default for PixelGaussianSettings {
     fn default() -> Self {
-        Self { sigma_px: *Self::SIGMAS_PX.start(), sigma_arcmin: None }
+        Self { sigma_px: SIGMAS_PX[0], sigma_arcmin: None }
     }
 }
 
@@ -76,13 +75,18 @@ impl Default for PixelGaussianSettings {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BillboardSettings {
+    // Three times this, of the brightest of the scaled discs, stays below 90 degrees.
     /// Angular diameter of discs and sprites, of the core of `glare_disc`; `scaled_disc` uses 0.3 to 3 times this.
+    #[schemars(range(max = 1800.0), extend("exclusiveMinimum" = 0.0, "x-unit" = "arcminutes"))]
     pub diameter_arcmin: f64,
     /// `scaled_disc`: magnitude at and below which the size is the largest; brighter (smaller) than `faintest_magnitude`.
+    #[schemars(range(min = MAGNITUDES[0], max = MAGNITUDES[1]))]
     pub brightest_magnitude: f64,
     /// `scaled_disc`: magnitude at and above which the size is the smallest.
+    #[schemars(range(min = MAGNITUDES[0], max = MAGNITUDES[1]))]
     pub faintest_magnitude: f64,
     /// `screen_billboard`: side of the square.
+    #[schemars(range(max = 1024.0), extend("exclusiveMinimum" = 0.0, "x-unit" = "pixels"))]
     pub screen_size_px: f64,
 }
 
@@ -98,14 +102,19 @@ impl Default for BillboardSettings {
 #[serde(deny_unknown_fields, default)]
 pub struct GaussianPsfSettings {
     /// Limiting magnitude: the faintest visible.
+    #[schemars(range(min = MAGNITUDES[0], max = MAGNITUDES[1]))]
     pub limiting_magnitude: f64,
     /// Magnitude at which the centre of a star reaches display white; brighter (smaller) than `limiting_magnitude`.
+    #[schemars(range(min = MAGNITUDES[0], max = MAGNITUDES[1]))]
     pub saturation_magnitude: f64,
     /// Variance of the point-spread function including the pixel response.
+    #[schemars(range(min = 0.01, max = 10_000.0), extend("x-unit" = "pixels^2"))]
     pub sigma2_px2: f64,
     /// Variance of the glare Gaussian.
+    #[schemars(range(min = 0.01, max = 10_000.0), extend("x-unit" = "pixels^2"))]
     pub glare_sigma2_px2: f64,
     /// Brightness of the glare Gaussian relative to the core.
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "of the core's brightness"))]
     pub glare_brightness: f64,
 }
 
@@ -125,11 +134,16 @@ impl Default for GaussianPsfSettings {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CellSkySettings {
+    // Cells of a face are numbered in 32 bits.
     /// Cells along an edge of a cube face.
+    #[schemars(range(min = 1, max = 65_535))]
     pub cells: u32,
+    // Every pixel looks at each layer.
     /// Layers of stars.
+    #[schemars(range(min = 1, max = 64))]
     pub layers: u32,
     /// Radius of a star, in pixels at the centre of the view.
+    #[schemars(range(max = 1024.0), extend("exclusiveMinimum" = 0.0, "x-unit" = "pixels"))]
     pub radius_px: f64,
     /// Seed of the sky.
     pub seed: u32,
@@ -150,8 +164,11 @@ pub struct PsfTextureSettings {
     /// Aperture of the computed function; `curved_blades` has six blades.
     pub aperture: String,
     /// Diameter of the circumscribed circle of the aperture. The wider the texture, the smaller it must be.
+    #[schemars(range(min = *DIAMETERS_MM.start(), max = *DIAMETERS_MM.end()), extend("x-unit" = "mm"))]
     pub diameter_mm: f64,
+    // `photometry::psf::MAX_WIDTH_RAD` in a round number.
     /// Angular width of the texture; not used if the file gives the angle of its pixels.
+    #[schemars(range(max = 1200.0), extend("exclusiveMinimum" = 0.0, "x-unit" = "arcminutes"))]
     pub width_arcmin: f64,
 }
 

@@ -44,11 +44,13 @@ impl ExposurePass {
         exposure: &wgpu::Buffer,
     ) {
         let ExposureInputs { settings, known_ev100, total_solid_angle_sr, partial_count } = *inputs;
+        // A fixed exposure is metered too, for statistics.
+        let auto = settings.auto_or_default();
         let parameters = layout::ExposureParameters {
             total_solid_angle_sr: total_solid_angle_sr as f32,
-            min_ev100: settings.min_ev100 as f32,
-            max_ev100: settings.max_ev100 as f32,
-            offset_ev: settings.offset_ev() as f32,
+            min_ev100: auto.min_ev100 as f32,
+            max_ev100: auto.max_ev100 as f32,
+            offset_ev: auto.offset_ev() as f32,
             fixed_ev100: known_ev100.unwrap_or(0.0) as f32,
             fixed: u32::from(known_ev100.is_some()),
             partial_count,

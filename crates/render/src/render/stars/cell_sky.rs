@@ -36,7 +36,7 @@ impl CellSky {
         let (gpu, frame) = (recording.gpu, recording.frame);
         let resolve = self.pass(gpu);
         let CellSkySettings { cells, layers, radius_px, seed } = frame.settings.stars.cell_sky;
-        let scale = white_luminance_cd_m2(frame.settings.exposure.ev100) as f32;
+        let scale = white_luminance_cd_m2(frame.settings.exposure.unit_ev100()) as f32;
         let batch = &recording.targets.batches[number];
         for (tile, encoded) in frame.plan.batches[number].tiles.iter().zip(&batch.encoded_tiles) {
             let viewport = &frame.plan.viewports[tile.viewport];
