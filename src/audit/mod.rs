@@ -81,7 +81,7 @@ pub struct AuditedScene<'a> {
 
 impl<'a> AuditedScene<'a> {
     /// Input of a frame of one group of views. `adapted`: whether the exposure was adapted from earlier frames.
-    pub fn of_group(scene: &'a SceneSnapshot, group: &'a FrameGroup, adapted: bool) -> Self {
+    pub fn for_group(scene: &'a SceneSnapshot, group: &'a FrameGroup, adapted: bool) -> Self {
         let FrameGroup { rig, settings, exposed_as, .. } = group;
         // Only a frame that meters itself is drawn before its exposure is known.
         let exposure_known = adapted || exposed_as.is_some() || !settings.exposure.is_metered();
@@ -225,8 +225,8 @@ impl Expected {
         for image in &frame.images {
             let Some(view) = audited.view_of(image.view) else { continue };
             let is_of = |viewport: &Viewport| (viewport.view, viewport.part) == (view, image.part);
-            let Some(number) = self.plan.viewports.iter().position(is_of) else { continue };
-            let viewport = &self.plan.viewports[number];
+            let Some(number) = self.plan.views.viewports.iter().position(is_of) else { continue };
+            let viewport = &self.plan.views.viewports[number];
             let name = audited.rig.views()[view].name.clone();
             images.push(AuditedImage::new(image, viewport, number, name, &bright, each));
         }
@@ -248,7 +248,7 @@ impl Expected {
                 .map(|(image, pixels)| SampledImage {
                     projection: &image.viewport.projection,
                     world_from_view: image.viewport.world_from_view,
-                    kernels: self.plan.kernels[image.number],
+                    kernels: self.plan.stars.kernels[image.number],
                     shown: glare.map(|kernel| ShownCore::new(kernel, shown_rad_of(&image.viewport.projection))),
                     pixels,
                 })
@@ -259,7 +259,7 @@ impl Expected {
                 stars: &audited.scene.stars,
                 eye_m: position_m,
                 velocity_c,
-                faintest_lx: self.plan.faintest_lx,
+                faintest_lx: self.plan.stars.faintest_lx,
                 glare: glare.map(|kernel| SampledGlare {
                     kernel,
                     fraction: self.plan.glare.fraction,
@@ -396,8 +396,8 @@ impl<'a> AuditedImage<'a> {
         Expected { plan, .. }: &Expected,
         settings: &RenderSettings,
     ) -> f64 {
-        let main = plan.ranges.main.units_per_lx;
-        let coarsest = plan.ranges.bright.as_ref().map_or(main, |bright| bright.units_per_lx.min(main));
+        let main = plan.stars.ranges.main.units_per_lx;
+        let coarsest = plan.stars.ranges.bright.as_ref().map_or(main, |bright| bright.units_per_lx.min(main));
         let omega_sr = self.viewport.projection.mapping().solid_angle_sr(x, y);
         let rounding_cd_m2 = f64::from(light.near_stars) / coarsest / omega_sr;
         let position_cd_m2 = POSITION_PX * STEEPEST_PER_PX * light.near_cd_m2;

@@ -48,14 +48,14 @@ fn describe_view(view: &ViewStatistics) -> String {
 fn describe_plan(images: &str, plan: &FramePlan) -> String {
     let FramePlan { stars, accumulator, glare, certificate, audit } = plan;
     let mut text = format!("{images}\n  stars     {stars}\n  sums      {accumulator}\n  glare     {glare}\n");
-    for Approximation { what, bound, unit, within_budget } in certificate {
+    for Approximation { name, bound, unit, within_budget } in certificate {
         let verdict = match within_budget {
             Some(true) => ", within the budget",
             Some(false) => ", beyond the budget",
             None => "",
         };
         // Writing to a string cannot fail.
-        let _ = writeln!(text, "  bound     {what}: {bound:.2e} {unit}{verdict}");
+        let _ = writeln!(text, "  bound     {name}: {bound:.2e} {unit}{verdict}");
     }
     if let Some(Audit { images, not_audited }) = audit {
         let audited = images.iter().map(|image| format!("  audit     {}\n", image.in_words()));
@@ -72,7 +72,7 @@ mod tests {
     #[test]
     fn bounds_are_printed_with_their_verdict() {
         let approximation = |within_budget| Approximation {
-            what: "a thing".to_owned(),
+            name: "a thing".to_owned(),
             bound: 0.012,
             unit: "px".to_owned(),
             within_budget,

@@ -42,14 +42,14 @@ impl PreparingProgress {
     }
 
     /// Reports the next step.
-    pub fn step(&mut self, PrepareStep { name, done, of }: PrepareStep) {
+    pub fn step(&mut self, PrepareStep { name, done, total }: PrepareStep) {
         match &self.bar {
             Some(bar) => {
-                bar.set_length(of as u64);
+                bar.set_length(total as u64);
                 bar.set_position(done as u64);
                 bar.set_message(format!("shaders: {name}"));
             }
-            None => tracing::debug!("shaders: {name} ({done} of {of})"),
+            None => tracing::debug!("shaders: {name} ({done} of {total})"),
         }
     }
 

@@ -108,12 +108,12 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
         ..Wanted::default()
     };
     let mut draw = |number: usize| -> Result<Frame, RenderError> {
-        let mut frame = renderer.render(FrameRequest::of_group(&snapshot, &groups, number).wanted(wanted))?;
+        let mut frame = renderer.render(FrameRequest::for_group(&snapshot, &groups, number).wanted(wanted))?;
         if groups[number].settings.accuracy.audit {
-            let scene = AuditedScene::of_group(&snapshot, &groups[number], false);
+            let scene = AuditedScene::for_group(&snapshot, &groups[number], false);
             audit_into(&scene, &mut frame, renderer.limits())?;
         }
-        let mut frame = frame.of_views(&groups[number].views);
+        let mut frame = frame.with_views(&groups[number].views);
         frame.images = pack(&rig, frame.images);
         Ok(frame)
     };

@@ -130,7 +130,7 @@ fn start(
     let LoadedScene { stars, report, objects, prepared } = load::scene(config, groups, &mut renderer)?;
     let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
     let drawn = prepared.and_then(|()| {
-        let mut requests = (0..groups.len()).map(|number| FrameRequest::of_group(&scene, groups, number));
+        let mut requests = (0..groups.len()).map(|number| FrameRequest::for_group(&scene, groups, number));
         requests.try_for_each(|request| renderer.render(request.wanted(Wanted::both())).map(drop))
     });
     if let Err(error) = drawn {

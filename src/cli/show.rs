@@ -272,8 +272,8 @@ impl Drawing {
             if of_group.iter().all(|wanted| *wanted == Wanted::default()) {
                 continue;
             }
-            let request = FrameRequest::of_group(&self.scene, &self.groups, number).wanted_of_each(&of_group);
-            frames.push((number, Arc::new(self.renderer.render(request)?.of_views(&group.views))));
+            let request = FrameRequest::for_group(&self.scene, &self.groups, number).wanted_per_view(&of_group);
+            frames.push((number, Arc::new(self.renderer.render(request)?.with_views(&group.views))));
         }
         let image = |(window, shown): (&WindowConfig, &bool)| {
             let found = window.image_of(&self.rig).filter(|_| *shown).and_then(|(view, of_view, image)| {

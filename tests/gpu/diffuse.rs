@@ -171,7 +171,7 @@ fn light_is_interpolated_between_points_within_the_budget() {
             let wanted = Wanted { display: true, ..Wanted::default() };
             let request = FrameRequest::new(&scene, &rig).settings(&settings).wanted(wanted);
             let frame = renderer().render(request).unwrap();
-            let smooth = frame.plan.certificate.iter().any(|bound| bound.what.contains("read between points"));
+            let smooth = frame.plan.certificate.iter().any(|bound| bound.name.contains("diffuse light"));
             assert_eq!(smooth, display_codes > 0.0);
             frame.images.into_iter().map(|image| image.display.unwrap()).collect::<Vec<_>>()
         };

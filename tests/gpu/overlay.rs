@@ -70,7 +70,7 @@ fn stars_alone() -> RenderSettings {
 
 fn render(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig) -> Frame {
     let wanted = vec![Wanted { display: true, hdr: true, ..Wanted::default() }; rig.views().len()];
-    renderer.render(FrameRequest::new(scene, rig).settings(&stars_alone()).wanted_of_each(&wanted)).unwrap()
+    renderer.render(FrameRequest::new(scene, rig).settings(&stars_alone()).wanted_per_view(&wanted)).unwrap()
 }
 
 fn plan_of(scene: &SceneSnapshot, rig: &Rig) -> Arc<OverlayPlan> {

@@ -19,7 +19,7 @@ fn made(file: &str, set: &[&str]) -> [u64; 2] {
     let mut steps = Vec::new();
     renderer.prepare(&objects, &rig, &settings, wanted, &[], &mut |step| steps.push(step)).unwrap();
     let total = steps.len();
-    assert!(steps.iter().enumerate().all(|(index, step)| (step.done, step.of) == (index + 1, total)), "{steps:?}");
+    assert!(steps.iter().enumerate().all(|(index, step)| (step.done, step.total) == (index + 1, total)), "{steps:?}");
     let prepared = renderer.gpu().made().pipelines;
     let (stars, _) = load_stars(&config.star_sources(), &config.epoch(), &mut |_| ()).unwrap();
     let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera: config.camera().unwrap() };

@@ -1,12 +1,13 @@
-//! Ranges of numbers, which are written once: as attributes of the fields of settings and specifications, from where the JSON schema gets them.
+//! Ranges of numbers. Each is written once, as attributes of the field in settings and specifications, and is part of the JSON schema.
 //!
 //! ```ignore
 //! #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "of the light"))]
 //! pub fraction: f64,
 //! ```
 //!
-//! `extend("exclusiveMinimum" = 0.0)` excludes the lower bound itself, `inner(range(..))` is the range of each element of a list. [`check`] walks the schema of a type along a value and refuses numbers out of range,
-//! NaN and infinities. [`Ranges::of`] lists all ranges of a schema for documentation and tests.
+//! `extend("exclusiveMinimum" = 0.0)` excludes the lower bound itself; `inner(range(..))` is the range of each element of a list. [`check`] compares
+//! a value with the schema of its type, and refuses NaN, infinities and numbers out of range. [`Ranges::of`] lists all ranges of a schema for
+//! documentation and tests.
 
 use std::{
     any::TypeId,
@@ -21,7 +22,7 @@ use toml::Value;
 
 /// The unit of a number, as messages name it. The documentation shows it unless the key's ending already says it.
 const UNIT: &str = "x-unit";
-/// What else a number must be: `a power of two`.
+/// Further condition on a number: `a power of two`.
 const ALSO: &str = "x-also";
 
 /// Range of a number.
@@ -46,7 +47,7 @@ impl Range {
         let text = |key: &str| schema.get(key).and_then(Schema::as_str).unwrap_or_default().to_owned();
         let (above, most) = (bound("exclusiveMinimum"), bound("maximum"));
         let least = above.or(bound("minimum"));
-        // The lower bound that every unsigned integer has is not a range of its own.
+        // The lower bound of every unsigned integer is not a range.
         let by_type = least == Some(0.0) && most.is_none() && schema.get("type").is_some_and(is_integer);
         let is_bounded = (least.is_some() && !by_type) || most.is_some();
         is_bounded.then(|| Self { least, above: above.is_some(), most, unit: text(UNIT), also: text(ALSO) })
@@ -366,7 +367,7 @@ macro_rules! settings {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
 mod tests {
     use super::*;
 

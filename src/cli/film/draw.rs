@@ -374,7 +374,7 @@ impl Film {
         for (number, group) in groups.iter().enumerate() {
             // Draw a group of views, with motion blur if requested.
             let wanted = if self.shutter.is_some() { Wanted::hdr() } else { self.format.wanted() };
-            let request = FrameRequest::of_group(snapshot, &groups, number).wanted(wanted);
+            let request = FrameRequest::for_group(snapshot, &groups, number).wanted(wanted);
             let mut drawn =
                 renderer.render(request).map_err(|error| CliError::render(error, &self.inputs.config.origin))?;
             times.plan_ms += drawn.times.plan_ms;
@@ -388,7 +388,7 @@ impl Film {
                     }
                 }
             }
-            let drawn = drawn.of_views(&group.views);
+            let drawn = drawn.with_views(&group.views);
             // Describe each picture and name its file.
             for image in pack(&rig, drawn.images) {
                 let view = &rig.views()[image.view];
@@ -447,7 +447,7 @@ impl Film {
                     let Moment { mut config, snapshot } = self.moment(frame, at, scene)?;
                     config.exposure = moment.config.exposure;
                     let groups = config.frame_groups()?;
-                    let request = FrameRequest::of_group(&snapshot, &groups, group).wanted(Wanted::hdr());
+                    let request = FrameRequest::for_group(&snapshot, &groups, group).wanted(Wanted::hdr());
                     let drawn = renderer.render(request.adapted_ev100(exposure_ev100));
                     drawn.map_err(|error| CliError::render(error, &self.inputs.config.origin))?
                 }

@@ -114,7 +114,7 @@ fn work(frames: &Receiver<AuditedFrame>, report: &AuditReport, one_core: &rayon:
         let scene = AuditedScene {
             most_pixels: PIXELS,
             numbers: Some(&group.views),
-            ..AuditedScene::of_group(&scene, &group, adapted)
+            ..AuditedScene::for_group(&scene, &group, adapted)
         };
         let frame = &rendered.frame;
         let found = one_core.install(|| audit(&scene, frame, limits));

@@ -384,8 +384,8 @@ impl Worker {
         let exposure = job.frame_group().settings.exposure;
         let adapted_ev100 = self.adapted_ev100(&job);
         let starts_adaptation = Adaptation::adapts(&exposure) && adapted_ev100.is_none();
-        let request = FrameRequest::of_group(&self.scene, job.frame_groups(), job.group)
-            .wanted_of_each(&job.wanted)
+        let request = FrameRequest::for_group(&self.scene, job.frame_groups(), job.group)
+            .wanted_per_view(&job.wanted)
             .sky_map(if rests { SkyMapUse::InTurn } else { SkyMapUse::Off })
             .adapted_ev100(adapted_ev100);
         let span = tracing::trace_span!(
@@ -454,7 +454,7 @@ impl Worker {
                     eye.last = Some((job.start, job.shows()));
                     eye.adaptation.observe(frame.exposure_ev100, frame.metered_ev100);
                 }
-                let frame = frame.of_views(views);
+                let frame = frame.with_views(views);
                 self.losses = 0;
                 let mut state = self.shared.state();
                 state.statistics.frames_rendered += 1;

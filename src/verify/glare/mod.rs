@@ -53,7 +53,7 @@ impl Context<'_> {
 
     /// Whether the method has a fixed kernel, so that one factor is fitted before it is judged.
     fn has_fixed_kernel(&self) -> bool {
-        PyramidAxes::of(self.glare.chosen(self.method())).is_some()
+        PyramidAxes::for_method(self.glare.chosen(self.method())).is_some()
     }
 
     /// Returns the kernel that glare should have.

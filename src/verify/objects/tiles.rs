@@ -42,7 +42,8 @@ fn mean_and_greatest_deg(angles_rad: impl Iterator<Item = f64>) -> [f64; 2] {
 /// Measures the weaknesses of atlases for the method under test; without impostors there are no errors.
 pub(in crate::verify) fn tiles(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let (method, tiles) = (context.settings.asteroids.impostor.chosen(), context.settings.asteroids.tiles);
-    let (Some(layout), Some(bound_rad)) = (AtlasLayout::of(method), direction_error_bound_rad(method, tiles)) else {
+    let (Some(layout), Some(bound_rad)) = (AtlasLayout::for_method(method), direction_error_bound_rad(method, tiles))
+    else {
         return Ok(vec![Figure::informative("no impostors, tiles", 0.0, "")]);
     };
     let error = |to_eye: DVec3| {
@@ -58,7 +59,9 @@ pub(in crate::verify) fn tiles(context: &mut Context<'_>) -> Result<Vec<Figure>,
     let mut shown = BTreeSet::new();
     for orientation in orientations(4 * ORIENTATIONS) {
         shown.extend(match layout {
-            AtlasLayout::Euler => Some(euler::tile(euler::Angles::of(orientation), tiles, euler::Rounding::Up)),
+            AtlasLayout::Euler => {
+                Some(euler::tile(euler::Angles::from_rotation(orientation), tiles, euler::Rounding::Up))
+            }
             AtlasLayout::Octahedral => Some(octahedral::nearest(orientation.transpose() * DVec3::Z, tiles)),
         });
     }
@@ -84,7 +87,7 @@ pub(in crate::verify) fn tiles(context: &mut Context<'_>) -> Result<Vec<Figure>,
 /// gimbal pole is 0.129 degrees from the eye is tilted by 0.06 degrees.
 fn swing_deg(method: ImpostorMethod, tiles: u32) -> f64 {
     let (from_pole, tilt) = (0.129_f64.to_radians(), 0.06_f64.to_radians());
-    if AtlasLayout::of(method) == Some(AtlasLayout::Euler) {
+    if AtlasLayout::for_method(method) == Some(AtlasLayout::Euler) {
         let [pitch, roll] = euler::pole_swing_rad(from_pole, tilt);
         return pitch.max(roll).to_degrees();
     }
@@ -107,7 +110,7 @@ fn swing_deg(method: ImpostorMethod, tiles: u32) -> f64 {
 fn narrower(method: ImpostorMethod) -> f64 {
     let (sin, cos) = 35.0_f64.to_radians().sin_cos();
     let middle = 1e4 * DVec3::new(sin, 0.0, -cos);
-    let along = match AtlasLayout::of(method) {
+    let along = match AtlasLayout::for_method(method) {
         // Parallel to the image plane.
         Some(AtlasLayout::Euler) => DVec3::X,
         // Perpendicular to the line of sight.

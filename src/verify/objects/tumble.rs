@@ -142,7 +142,7 @@ fn measure(
         camera_from_shape: tumble.view_from_shape(angle_deg, direction),
     };
     let posed: Vec<Posed> = tumble.angles_deg().enumerate().map(pose).collect();
-    let further_deg = STEP_DEG + tile_rad(AtlasLayout::of(settings.impostor), settings.tiles).to_degrees();
+    let further_deg = STEP_DEG + tile_rad(AtlasLayout::for_method(settings.impostor), settings.tiles).to_degrees();
     let turned: Vec<Posed> =
         tumble.angles_deg().map(|angle_deg| angle_deg + further_deg).enumerate().map(pose).collect();
     let view = |place: usize| View::new(&format!("step-{place}"), kind.clone(), orientation, eye_m(place, spacing_m));

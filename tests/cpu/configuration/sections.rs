@@ -461,9 +461,9 @@ fn mistakes_in_the_sections() {
     for (key, wrong, expected) in [
         ("white", "0.99", "between 1 and 1000000 times display white"),
         ("white", "inf", "finite"),
-        ("peak_cd_m2", "0", "above 0 and at most 1e6 cd/m^2"),
-        ("peak_cd_m2", "1e7", "above 0 and at most 1e6 cd/m^2"),
-        ("black_cd_m2", "-0.1", "between 0 and 50 cd/m^2"),
+        ("peak_cd_m2", "0", "above 0 and at most 1000000 cd/m^2"),
+        ("peak_cd_m2", "1e7", "above 0 and at most 1000000 cd/m^2"),
+        ("black_cd_m2", "-0.1", "between 0 and 500000 cd/m^2"),
         ("black_cd_m2", "50.1", "half of peak_cd_m2 = 100"),
         ("black_cd_m2", "nan", "finite"),
         ("desaturation", "1.1", "between 0 and 1"),

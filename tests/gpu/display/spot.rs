@@ -56,7 +56,7 @@ fn mean_of_cone(stars: &[StarRecord], across_deg: f64) -> f64 {
 
 fn draw(scene: &SceneSnapshot, settings: &RenderSettings, wanted: [Wanted; 2], adapted: Option<f64>) -> Frame {
     let rig = rig_of_two();
-    let request = FrameRequest::new(scene, &rig).settings(settings).wanted_of_each(&wanted).adapted_ev100(adapted);
+    let request = FrameRequest::new(scene, &rig).settings(settings).wanted_per_view(&wanted).adapted_ev100(adapted);
     renderer().render(request).unwrap()
 }
 

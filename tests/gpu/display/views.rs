@@ -40,8 +40,8 @@ fn own_settings(name: &str, change: impl FnOnce(&mut ViewSettings)) -> ViewSetti
 }
 
 fn draw(renderer: &mut Renderer, scene: &SceneSnapshot, groups: &[FrameGroup], number: usize) -> Frame {
-    let request = FrameRequest::of_group(scene, groups, number).wanted(Wanted::both());
-    renderer.render(request).unwrap().of_views(&groups[number].views)
+    let request = FrameRequest::for_group(scene, groups, number).wanted(Wanted::both());
+    renderer.render(request).unwrap().with_views(&groups[number].views)
 }
 
 #[test]
@@ -100,7 +100,7 @@ fn alternating_groups_create_no_gpu_objects_once_warm() {
     let mut made = Vec::new();
     for _ in 0..6 {
         for number in 0..groups.len() {
-            let request = FrameRequest::of_group(&scene, &groups, number).adapted_ev100(-5.0);
+            let request = FrameRequest::for_group(&scene, &groups, number).adapted_ev100(-5.0);
             made.push(renderer.render(request).unwrap().times.objects_made);
         }
     }

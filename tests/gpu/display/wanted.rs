@@ -34,7 +34,7 @@ fn rig_of_two() -> Rig {
 
 fn draw(settings: &RenderSettings, wanted: [Wanted; 2]) -> Frame {
     let (scene, rig) = (scene(), rig_of_two());
-    let request = FrameRequest::new(&scene, &rig).settings(settings).wanted_of_each(&wanted);
+    let request = FrameRequest::new(&scene, &rig).settings(settings).wanted_per_view(&wanted);
     renderer().render(request).unwrap()
 }
 
@@ -66,7 +66,7 @@ fn a_lit_body_in_an_unrequested_view_affects_exposure() {
     let rig = rig_of_two();
     let mut renderer = renderer();
     let mut draw = |scene: &SceneSnapshot, wanted: [Wanted; 2]| {
-        renderer.render(FrameRequest::new(scene, &rig).settings(&settings).wanted_of_each(&wanted)).unwrap()
+        renderer.render(FrameRequest::new(scene, &rig).settings(&settings).wanted_per_view(&wanted)).unwrap()
     };
     let both = draw(&scene, [Wanted::display(); 2]);
     let one = draw(&scene, [NOTHING, Wanted::display()]);

@@ -88,7 +88,7 @@ fn pyramids_equal_the_reference_in_every_projection() {
     let scene = stars_everywhere();
     let drawn = images(&mut renderer, &scene, &rig, &without_glare());
     for method in METHODS {
-        let axes = PyramidAxes::of(method).unwrap();
+        let axes = PyramidAxes::for_method(method).unwrap();
         for weights in WEIGHTS {
             let glaring = images(&mut renderer, &scene, &rig, &with_glare_of(method, weights, 0.5));
             for ((drawn, glaring), projection) in drawn.iter().zip(&glaring).zip(projections(&rig)) {

@@ -210,7 +210,7 @@ fn the_procedural_sky_equals_the_reference_in_every_projection() {
     settings.stars.cell_sky = sky;
     let frame = render_hdr(&mut renderer, &scene, &rig, &settings);
     assert!(frame.views.iter().all(|view| view.stars_drawn == 0));
-    assert_eq!(frame.plan.accumulator, "none: every pixel by itself");
+    assert_eq!(frame.plan.accumulator, "none: every pixel individually");
     assert!(frame.plan.stars.contains("no star of the catalogue") && frame.plan.certificate.is_empty());
     let world_from_view = world_from_camera * camera_from_view;
     for (view, image) in rig.views().iter().zip(&frame.images) {

@@ -219,7 +219,7 @@ fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
                 let eye = Eye { world_from_view: view_image.camera_from_view, ..Eye::default() };
                 let twin = draw(&scene.stars, eye, mapping, |_| Some(kernel));
                 // At the antipode of a full sphere, pixels are so small that the light of the Gaussian there is a few units of the sums.
-                let rounding = frame.plan.certificate.iter().find(|entry| entry.what.starts_with("rounding"));
+                let rounding = frame.plan.certificate.iter().find(|entry| entry.name.starts_with("rounding"));
                 let free_lx = match method {
                     StarMethod::PixelGaussian => 10.0 * rounding.expect("certified").bound,
                     _ => 0.0,

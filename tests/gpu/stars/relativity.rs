@@ -303,7 +303,7 @@ fn the_magnitude_limit_applies_to_the_received_light() {
 
 /// Unit of the coarsest sums, lx, from the certificate.
 fn unit_lx(frame: &Frame) -> f64 {
-    let units = frame.plan.certificate.iter().filter(|entry| entry.what.starts_with("rounding of "));
+    let units = frame.plan.certificate.iter().filter(|entry| entry.name.starts_with("rounding of "));
     units.map(|entry| entry.bound).fold(0.0, f64::max)
 }
 
@@ -390,15 +390,15 @@ fn zero_velocity_changes_nothing_and_a_tiny_one_almost_nothing() {
     };
     let at_rest = render([0.0; 3]);
     assert_eq!(bits(&at_rest), bits(&render([-0.0, 0.0, -0.0])));
-    assert!(at_rest.plan.certificate.iter().all(|entry| !entry.what.contains("in flight")));
+    assert!(at_rest.plan.certificate.iter().all(|entry| !entry.name.contains("moving camera")));
     let slow = render([0.0, 1e-9, 0.0]);
     let (a, b) = (total_illuminance_lx(&at_rest, &rig), total_illuminance_lx(&slow, &rig));
     assert!((b / a - 1.0).abs() < 1.5e-6, "{a} {b}");
     let fast = render([0.0, 0.9, 0.0]);
     assert_ne!(bits(&at_rest), bits(&fast));
-    let in_flight: Vec<_> = fast.plan.certificate.iter().filter(|entry| entry.what.contains("in flight")).collect();
+    let in_flight: Vec<_> = fast.plan.certificate.iter().filter(|entry| entry.name.contains("moving camera")).collect();
     for entry in &in_flight {
-        println!("0.9 c, certificate: {} {:.1e} {}", entry.what, entry.bound, entry.unit);
+        println!("0.9 c, certificate: {} {:.1e} {}", entry.name, entry.bound, entry.unit);
         assert!(entry.bound > 0.0 && entry.bound < 0.1);
     }
     assert_eq!(in_flight.len(), 3);
@@ -414,7 +414,7 @@ fn the_certificate_bounds_the_error_of_rounded_temperatures() {
     let scene = moving(vec![record(kelvin)], camera);
     let frame = render_hdr(&mut renderer(), &scene, &rig, &settings(StarMethod::BSpline));
     let bound =
-        frame.plan.certificate.iter().find(|entry| entry.what.contains("temperature in 11 bits")).expect("in flight");
+        frame.plan.certificate.iter().find(|entry| entry.name.contains("temperature in 11 bits")).expect("in flight");
     let mut worst = 0.0_f64;
     for part in 0..50 {
         let kelvin = f64::from(kelvin) * (1.0 + f64::from(part) * 1e-4);

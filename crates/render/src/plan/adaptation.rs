@@ -1,37 +1,37 @@
-//! Adaptation of the exposure over time: the exposure value approaches the metered one by 1 - exp(-dt/tau), which does not
-//! depend on how the time is cut into frames. Exposure values are EV at ISO 100, times seconds.
+//! Adaptation of the exposure over time: the exposure value approaches the metered one by 1 - exp(-dt/tau), independently
+//! of the frame rate. Exposure values are EV at ISO 100, times seconds.
 
 use super::settings::ExposureSettings;
 
-/// Closer than this to the metered value the exposure counts as adapted, EV.
+/// Difference from the metered value below which the exposure counts as adapted, EV.
 const CONVERGED_EV: f64 = 0.01;
-/// After this many time constants in front of a new picture the eye counts as adapted to it; 1 - exp(-5) is 99.3 %.
+/// Number of time constants after which the eye counts as adapted to a new picture; 1 - exp(-5) is 99.3 %.
 const ADAPTED_AFTER: f64 = 5.0;
 
-/// The state of one eye that looks at all views.
+/// State of one eye that looks at all views.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Adaptation {
-    /// What the eye is adapted to.
+    /// Exposure that the eye is adapted to.
     current: Option<f64>,
-    /// What the last frame asked for.
+    /// Exposure requested by the last frame.
     metered: Option<f64>,
 }
 
 impl Adaptation {
-    /// Whether the exposure follows what frames ask for, with a delay.
+    /// Whether the exposure follows the requests of frames, with a delay.
     pub fn adapts(settings: &ExposureSettings) -> bool {
         matches!(settings, ExposureSettings::Auto(auto) if auto.adaptation_s > 0.0)
     }
 
-    /// The exposure for a frame that comes `dt_s` after the last one that was observed; `None` for the fully adapted value:
-    /// before the first frame, without a time constant, and where the exposure is manual.
+    /// The exposure for a frame `dt_s` after the last observed one; `None`: the fully adapted value, which applies
+    /// before the first frame, without a time constant, and with manual exposure.
     ///
-    /// `new_for_s`: for how long the scene has been another than any frame has shown: since the last frame was begun, if this one
-    /// shows something else; otherwise 0. What the new picture asks for is known only when it is rendered: the eye has looked at
-    /// it for that time, and where it is long enough, it is adapted to it (`None`) and not to the picture before. Shortly after the
-    /// last frame, as in a stream, the goal is the last one known, which lags by that frame; by one more where this frame is planned
-    /// before the last one is observed. The time counts from the frame that was observed, so nothing is lost of what the eye has
-    /// adapted since.
+    /// `new_for_s`: how long the scene has differed from that of any frame: if this frame shows another scene, the time since the last frame was
+    /// begun; otherwise 0. The exposure that the new picture requires is known only when it is rendered. If the eye has looked at
+    /// it long enough, it is adapted to the new picture (`None`) and not to the previous one. Shortly after the
+    /// last frame, as in a stream, the goal is the last known one. It lags by that frame, and by one more if this frame is planned
+    /// before the last one is observed. The time counts from the observed frame, so no adaptation is
+    /// lost.
     pub fn exposure(&self, dt_s: f64, new_for_s: f64, settings: &ExposureSettings) -> Option<f64> {
         let ExposureSettings::Auto(auto) = settings else { return None };
         let tau_s = auto.adaptation_s;
@@ -41,8 +41,8 @@ impl Adaptation {
         Some(current + (metered - current) * share)
     }
 
-    /// Takes note of a frame: the exposure it had and the one it asks for. A value that is not finite (a frame without any
-    /// light that counts) leaves the goal where it was.
+    /// Observes a frame: its exposure, and the exposure that it requests. A value that is not finite (from a frame without
+    /// significant light) does not change the goal.
     pub fn observe(&mut self, exposure_ev100: f64, metered_ev100: f64) {
         if metered_ev100.is_finite() {
             self.metered = Some(metered_ev100);
@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_planned_before_the_last_one_is_observed_goes_on_where_that_one_is() {
+    fn a_frame_planned_before_the_last_one_is_observed_continues_from_it() {
         let mut eye = Adaptation::default();
         eye.observe(-3.0, 5.0);
         let ahead = eye.exposure(0.3, 0.2, &settings(0.5)).unwrap();
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn a_jump_from_night_to_the_sun_converges_and_nan_is_survived() {
+    fn a_jump_from_night_to_the_sun_converges_and_nan_is_ignored() {
         let mut eye = Adaptation::default();
         eye.observe(-20.0, 24.0);
         let mut frames = 0;
@@ -116,23 +116,23 @@ mod tests {
     }
 
     #[test]
-    fn no_time_constant_and_manual_exposure_ask_for_the_renderers_own_value() {
+    fn without_time_constant_or_with_manual_exposure_the_renderer_decides() {
         let mut eye = Adaptation::default();
         eye.observe(1.0, 2.0);
         assert_eq!(eye.exposure(0.1, 0.0, &settings(0.0)), None);
         let manual = ExposureSettings::manual(-3.0);
         assert_eq!(eye.exposure(0.1, 0.0, &manual), None);
-        assert!(eye.converged(&manual), "it has nothing to wait for");
+        assert!(eye.converged(&manual), "a manual exposure is constant");
     }
 
     #[test]
-    fn time_in_front_of_a_new_picture_adapts_to_that_picture() {
+    fn time_with_a_new_picture_adapts_to_that_picture() {
         let mut eye = Adaptation::default();
         eye.observe(10.0, 10.0);
         let settings = settings(0.5);
-        assert_eq!(eye.exposure(2.5, 2.5, &settings), None, "the eye had the time to adapt to what it sees");
-        assert_eq!(eye.exposure(2.4, 2.4, &settings), Some(10.0), "it still adapts, and goes on from where it was");
-        assert_eq!(eye.exposure(3600.0, 0.0, &settings), Some(10.0), "the same picture is adapted to already");
+        assert_eq!(eye.exposure(2.5, 2.5, &settings), None, "the eye had time to adapt to the new picture");
+        assert_eq!(eye.exposure(2.4, 2.4, &settings), Some(10.0), "it still adapts, from its last exposure");
+        assert_eq!(eye.exposure(3600.0, 0.0, &settings), Some(10.0), "it has adapted to the same picture already");
         eye.observe(10.0, 2.0);
         let expected = 2.0 + 8.0 * (-0.2_f64).exp();
         assert!(

@@ -1,85 +1,85 @@
-//! What an audit of a frame has found, as plain data: the errors of a sample of its pixels against f64, and what was not compared.
+//! Result of the audit of a frame, as plain data: errors of a sample of its pixels against f64, and images that were not compared.
 
 use serde::Serialize;
 
-/// The errors of a frame's images.
+/// Errors of a frame's images.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Audit {
-    /// Images compared, in the order of the frame.
+    /// Compared images, in the order of the frame.
     pub images: Vec<ImageAudit>,
-    /// What was not compared, and why; such images say nothing of the budget.
+    /// Images that were not compared, with the reason.
     pub not_audited: Vec<String>,
 }
 
 impl Audit {
-    /// The images that break their budgets.
+    /// Images that exceed their budgets.
     pub fn broken(&self) -> impl Iterator<Item = &ImageAudit> {
         self.images.iter().filter(|image| !image.within_budget)
     }
 
-    /// Whether a compared image breaks its budget.
+    /// Whether a compared image exceeds its budget.
     pub fn is_broken(&self) -> bool {
         self.broken().next().is_some()
     }
 }
 
-/// What an error of a pixel is measured in.
+/// Kind of image, which determines the unit of errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AuditedOutput {
-    /// A display image: codes of 8 bits beyond what rounding to a whole code explains.
+    /// A display image: codes of 8 bits beyond the rounding to a whole code.
     Display,
-    /// An HDR image: parts of what the budget allows, `flux` of the stars' light and `glare` of the veil.
+    /// An HDR image: multiples of the budget, `flux` of the stars' light and `glare` of the veil.
     Hdr,
 }
 
 impl AuditedOutput {
-    /// The unit of errors and budget.
+    /// Unit of errors and budget.
     pub fn unit(self) -> &'static str {
         match self {
             Self::Display => "codes of 8 bits beyond rounding",
-            Self::Hdr => "parts of the budget of flux and glare",
+            Self::Hdr => "multiples of the budget of flux and glare",
         }
     }
 }
 
-/// The errors of one image.
+/// Errors of one image.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ImageAudit {
-    /// The view's name.
+    /// Name of the view.
     pub view: String,
-    /// Which of its images; absent where it has one.
+    /// Part of the view; `None` if the view has only one image.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
-    /// Which kind of image.
+    /// Kind of image.
     pub output: AuditedOutput,
-    /// Pixels compared.
+    /// Number of compared pixels.
     pub pixels: usize,
-    /// Pixels of the sample that were not: an overlay covers them, or a star stands so close to a threshold that f32 may draw it otherwise.
+    /// Number of sampled pixels that were not compared: an overlay covers them, or f32 may draw a star differently because it is near a threshold.
     pub left_out: usize,
-    /// The error that 99.9 % of the channels of the pixels do not exceed.
+    /// Error that 99.9 % of the channels of all compared pixels do not exceed.
     pub error_999: f64,
-    /// The largest error.
+    /// Largest error.
     pub largest: f64,
-    /// What `error_999` may be at most.
+    /// Limit of `error_999`.
     pub budget: f64,
-    /// What `largest` may be at most.
+    /// Limit of `largest`.
     pub most: f64,
-    /// Unit of these four.
+    /// Unit of these errors and limits.
     pub unit: &'static str,
-    /// Whether both are within it.
+    /// Whether both errors are within their limits.
     pub within_budget: bool,
-    /// Where the largest error is; absent where nothing was compared.
+    /// Pixel with the largest error; `None` if no pixel was compared.
     pub worst: Option<WorstPixel>,
 }
 
 impl ImageAudit {
-    /// The image's name: that of its view, with its part.
+    /// Name of the image: that of its view, with its part.
     pub fn image(&self) -> String {
         self.part.as_ref().map_or_else(|| self.view.clone(), |part| format!("{}.{part}", self.view))
     }
 
-    /// What is told of it in one line.
+    /// The result in one line.
     pub fn in_words(&self) -> String {
         let Self { pixels, error_999, largest, budget, most, unit, .. } = self;
         let kind = match self.output {
@@ -104,21 +104,21 @@ impl ImageAudit {
     }
 }
 
-/// A pixel.
+/// A compared pixel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WorstPixel {
     /// Column.
     pub x: u32,
     /// Row.
     pub y: u32,
-    /// Why it is in the sample: near a bright star, dark, at an edge, anywhere.
+    /// Reason for sampling it: near a bright star, dark, at an edge, random.
     pub place: &'static str,
-    /// Unit vector towards it, world axes.
+    /// Unit vector towards the pixel, world axes.
     pub towards: [f64; 3],
     /// `R`, `G` or `B`.
     pub channel: &'static str,
-    /// What was drawn: a code from 0 to 255, or cd/m^2.
+    /// Drawn value: a code from 0 to 255, or cd/m^2.
     pub drawn: f64,
-    /// What f64 gives, before rounding.
+    /// Exact value, before rounding.
     pub exact: f64,
 }

@@ -1,7 +1,7 @@
-//! What an output can show: the error budget of a frame, in the unit of its output.
+//! Error budget of a frame, in the unit of its output.
 //!
-//! An HDR image keeps relative errors. A display image of 8 bits shows nothing below a part of a code: where the whole transform from
-//! luminance to the display value is steepest, a step of `display_codes` codes is the least luminance that counts
+//! An HDR image has relative errors. A display image of 8 bits resolves only codes: a luminance counts if it changes a display value by
+//! `display_codes` codes where the transform from luminance to display value is steepest
 //! ([`super::settings::ToneMapSettings::greatest_slope`]).
 
 use std::{f64::consts::PI, slice};
@@ -20,38 +20,38 @@ use crate::{
 
 /// Codes of an 8-bit image above black.
 const CODES: f64 = 255.0;
-/// Share of the budget that the veil of one source may take where it is not drawn by itself: it goes into the smooth part, which errs by far
-/// less than all of it.
+/// Fraction of the budget that the veil of one source may have without being drawn individually: such a veil is part of the smooth rest,
+/// whose error is far smaller than its total.
 const SHARE_OF_ONE_VEIL: f64 = 0.2;
 
-/// Steps of budgets per octave: automatic exposures that differ by less share what depends on the budget.
+/// Budget steps per octave: exposures that differ by less than a step share data that depends on the budget.
 const STEPS_PER_OCTAVE: f64 = 2.0;
-/// Angle of the pixels of a picture up to which the smooth part of a veil is smooth from pixel to pixel, rad.
+/// Greatest pixel angle of a picture for which the smooth part of a veil is smooth from pixel to pixel, rad.
 const MOST_PIXEL_OF_VEIL_RAD: f64 = 0.0123;
 
-/// What a frame is for.
+/// Output of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
-    /// Display images of 8 bits alone.
+    /// Display images of 8 bits only.
     Display,
-    /// HDR images, whatever else.
+    /// HDR images, with or without display images.
     Hdr,
 }
 
-/// Whether frames of display images alone may differ from those that have HDR images beside them: the veil of single sources, or the faint
-/// stars of a map, have a budget of their own there.
+/// Whether frames with display images only may differ from frames with HDR images: display images have a separate budget for the veil of
+/// single sources and for the faint stars of a map.
 pub fn draws_outputs_apart(settings: &RenderSettings, objects: &SceneObjects, viewports: &[Viewport]) -> bool {
     may_have_veil_in_sums(settings, objects, viewports) || may_read_map_alone(settings, objects, viewports)
 }
 
-/// Whether display images have a budget: where stars are added up, and no asteroids stand before them.
+/// Whether display images have a budget: if stars are summed in fixed point and there are no asteroid fields.
 fn has_budget(settings: &RenderSettings, objects: &SceneObjects) -> bool {
     settings.accuracy.display_codes > 0.0
         && settings.stars.method.accumulator() == Accumulator::FixedPoint
         && objects.fields.is_empty()
 }
 
-/// Whether frames of display images alone may have the veil of single sources in their sums of light.
+/// Whether frames with display images only may include the veil of single sources in their sums of light.
 pub fn may_have_veil_in_sums(settings: &RenderSettings, objects: &SceneObjects, viewports: &[Viewport]) -> bool {
     has_budget(settings, objects)
         && settings.glare.chosen(settings.stars.method) == GlareMethod::SkyCube
@@ -59,7 +59,7 @@ pub fn may_have_veil_in_sums(settings: &RenderSettings, objects: &SceneObjects, 
         && !viewports.iter().any(is_coarse)
 }
 
-/// Whether frames of display images without glare may read their faint stars from a map.
+/// Whether frames with display images and without glare may read their faint stars from a map.
 fn may_read_map_alone(settings: &RenderSettings, objects: &SceneObjects, viewports: &[Viewport]) -> bool {
     has_budget(settings, objects)
         && settings.stars.method == StarMethod::Auto
@@ -67,17 +67,18 @@ fn may_read_map_alone(settings: &RenderSettings, objects: &SceneObjects, viewpor
         && viewports.iter().any(|viewport| fit_one_map(slice::from_ref(viewport)))
 }
 
-/// Whether what is near in all pictures is near on the sky, so that smooth light is smooth from pixel to pixel.
+/// Whether adjacent pixels of all pictures are adjacent on the sky, so that smooth light is smooth from pixel to pixel.
 pub fn are_smooth(viewports: &[Viewport]) -> bool {
     !viewports.iter().any(surrounds)
 }
 
-/// Whether pixels are so large that single sources are no more than a pixel or two.
+/// Whether pixels are so large that single sources cover at most a pixel or two.
 fn is_coarse(viewport: &Viewport) -> bool {
     viewport.projection.middle_pixel_rad() > MOST_PIXEL_OF_VEIL_RAD
 }
 
-/// Whether a picture may show the surroundings of a direction in several places: round ones that of the direction behind them all along their rim, tables on both sides of a cut.
+/// Whether a picture may show the neighbourhood of a direction in several places: round pictures show the direction behind the view all along
+/// their rim, tables with a cut show directions on both sides of it.
 fn surrounds(viewport: &Viewport) -> bool {
     match &viewport.projection {
         Projection::Fisheye(fisheye) => fisheye.half_fov_rad > 0.9 * PI,
@@ -86,31 +87,31 @@ fn surrounds(viewport: &Viewport) -> bool {
     }
 }
 
-/// The least luminance that a display image with display white at `white_cd_m2` shows within its budget, cd/m^2, rounded down to half
-/// octaves; `None` where the budget asks for exact images. The display transform has the given greatest slope
+/// The least visible luminance of a display image with display white at `white_cd_m2` within its budget, cd/m^2, rounded down to half
+/// octaves; `None` if the budget requires exact images. `greatest_slope` is that of the display transform
 /// ([`super::settings::ToneMapSettings::greatest_slope`]).
 pub fn display_step_cd_m2(accuracy: &AccuracySettings, greatest_slope: f64, white_cd_m2: f64) -> Option<f64> {
     let step = accuracy.display_codes / CODES / greatest_slope * white_cd_m2;
     (step > 0.0 && step.is_finite()).then(|| ((step.log2() * STEPS_PER_OCTAVE).floor() / STEPS_PER_OCTAVE).exp2())
 }
 
-/// The luminance from which on the veil of one source is drawn by itself, for a display step in cd/m^2.
+/// Luminance from which the veil of a source is drawn individually, for a display step in cd/m^2.
 pub fn least_veil_cd_m2(display_step_cd_m2: f64) -> f64 {
     SHARE_OF_ONE_VEIL * display_step_cd_m2
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
     use crate::plan::settings::{ToneMapOperator, ToneMapSettings};
 
     #[test]
-    fn no_step_is_seen_within_half_a_code() {
+    fn a_step_changes_codes_by_at_most_half() {
         let accuracy = AccuracySettings::default();
         for operator in ToneMapOperator::ALL {
             let tone_map = ToneMapSettings::of(operator);
-            // `calibrated` goes by the display's own white.
+            // `calibrated` uses the display's own white.
             let white = if operator == ToneMapOperator::Calibrated { tone_map.peak_cd_m2 } else { 0.03 };
             let step = display_step_cd_m2(&accuracy, tone_map.greatest_slope(), white).unwrap();
             let code = |luminance: f64| 255.0 * tone_map.display_rgb([luminance; 3], white)[0];

@@ -1,4 +1,4 @@
-//! Why a frame cannot be planned: nothing of it has been drawn.
+//! Errors of planning: no part of the frame has been drawn.
 
 use super::overlay::OverlayPlanError;
 use crate::{
@@ -6,7 +6,7 @@ use crate::{
     view::RigError,
 };
 
-/// Why a scene cannot be drawn in these views with these settings within these limits.
+/// Reason why a scene cannot be drawn in these views with these settings within these limits.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlanError {
@@ -25,17 +25,17 @@ pub enum PlanError {
     /// The rig has more images than one frame can have.
     #[error("the views have {images} images in all: one frame has at most {limit}")]
     TooManyImages {
-        /// How many.
+        /// Number of images.
         images: usize,
         /// The limit.
         limit: usize,
     },
     /// The images of all views together take too much memory.
     #[error(
-        "view `{view}`: {bytes} bytes of pixels in all exceed what one frame may take ({limit} bytes): make the views smaller or fewer"
+        "view `{view}`: {bytes} bytes of pixels in all exceed the limit of one frame ({limit} bytes): make the views smaller or fewer"
     )]
     TooManyPixels {
-        /// The view that went over the limit.
+        /// The view that exceeds the limit.
         view: String,
         /// Bytes needed.
         bytes: u64,
@@ -47,18 +47,18 @@ pub enum PlanError {
         "view `{view}`: the tables of tabulated pictures take {bytes} bytes in all: this adapter binds {buffers} buffers of at most {limit}: make them smaller or fewer"
     )]
     TooLargeTables {
-        /// The view that went over the limit.
+        /// The view that exceeds the limit.
         view: String,
         /// Bytes needed.
         bytes: u64,
-        /// Buffers that they are spread over.
+        /// Number of buffers for the tables.
         buffers: usize,
         /// The limit.
         limit: u64,
     },
-    /// Kernels that are round in the sky go on beyond the cuts of a tabulated picture.
+    /// Kernels that are round on the sky extend beyond the cuts of a tabulated picture.
     #[error(
-        "view `{view}`: stars.method = `{method}` spreads light over the sky, and a tabulated picture with a cut, or of the full sphere, does not know what lies beyond its edges: set the method to auto, bspline or tent"
+        "view `{view}`: stars.method = `{method}` spreads light over the sky, and a tabulated picture with a cut, or of the full sphere, has no directions beyond its edges: set the method to auto, bspline or tent"
     )]
     RoundKernelAtCut {
         /// The view's name.
@@ -66,30 +66,30 @@ pub enum PlanError {
         /// The star method.
         method: &'static str,
     },
-    /// The kernels of stars reach farther than a tabulated picture knows directions.
+    /// The kernels of stars reach beyond the directions of a tabulated picture.
     #[error(
-        "view `{view}`: the kernels of stars.method = `{method}` reach {reach_px:.1} pixels, and a tabulated picture knows directions up to {limit_px} pixels beyond its border: make them narrower"
+        "view `{view}`: the kernels of stars.method = `{method}` reach {reach_px:.1} pixels, and a tabulated picture has directions up to {limit_px} pixels beyond its border: make them narrower"
     )]
     KernelBeyondTable {
         /// The view's name.
         view: String,
         /// The star method.
         method: &'static str,
-        /// How far they reach, pixels.
+        /// Reach, pixels.
         reach_px: f64,
         /// The limit.
         limit_px: f64,
     },
-    /// There is more of an overlay than one frame can hold.
+    /// The overlay has too many items for one frame.
     #[error("overlay: {0}")]
     Overlay(#[from] OverlayPlanError),
-    /// The point-spread function of `psf_texture` cannot be made or read.
+    /// The point-spread function of `psf_texture` cannot be computed or read.
     #[error("stars.psf_texture: {0}")]
     Psf(#[from] PsfError),
     /// A picture of a map of faint light cannot be a view.
     #[error("map of faint light: {0}")]
     Sky(#[from] RigError),
-    /// The kernel of glare cannot be made or read.
+    /// The glare kernel cannot be computed or read.
     #[error("glare: {0}")]
     Glare(#[from] GlareKernelError),
     /// A published method cannot draw for a moving camera.
@@ -99,17 +99,17 @@ pub enum PlanError {
     AtRestOnly(&'static str),
     /// `sky_cube` scatters the light of the catalogue's stars.
     #[error(
-        "glare.method = `sky_cube` reads the catalogue, of which stars.method = `{0}` draws no star: set glare.method to auto, view_pyramid, screen_pyramid or none"
+        "glare.method = `sky_cube` reads the catalogue, but stars.method = `{0}` draws none of its stars: set glare.method to auto, view_pyramid, screen_pyramid or none"
     )]
     GlareOfCatalogue(&'static str),
     /// The scene has more asteroids than the adapter can bind at once.
     #[error("{asteroids} asteroids in all fields: this adapter binds at most {limit} at once ({bytes} bytes)")]
     TooManyAsteroids {
-        /// How many there are.
+        /// Number of asteroids.
         asteroids: u64,
-        /// How many there may be.
+        /// Maximum number.
         limit: u64,
-        /// Bytes of one binding.
+        /// Maximum size of one binding, bytes.
         bytes: u64,
     },
     /// A set of shapes has more meshes than culling can count.
@@ -117,33 +117,33 @@ pub enum PlanError {
     TooManyMeshes {
         /// The field's name.
         field: String,
-        /// How many there are.
+        /// Number of meshes.
         meshes: usize,
-        /// How many there may be.
+        /// Maximum number.
         limit: usize,
     },
-    /// A field has no shape, or a shape no mesh.
+    /// A field has no shape, or a shape has no mesh.
     #[error("field `{field}`: it needs at least one shape, and every shape at least one mesh with triangles")]
     NoShape {
         /// The field's name.
         field: String,
     },
-    /// The lists of asteroids take more than the adapter can bind at once.
+    /// The lists of asteroids exceed the adapter's binding size.
     #[error(
         "lists of up to {needed} asteroids for all views: this adapter holds {limit}: use fewer views or asteroids, or a lower asteroids.quality"
     )]
     AsteroidLists {
         /// Entries needed.
         needed: u64,
-        /// Entries there is room for.
+        /// Maximum number of entries.
         limit: u64,
     },
-    /// A published star method leaves no room for anything else.
+    /// A published star method draws only stars.
     #[error(
-        "stars.method = `{0}` draws stars alone: bodies, asteroid fields, and the ground and air of an observer need auto, bspline, tent or pixel_gaussian"
+        "stars.method = `{0}` draws only stars: bodies, asteroid fields, and the ground and air of an observer need auto, bspline, tent or pixel_gaussian"
     )]
     StarsOnly(&'static str),
-    /// Bodies and asteroids are drawn as a resting camera sees them.
+    /// Bodies and asteroids are drawn for a camera at rest.
     #[error(
         "bodies, asteroid fields, and the ground and air of an observer are drawn for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or remove them"
     )]

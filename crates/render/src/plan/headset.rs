@@ -43,7 +43,7 @@ pub enum ReferenceSpace {
     Stage,
 }
 
-/// What `serve` does after the user has ended the session in the menu of the runtime.
+/// Behaviour of `serve` after the user has ended the session in the menu of the runtime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AfterExit {
@@ -77,7 +77,7 @@ pub struct HeadsetSettings {
     /// Turn rate at full deflection of the thumbstick.
     #[schemars(range(min = 0.0, max = 360.0), extend("x-unit" = "deg/s"))]
     pub turn_deg_s: f64,
-    /// What `serve` does after the user has ended the session in the menu of the runtime.
+    /// Behaviour of `serve` after the user has ended the session in the menu of the runtime.
     pub after_exit: AfterExit,
 }
 

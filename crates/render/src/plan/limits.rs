@@ -1,4 +1,4 @@
-//! What planning asks of an adapter, as plain numbers.
+//! Limits of an adapter for plans, as plain numbers.
 
 use serde::Serialize;
 
@@ -14,18 +14,18 @@ use crate::view::{
     projection::{FRINGE, PlaneMapping, Projection},
 };
 
-/// Memory that the pixels of one frame may take in all, bytes.
+/// Maximum memory of the pixels of one frame, bytes.
 const MAX_FRAME_BYTES: u64 = 12 << 30;
 /// Bytes of a pixel of the display image.
 pub const DISPLAY_BYTES: u64 = 4;
-/// What a pixel takes at most: sums (or HDR image) and display image, on the adapter, in readback and in the frame.
+/// Maximum memory of a pixel: sums (or HDR image) and display image, on the adapter, in readback and in the frame.
 const FRAME_BYTES_PER_PIXEL: u64 = 3 * (BYTES_PER_PIXEL + DISPLAY_BYTES) + BYTES_PER_PIXEL / 2;
 
 /// Limits and abilities of an adapter that plans depend on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct Limits {
-    /// Bytes that one buffer binding may have.
+    /// Maximum size of one buffer binding, bytes.
     pub max_binding_bytes: u64,
     /// Largest side of a view or a texture, pixels.
     pub max_view_side_px: u32,
@@ -36,14 +36,14 @@ pub struct Limits {
 }
 
 impl Default for Limits {
-    /// Those of a software Vulkan driver.
+    /// Limits of a software Vulkan driver.
     fn default() -> Self {
         Self { max_binding_bytes: 128 << 20, max_view_side_px: 16384, wide_sums: true, blend_texel_bytes: 16 }
     }
 }
 
 impl Limits {
-    /// How light adds up within these limits, as plans report it.
+    /// Name of the accumulator within these limits, as reported in plans.
     pub fn accumulator_name(&self, accumulator: Accumulator) -> &'static str {
         match accumulator {
             Accumulator::FixedPoint if self.wide_sums => "fixed point, 2 x 64 bits",
@@ -51,15 +51,15 @@ impl Limits {
             Accumulator::PackedCompareExchange => "two halves in a word, compare-exchange",
             Accumulator::Blending if self.blend_texel_bytes >= 16 => "additive blending, 32-bit floats",
             Accumulator::Blending => "additive blending, 16-bit floats",
-            Accumulator::PerPixel => "none: every pixel by itself",
+            Accumulator::PerPixel => "none: every pixel individually",
         }
     }
 
-    /// Whether the images of a rig can be held.
+    /// Checks that the images of a rig can be held.
     ///
     /// # Errors
     ///
-    /// The first view that is too large, or that is one too many.
+    /// The first view that is too large or exceeds a total.
     pub fn check(&self, rig: &Rig) -> Result<(), PlanError> {
         let limit = self.max_view_side_px;
         let mut bytes = 0;
@@ -97,8 +97,8 @@ impl Limits {
         Ok(())
     }
 
-    /// Whether kernels that are round in the sky find their pixels in the tabulated pictures of a rig: these have no pixels
-    /// beyond a cut, and know directions no farther than so many pixels from their border.
+    /// Checks that kernels that are round on the sky find their pixels in the tabulated pictures of a rig: these have no pixels
+    /// beyond a cut, and contain directions only up to a number of pixels from their border.
     pub(super) fn check_round_kernels(
         rig: &Rig,
         method: &'static str,
@@ -120,8 +120,8 @@ impl Limits {
         Ok(())
     }
 
-    /// Whether the texture that methods which blend draw the largest image into leaves room for the images themselves: for a
-    /// fisheye of a few degrees it is a cube's face as fine as the picture, far larger than the picture.
+    /// Checks that the texture into which blending methods draw the largest image leaves memory for the images themselves. For a
+    /// fisheye of a few degrees, the texture is a cube's face with the picture's resolution, which is far larger than the picture.
     pub(super) fn check_blended(&self, rig: &Rig) -> Result<(), PlanError> {
         let images = || rig.views().iter().flat_map(|view| view.images.iter().map(move |image| (view, image)));
         let pixels: u64 =
@@ -135,7 +135,7 @@ impl Limits {
         Ok(())
     }
 
-    /// Bytes of the texture that a picture is blended into.
+    /// Size of the texture that a picture is blended into, bytes.
     fn blended_bytes(&self, projection: &Projection) -> u64 {
         let cube = CubeFaces::for_projection(projection, self.max_view_side_px);
         let (size, layers) =

@@ -1,38 +1,58 @@
-//! What is drawn how, as plain data in f64, with no GPU in sight: settings that name methods, and the plan that a frame follows.
+//! Decides how a frame is drawn, as plain data in f64, without a GPU.
 //!
-//! `settings` names the methods, `frame` makes the plan of a frame and `certificate` the bounds of its approximations, `audit` what comparing a frame with f64 has found. `exposure` finds the
-//! exposure as far as it follows from the plan, `view_settings` which views are drawn together. `costs` says which of two ways that keep the budget is
-//! taken, `tiles` cuts viewports into what the adapter can hold, `tables` spreads tables of pictures over buffers. Each technique has a folder: `stars` (culling, fixed-point ranges, kernels, motion, the
-//! numbers of the methods that blend), `bodies`, `asteroids` and `glare`; `smooth_light` chooses the map of faint
-//! stars.
+//! [`settings`] names the methods. `frame` makes the plan of a frame: `sequence` lists the techniques, each of which plans its own part
+//! through the interface in `technique`. A technique has a folder or a file with the name that it has in `crate::render`; `views` has the
+//! viewports and tiles that all techniques share, `kept` the results that several of them reuse.
+//!
+//! `methods` holds the decisions that follow from the settings alone, and those that are known before the first frame. `certificate` states
+//! the bounds of all approximations, `audit` the result of comparing a frame with f64. `view_settings` groups views that are drawn
+//! together. `costs` decides between two methods that both keep the error budget. `tiles` divides viewports into pieces that fit into a
+//! binding, and `tables` distributes the tables of pictures over buffers.
 
 pub mod adaptation;
+mod air;
 pub mod asteroids;
 pub mod audit;
 pub mod bodies;
 pub mod budget;
 mod certificate;
 pub mod costs;
+mod diffuse;
+mod display;
 mod error;
 pub mod exposure;
 mod frame;
 pub mod glare;
 mod headset;
+mod kept;
 mod limits;
+mod methods;
 pub mod overlay;
+mod sequence;
 pub mod settings;
 pub mod smooth_light;
 pub mod stars;
 pub(crate) mod tables;
+mod technique;
 pub mod tiles;
 pub mod view_settings;
+mod views;
 
+pub use air::AirPlan;
 pub use budget::Output;
-pub use certificate::{Approximation, FramePlan, StarPlan, plan_stars};
+pub use certificate::{Approximation, FramePlan};
+pub use diffuse::DiffusePlan;
+pub use display::DisplayPlan;
 pub use error::PlanError;
-pub use frame::{ExposureSource, GlarePlan, Plan, PlanOutputs, Planner, SkyUse, VeilInSums, check_together};
+pub use exposure::{ExposurePlan, MeteringPlan};
+pub use frame::{ExposureSource, Plan, PlanOutputs, Planner, SkyUse, check_together};
+pub use glare::{GlareMap, GlarePlan, VeilInSums};
 pub use limits::{DISPLAY_BYTES, Limits};
+pub use methods::{Forecast, Methods};
+pub use smooth_light::SmoothLightPlan;
+pub use stars::StarsPlan;
 pub use stars::kernels::{
     BSPLINE_FLICKER, GAUSSIAN_FLICKER, GaussianKernel, GaussianWidth, KernelPlan, PLANE_GAUSSIAN_FLICKER,
     TENT_FLICKER_AT_WHITE, TENT_FLICKER_PER_PEAK, bspline_peak_within, gaussian_of,
 };
+pub use views::ViewsPlan;

@@ -1,9 +1,9 @@
-//! The map of faint light: six round pictures of the whole sky, fixed in the world, in which the stars are added up that a display image
-//! shows no more than a few steps of. A frame reads the map pixel by pixel, so that these stars cost it nothing one by one, however many
-//! they are. It is made anew where the camera is elsewhere, and stays while the camera turns.
+//! The map of faint light: six round pictures of the whole sky, fixed in the world, which contain the sum of all stars that are only a few
+//! steps bright in a display image. A frame reads the map pixel by pixel, so that its cost does not depend on the number of these
+//! stars. The map is made again for another camera position, and is reused while the camera turns.
 //!
-//! The pictures are those of [`crate::sky_pictures`]: no star is cut by an edge. A star is shared among four texels (the tent) and a pixel is read
-//! between four (the tent again): in the mean a variance of (1/6 + 1/6) texels^2, which [`TEXEL_PX`] makes that of the tent, 1/6 px^2, as
+//! The pictures are those of [`crate::sky_pictures`]: no star is cut by an edge. A star is divided among four texels (the tent), and a pixel is
+//! interpolated between four (the tent again): on average a variance of (1/6 + 1/6) texels^2. [`TEXEL_PX`] makes it equal to that of the tent, 1/6 px^2, with
 //! which exact images draw such stars.
 
 use std::{
@@ -15,10 +15,12 @@ use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
 use super::{
-    Limits, costs,
+    Approximation, Limits, Plan, PlanError, SkyUse, costs,
     glare::sky_cube::map_place_pc,
+    kept::Kept,
     settings::{ExposureSettings, GlareMethod, RenderSettings, StarMethod},
     stars::cull::{light_at, near_stars},
+    technique::{PlanInputs, Step, Technique},
 };
 use crate::{
     catalogue::{
@@ -35,43 +37,43 @@ use crate::{
     },
 };
 
-/// Side of a texel in the middle of a view, pixels.
+/// Side of a texel at the centre of a view, pixels.
 const TEXEL_PX: f64 = 0.707;
 /// Illuminance of the brightest star of the map over the solid angle of the smallest pixel, in steps of the display image.
-pub(super) const BRIGHTEST_STEPS: f64 = 1.15;
-/// Smallest solid angle of a pixel over that of the middle one, and largest ratio of the middle pixels of two views, for which the
-/// texels of one map fit.
+const BRIGHTEST_STEPS: f64 = 1.15;
+/// Least ratio of the smallest pixel to the central one (solid angles), and greatest ratio of the central pixels of two views, for which
+/// one map has a suitable resolution.
 const LEAST_PIXEL_RATIO: f64 = 0.45;
 const MOST_VIEW_RATIO: f64 = 1.25;
-/// An eye farther away from the camera would see the map's stars elsewhere.
+/// Greatest distance of an eye from the camera for which the map's stars have the right direction.
 const FARTHEST_EYE_M: f64 = 1e9;
 
-/// Which map a frame reads.
+/// A map that a frame reads.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkyMap {
-    /// Where its stars are seen from, pc.
+    /// Position from which its stars are seen, pc.
     pub place_pc: DVec3,
-    /// The stars below this belong to it, lx.
+    /// Fainter stars belong to the map, lx.
     pub below_lx: f64,
-    /// Fainter ones are not drawn at all, lx.
+    /// Still fainter stars are not drawn at all, lx.
     pub faintest_lx: f64,
-    /// Luminance that texels are stored in units of: a step of the display image, cd/m^2.
+    /// Unit of its texels: a step of the display image, cd/m^2.
     pub unit_cd_m2: f64,
     /// Side of a picture, texels.
     pub side: u32,
 }
 
-/// One of the pictures that a map is made of.
+/// One of the pictures of a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkyFace {
     /// The map.
     pub map: SkyMap,
-    /// Number of the picture: +x, +y, +z, -x, -y, -z of the world.
+    /// Index of the picture: +x, +y, +z, -x, -y, -z of the world.
     pub number: u32,
 }
 
 impl SkyMap {
-    /// The camera of its pictures, m.
+    /// Position of the camera of its pictures, m.
     pub fn camera_m(&self) -> DVec3 {
         self.place_pc * PARSEC_M
     }
@@ -90,23 +92,23 @@ impl SkyMap {
         self.pictures().texel_rad()
     }
 
-    /// What the stars beside the map have at least, lx, with room for the rounding of their places in other chunks.
+    /// Least illuminance of the stars outside the map, lx, with a margin for the rounding of their positions in other chunks.
     pub fn others_from_lx(&self) -> f64 {
         self.below_lx * (1.0 - 1e-5)
     }
 
-    /// Texels of all pictures.
+    /// Number of texels of all pictures.
     pub fn texels(&self) -> u64 {
         self.pictures().texels()
     }
 }
 
 impl SkyFace {
-    /// The picture as a rig of one view, for a camera along the axes of the world.
+    /// The picture as a rig of one view, for a camera along the world axes.
     ///
     /// # Errors
     ///
-    /// None that a map within the limits could have.
+    /// None for a map within the limits.
     pub fn rig(&self) -> Result<Rig, RigError> {
         let kind = ViewKind::Fisheye {
             size: [self.map.side; 2],
@@ -116,7 +118,7 @@ impl SkyFace {
         Rig::new(vec![View::new("sky", kind, DQuat::from_mat3(&world_from_face(self.number)), DVec3::ZERO)?])
     }
 
-    /// How it is drawn: the faint stars alone, as they are.
+    /// Settings for drawing the picture: only the faint stars, without glare.
     pub fn settings(&self, of_frame: &RenderSettings) -> RenderSettings {
         let mut settings = of_frame.clone();
         settings.stars.method = StarMethod::Tent;
@@ -127,12 +129,12 @@ impl SkyFace {
     }
 }
 
-/// What the choice of a map goes by.
-pub(super) struct SkyInputs<'a> {
+/// Inputs for the choice of a map.
+struct SkyInputs<'a> {
     pub settings: &'a RenderSettings,
     pub stars: &'a Arc<StarSet>,
     pub camera_pc: DVec3,
-    /// Those that are drawn.
+    /// Drawn viewports.
     pub viewports: &'a [Viewport],
     /// Step of the display image, cd/m^2.
     pub step_cd_m2: f64,
@@ -140,41 +142,94 @@ pub(super) struct SkyInputs<'a> {
     pub limits: &'a Limits,
 }
 
-/// A map that a frame reads, and what it divides the stars into.
+/// A map that a frame reads, and the stars that it contains or leaves.
 #[derive(Clone, Debug)]
 pub struct SkyPlan {
     /// The map.
     pub map: SkyMap,
-    /// Stars of the map.
+    /// Number of stars in the map.
     pub in_map: u64,
-    /// The others: in chunks of their own, which are full, since few stars of each chunk of the scene are left.
+    /// The other stars, in separate, full chunks, since only few stars of each chunk of the scene are left.
     pub others: Arc<StarSet>,
 }
 
-/// Chooses maps, and keeps what the stars are divided into for the last one.
+/// The map of faint light of a frame.
+#[derive(Clone, Default)]
+pub struct SmoothLightPlan {
+    /// The map that the frame reads; `None`: it draws all stars individually.
+    pub map: Option<SkyPlan>,
+    /// The picture of a map that the frame draws.
+    pub face: Option<SkyFace>,
+}
+
+/// Plans [`SmoothLightPlan`], and keeps how the last map divides the stars.
 #[derive(Default)]
-pub(super) struct SkyMaps {
+pub(super) struct SmoothLight {
     divided: Option<(Weak<StarSet>, SkyPlan)>,
 }
 
-impl SkyMaps {
-    /// The map for these views, and what it divides the stars into; `None` where one does not fit them, or does not pay.
-    pub(super) fn choose(&mut self, inputs: &SkyInputs<'_>) -> Option<SkyPlan> {
+impl SmoothLight {
+    /// Chooses the map for these views and divides the stars; `None`: no map fits, or it is not worth its cost.
+    fn choose(&mut self, inputs: &SkyInputs<'_>) -> Option<SkyPlan> {
         let map = fitting(inputs)?;
         let SkyInputs { stars, viewports, .. } = inputs;
         let pixels: f64 = viewports.iter().map(|viewport| viewport.size().map(f64::from).iter().product::<f64>()).sum();
         let share: f64 = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum::<f64>() / (4.0 * PI);
         let pays = |in_map: f64| in_map * share >= costs::BUILT_IN.map_from_stars_per_pixel * pixels;
-        // Before they are looked at one by one.
+        // Check before dividing the stars.
         if !pays(stars.stars.len() as f64) {
             return None;
         }
-        let is_of = |of: &Weak<StarSet>| of.upgrade().is_some_and(|of| Arc::ptr_eq(&of, stars));
-        let held = self.divided.as_ref().filter(|(of, divided)| divided.map == map && is_of(of));
+        let is_of = |held: &Weak<StarSet>| held.upgrade().is_some_and(|held| Arc::ptr_eq(&held, stars));
+        let held = self.divided.as_ref().filter(|(set, divided)| divided.map == map && is_of(set));
         let divided = held.map_or_else(|| divide(stars, map), |(_, divided)| divided.clone());
         self.divided = Some((Arc::downgrade(stars), divided.clone()));
         pays(divided.in_map as f64).then_some(divided)
     }
+}
+
+impl Technique for SmoothLight {
+    fn plan(
+        &mut self,
+        step: Step,
+        inputs: &PlanInputs<'_>,
+        _kept: &mut Kept,
+        plan: &mut Plan,
+    ) -> Result<(), PlanError> {
+        match step {
+            Step::Light => {
+                // Without a known exposure all stars have been selected already, to estimate it.
+                let may_read_map = inputs.sky == SkyUse::Map
+                    && plan.exposure.known_white_ev100.is_some()
+                    && plan.views.motion.is_none();
+                let step_cd_m2 = plan.display.step_cd_m2.filter(|_| may_read_map);
+                plan.smooth_light.map = step_cd_m2.and_then(|step_cd_m2| {
+                    self.choose(&SkyInputs {
+                        settings: inputs.settings,
+                        stars: &inputs.scene.stars,
+                        camera_pc: plan.views.camera_pc,
+                        viewports: &plan.views.viewports,
+                        step_cd_m2,
+                        faintest_lx: plan.stars.faintest_lx,
+                        limits: inputs.limits,
+                    })
+                });
+                plan.smooth_light.face = if let SkyUse::Face(face) = inputs.sky { Some(face) } else { None };
+            }
+            Step::Report => {
+                let bound = plan.smooth_light.map.as_ref().map(|_| map_error(inputs.settings.accuracy.display_codes));
+                plan.report.certificate.extend(bound);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// Bound of the error of a star that is part of the map: weights of its kernel and of the tent are between 0 and 1.
+fn map_error(display_codes: f64) -> Approximation {
+    let name = "a star in the map of faint light, compared with the star drawn individually";
+    Approximation::new(name, BRIGHTEST_STEPS * display_codes, "codes of 8 bits", Some(display_codes))
 }
 
 fn fitting(inputs: &SkyInputs<'_>) -> Option<SkyMap> {
@@ -197,12 +252,12 @@ fn fitting(inputs: &SkyInputs<'_>) -> Option<SkyMap> {
         .then_some(map)
 }
 
-/// Whether the texels of one map are of the right size for all of these views.
+/// Whether the texels of one map have the right size for all of these views.
 pub(super) fn fit_one_map(viewports: &[Viewport]) -> bool {
     finest_pixel_rad(viewports).is_some()
 }
 
-/// The smallest middle pixel of views that one map fits, rad; `None` where it does not fit them.
+/// The smallest central pixel of the views, rad; `None`: no map fits all of them.
 fn finest_pixel_rad(viewports: &[Viewport]) -> Option<f64> {
     let fits = |viewport: &Viewport| {
         let projection = &viewport.projection;
@@ -220,7 +275,7 @@ fn finest_pixel_rad(viewports: &[Viewport]) -> Option<f64> {
     (!viewports.is_empty() && viewports.iter().all(fits) && most <= MOST_VIEW_RATIO * least).then_some(least)
 }
 
-/// Divides the stars.
+/// Divides the stars between map and frame.
 fn divide(set: &StarSet, map: SkyMap) -> SkyPlan {
     let of_chunk = |chunk: &Chunk| {
         let origin_pc = if chunk.at_infinity { DVec3::ZERO } else { chunk.origin_pc - map.place_pc };
@@ -242,7 +297,7 @@ fn divide(set: &StarSet, map: SkyMap) -> SkyPlan {
     SkyPlan { map, in_map, others: Arc::new(StarSet::from_records(others)) }
 }
 
-/// A star of the scene as a catalogue would have it. Packed again it has the very same light, so that it keeps its kernel.
+/// A star of the scene as a catalogue record. Packed again it has exactly the same light, so it gets the same kernel.
 fn record_of(map: &SkyMap, chunk: &Chunk, place: DVec3, star: &PackedStar) -> StarRecord {
     let (position, of_lx) = match chunk.at_infinity {
         true => (place, star.illuminance_at_1_pc_lx()),
@@ -257,7 +312,7 @@ fn record_of(map: &SkyMap, chunk: &Chunk, place: DVec3, star: &PackedStar) -> St
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
     use crate::{sky_pictures::SKY_FACES, units::illuminance_lx_from_magnitude};
@@ -273,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn every_direction_lies_in_the_picture_of_its_largest_axis() {
+    fn every_direction_is_in_the_picture_of_its_largest_axis() {
         for side in [64, 838, 2400] {
             let map = map(side);
             let viewports: Vec<Viewport> = (0..SKY_FACES)
@@ -290,7 +345,7 @@ mod tests {
                 let pixel = viewport.projection.mapping().pixel_from_direction(in_view).unwrap();
                 let off = pixel - 0.5 * f64::from(side);
                 assert!(off.length() < 0.5 * f64::from(side) - 3.0, "{side} {towards} {off}");
-                // Right, up and forwards are world axes, as the shader has them.
+                // Right, up and forwards are world axes, as in the shader.
                 let sign = if towards[axis] < 0.0 { -1.0 } else { 1.0 };
                 let [right, up] = [sign * towards[(axis + 2) % 3], towards[(axis + 1) % 3]];
                 let scale = (right.hypot(up)).atan2(towards[axis].abs()) / right.hypot(up) / map.texel_rad();
@@ -300,7 +355,7 @@ mod tests {
     }
 
     #[test]
-    fn each_star_is_in_the_map_or_beside_it() {
+    fn each_star_is_either_in_the_map_or_outside_it() {
         let records = (0..20_000)
             .map(|i| {
                 let turn = f64::from(i) * 2.399_963;

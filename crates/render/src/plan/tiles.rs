@@ -1,10 +1,10 @@
-//! Cutting viewports into tiles that fit the adapter: a tile is a run of rows of one viewport, a batch is as many tiles as
+//! Divides viewports into tiles that fit the adapter: a tile is a run of rows of one viewport, a batch contains as many tiles as
 //! fit into one buffer. The stars are read once per batch.
 
-/// Tiles that one batch may hold: a star item names its tiles in 32 bits.
+/// Maximum number of tiles in a batch: a star item has a bit set of 32 bits.
 pub const MAX_TILES: usize = 32;
 
-/// Bytes per pixel of the accumulators, and of the HDR image that takes their place.
+/// Bytes per pixel of the sums, and of the HDR image that replaces them.
 pub const BYTES_PER_PIXEL: u64 = 16;
 
 /// A run of rows of one viewport.
@@ -29,7 +29,7 @@ pub struct Batch {
     pub pixels: u64,
 }
 
-/// Cuts viewports of the given sizes into batches of at most `max_pixels` pixels. A row is never cut, so `max_pixels` must
+/// Divides viewports of the given sizes into batches of at most `max_pixels` pixels. A row is never divided, so `max_pixels` must
 /// be at least the width of the widest viewport.
 pub fn batches(sizes: &[[u32; 2]], max_pixels: u64) -> Vec<Batch> {
     let mut batches = vec![];
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn no_views_make_no_batches_and_many_small_views_several() {
+    fn no_views_give_no_batches_and_many_small_views_give_several() {
         assert!(batches(&[], 100).is_empty());
         assert_eq!(batches(&[[1, 1]; 70], 1000).len(), 3);
     }

@@ -53,7 +53,7 @@ impl Frame {
     ///
     /// `numbers` has fewer entries than there are views.
     #[must_use]
-    pub fn of_views(mut self, numbers: &[usize]) -> Self {
+    pub fn with_views(mut self, numbers: &[usize]) -> Self {
         for image in &mut self.images {
             image.view = numbers[image.view];
         }

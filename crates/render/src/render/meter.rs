@@ -16,18 +16,14 @@ use super::{
     technique::{FrameInputs, Outputs, Series},
 };
 use crate::{
-    plan::{
-        ExposureSource, Output, PlanError, PlanOutputs, Planner,
-        settings::{Metering, RenderSettings},
-        view_settings::{meter_settings, spot_rig},
-    },
+    plan::{ExposureSource, Output, PlanOutputs, Planner, exposure::origin::ExposureOrigin, settings::RenderSettings},
     scene::SceneSnapshot,
     view::Rig,
 };
 
-/// Targets of meters, created by the first frame that needs them.
+/// Buffers of meters, created by the first frame that needs them.
 #[derive(Default)]
-pub(super) struct Meter {
+pub(super) struct MeterTargets {
     targets: Option<Targets>,
     slot: Option<FrameSlot>,
 }
@@ -56,26 +52,21 @@ impl Renderer {
     pub(super) fn meter_for(&mut self, request: &FrameRequest<'_>, series: Series) -> Result<Metered, RenderError> {
         let FrameRequest { scene, adapted_ev100, .. } = *request;
         let (rig, settings) = request.exposed_as.unwrap_or((request.rig, request.settings));
-        let exposure = &settings.exposure;
-        let is_exposed_by_others = request.exposed_as.is_some();
         let meter_series = Series { slot: series.slot + 1, ..series };
-        if is_exposed_by_others && exposure.uses(Metering::LimitingMagnitude) {
-            let planner = &mut self.planners[meter_series.slot];
-            let planned = planner.exposure(scene, rig, settings, &self.limits)?;
-            let source = planned.map_or(ExposureSource::Own, ExposureSource::Planned);
-            return Ok(Metered { exposure: source, adapted_ev100, buffer: None });
+        match ExposureOrigin::new(rig, settings, request.exposed_as.is_some())? {
+            ExposureOrigin::Own => Ok(Metered { exposure: ExposureSource::Own, adapted_ev100, buffer: None }),
+            ExposureOrigin::Plan => {
+                let planner = &mut self.planners[meter_series.slot];
+                let planned = planner.exposure(scene, rig, settings, &self.limits)?;
+                let source = planned.map_or(ExposureSource::Own, ExposureSource::Planned);
+                Ok(Metered { exposure: source, adapted_ev100, buffer: None })
+            }
+            ExposureOrigin::Picture { rig, settings } => {
+                let (buffer, adapted_ev100) = self.draw_meter(scene, &rig, &settings, adapted_ev100, meter_series)?;
+                let adapted_ev100 = Some(adapted_ev100);
+                Ok(Metered { exposure: ExposureSource::Meter, adapted_ev100, buffer: Some(buffer) })
+            }
         }
-        let spot = spot_rig(rig, exposure).map_err(PlanError::from)?;
-        let metered = match &spot {
-            Some(spot) => Some(spot),
-            None => Some(rig).filter(|_| is_exposed_by_others && exposure.uses(Metering::Mean)),
-        };
-        let Some(metered) = metered else {
-            return Ok(Metered { exposure: ExposureSource::Own, adapted_ev100, buffer: None });
-        };
-        let settings = meter_settings(settings);
-        let (buffer, adapted_ev100) = self.draw_meter(scene, metered, &settings, adapted_ev100, meter_series)?;
-        Ok(Metered { exposure: ExposureSource::Meter, adapted_ev100: Some(adapted_ev100), buffer: Some(buffer) })
     }
 
     /// Draws and meters a picture. Returns the result on the device, and the exposure of the frame to be drawn:
@@ -95,15 +86,14 @@ impl Renderer {
         plan.overlay = None;
         // Pipelines that read tables can also draw pictures without tables, so a meter without tabulated pictures keeps
         // them.
-        if self.tables.needed(&self.gpu, &plan.viewports) > 0 || self.gpu.table_buffers() == 0 {
-            self.hold_tables(&plan.viewports)?;
+        if self.tables.needed(&self.gpu, &plan.views.viewports) > 0 || self.gpu.table_buffers() == 0 {
+            self.hold_tables(&plan.views.viewports)?;
         }
         self.hold_scene(series.slot, scene, settings)?;
         let wanted = vec![Wanted::default(); rig.views().len()];
         let inputs = FrameInputs {
             plan: &plan,
             scene,
-            settings,
             outputs: Outputs { wanted: &wanted, presentations: &[] },
             catalogue_order: self.catalogue_order,
             series,

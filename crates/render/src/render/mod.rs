@@ -64,7 +64,7 @@ pub use self::{
     shader::{SHADER_FOLDER_VARIABLE, Shader, checked_shader_folder, shaders},
 };
 use self::{
-    meter::Meter,
+    meter::MeterTargets,
     submit::{FrameSlot, InFlight},
     tabulated::MappingTables,
     targets::Targets,
@@ -72,7 +72,7 @@ use self::{
 };
 use crate::{
     gpu::{AdapterReport, Gpu, GpuError, GpuOptions, StructLayout},
-    plan::{Limits, PlanError, Planner},
+    plan::{Limits, Methods, PlanError, Planner},
     view::{Rig, Viewport},
 };
 
@@ -91,7 +91,7 @@ pub struct Renderer {
     targets: Targets,
     /// Targets for drawing pictures of the map of faint light; present while some have to be drawn.
     sky_targets: Option<Targets>,
-    meter: Meter,
+    meter: MeterTargets,
     tables: MappingTables,
     frames: u64,
     /// Frames submitted and not yet finished, the oldest first.
@@ -143,7 +143,7 @@ impl Renderer {
             idle_techniques: None,
             targets: Targets::new(&gpu),
             sky_targets: None,
-            meter: Meter::default(),
+            meter: MeterTargets::default(),
             tables: MappingTables::default(),
             frames: 0,
             in_flight: VecDeque::new(),
@@ -191,7 +191,7 @@ impl Renderer {
         self.techniques.iter_mut().for_each(|technique| technique.release());
         self.targets.release();
         self.sky_targets = None;
-        self.meter = Meter::default();
+        self.meter = MeterTargets::default();
         self.tables.release();
         self.gpu.forget_frames();
         self.spare_slots.clear();
@@ -228,7 +228,9 @@ impl Renderer {
         mut step: impl FnMut(&mut dyn Technique, &Holding<'_>) -> Result<(), RenderError>,
     ) -> Result<(), RenderError> {
         let (gpu, catalogue_order) = (&self.gpu, self.catalogue_order);
-        let holding = Holding { gpu, scene, settings, kernel: self.planners[slot].kernel(), catalogue_order };
+        let (methods, asteroids) = (&Methods::new(settings), &settings.asteroids);
+        let kernel = self.planners[slot].kernel();
+        let holding = Holding { gpu, scene, methods, asteroids, kernel, catalogue_order };
         self.techniques.iter_mut().try_for_each(|technique| step(&mut **technique, &holding))
     }
 }

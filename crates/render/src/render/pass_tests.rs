@@ -7,7 +7,7 @@ use crate::{
     gpu::{Gpu, GpuOptions, ReadbackBuffer, storage_buffer},
     photometry::exposure::{mean_luminance_cd_m2, metered_ev100},
     plan::{
-        KernelPlan,
+        KernelPlan, MeteringPlan,
         settings::{ExposureSettings, ExposureValues, Metering, ToneMapOperator, ToneMapSettings},
         tiles::Tile,
     },
@@ -66,7 +66,7 @@ fn exposure_of(gpu: &Gpu, settings: &ExposureSettings, known: Option<f64>, parti
     let sums = storage_buffer(gpu, "partial sums", partials);
     run(gpu, &found, 1, |encoder| {
         let inputs = ExposureInputs {
-            settings,
+            metering: &MeteringPlan::new(settings),
             known_ev100: known,
             total_solid_angle_sr: 12.5,
             partial_count: partials.len() as u32,
@@ -170,7 +170,7 @@ fn a_non_finite_pixel_does_not_affect_the_others() {
             let inputs = LuminanceInputs { scale: 1.0, numbers: [0, 0], source_bindings: &source_bindings };
             resolve.record(&gpu, pass, &inputs, &target, grid);
             let inputs = ExposureInputs {
-                settings: &ExposureSettings::default(),
+                metering: &MeteringPlan::new(&ExposureSettings::default()),
                 known_ev100: None,
                 total_solid_angle_sr: viewport.projection.picture_solid_angle_sr(),
                 partial_count: count,

@@ -12,11 +12,7 @@ use super::{
     technique::{PipelineJob, Wish},
 };
 use crate::{
-    plan::{
-        PlanError,
-        settings::RenderSettings,
-        view_settings::{meter_settings, spot_rig},
-    },
+    plan::{Forecast, exposure::origin::ExposureOrigin, settings::RenderSettings},
     scene::{SceneObjects, SceneSnapshot},
     view::Rig,
 };
@@ -29,7 +25,7 @@ pub struct PrepareStep {
     /// Number of finished jobs.
     pub done: usize,
     /// Total number of jobs.
-    pub of: usize,
+    pub total: usize,
 }
 
 /// Runs jobs on as many threads as there are cores, in order.
@@ -48,7 +44,7 @@ fn run(jobs: Vec<PipelineJob<'_>>, progress: &mut (dyn FnMut(PrepareStep) + Send
                     let mut progress = progress.lock().unwrap_or_else(PoisonError::into_inner);
                     let (done, progress) = &mut *progress;
                     *done += 1;
-                    progress(PrepareStep { name, done: *done, of: total });
+                    progress(PrepareStep { name, done: *done, total });
                 }
             });
         }
@@ -74,22 +70,22 @@ impl Renderer {
     ) -> Result<(), RenderError> {
         let viewports = rig.viewports(glam::DQuat::IDENTITY);
         self.hold_tables(&viewports)?;
-        // A separate meter draws another picture.
-        let spot = spot_rig(rig, &settings.exposure).map_err(PlanError::from)?;
-        let spot_viewports = spot.map(|spot| spot.viewports(glam::DQuat::IDENTITY));
-        let settings_of_meter = meter_settings(settings);
-        let wish = Wish { gpu: &self.gpu, objects, settings, viewports: &viewports, made: wanted, formats };
+        // Picture of the meter, if it draws one.
+        let metered = match ExposureOrigin::new(rig, settings, false)? {
+            ExposureOrigin::Picture { rig, settings } => {
+                let viewports = rig.viewports(glam::DQuat::IDENTITY);
+                Some((Forecast::new(&settings, objects, &viewports), viewports))
+            }
+            ExposureOrigin::Own | ExposureOrigin::Plan => None,
+        };
+        // Pipelines of the frames, and those of the meter.
+        let forecast = &Forecast::new(settings, objects, &viewports);
+        let wish = Wish { gpu: &self.gpu, objects, viewports: &viewports, forecast, made: wanted, formats };
         let mut jobs: Vec<PipelineJob<'_>> =
             self.techniques.iter().flat_map(|technique| technique.pipelines(&wish)).collect();
-        let meter_wish = spot_viewports.as_ref().map(|viewports| Wish {
-            settings: &settings_of_meter,
-            viewports,
-            made: Wanted::default(),
-            formats: &[],
-            ..wish
-        });
-        if let Some(wish) = &meter_wish {
-            jobs.extend(self.techniques.iter().flat_map(|technique| technique.pipelines(wish)));
+        if let Some((forecast, viewports)) = &metered {
+            let wish = Wish { viewports, forecast, made: Wanted::default(), formats: &[], ..wish };
+            jobs.extend(self.techniques.iter().flat_map(|technique| technique.pipelines(&wish)));
         }
         self.gpu.compiling_ahead(|| run(jobs, progress));
         self.gpu.take_failure()?;

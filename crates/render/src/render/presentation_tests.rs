@@ -574,7 +574,7 @@ fn submitted_and_finished_frames_match_rendered_frames_in_any_order() {
     // A request refused before submission leaves the frame in flight, and a frame of another renderer is not confused
     // with it.
     let submitted = renderer.submit(FrameRequest::new(&scenes[1], &rig).settings(&settings).wanted(wanted)).unwrap();
-    let refused = renderer.submit(FrameRequest::new(&scenes[1], &rig).settings(&settings).wanted_of_each(&[])).err();
+    let refused = renderer.submit(FrameRequest::new(&scenes[1], &rig).settings(&settings).wanted_per_view(&[])).err();
     assert!(matches!(refused, Some(RenderError::WantedCount { given: 0, views: 1 })));
     let mut other = self::renderer();
     let foreign = other.submit(FrameRequest::new(&scenes[0], &rig).settings(&settings).wanted(wanted)).unwrap();

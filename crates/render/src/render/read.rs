@@ -49,7 +49,7 @@ impl Places {
 /// Size of images, counters and exposure in the readback buffer, including alignment.
 pub(super) fn bytes(frame: &FrameInputs<'_>, targets: &Targets) -> u64 {
     let mut needed = 1024 + 16 * targets.counter_count as u64;
-    for viewport in &frame.plan.viewports {
+    for viewport in &frame.plan.views.viewports {
         let pixels = viewport.size().map(u64::from).iter().product::<u64>() + 64;
         let Wanted { display, hdr, .. } = frame.outputs.wanted[viewport.view];
         needed += pixels * (u64::from(display) * DISPLAY_BYTES + u64::from(hdr) * BYTES_PER_PIXEL) + 4096;
@@ -60,9 +60,9 @@ pub(super) fn bytes(frame: &FrameInputs<'_>, targets: &Targets) -> u64 {
 /// Records the copies of all results into the readback buffer.
 pub(super) fn copy(recording: &mut Recording<'_>) {
     let Recording { gpu, encoder, timer, frame, targets, readback, places } = recording;
-    for (batch, buffers) in frame.plan.batches.iter().zip(&targets.batches) {
+    for (batch, buffers) in frame.plan.views.batches.iter().zip(&targets.batches) {
         for tile in &batch.tiles {
-            let viewport = &frame.plan.viewports[tile.viewport];
+            let viewport = &frame.plan.views.viewports[tile.viewport];
             let count = u64::from(tile.rows) * u64::from(viewport.size()[0]);
             let first = u64::from(tile.first_pixel);
             let Wanted { display, hdr, .. } = frame.outputs.wanted[viewport.view];
@@ -111,12 +111,12 @@ impl Renderer {
         };
         // Images, put together tile by tile.
         let mut images: Vec<FrameImage> = Vec::new();
-        let mut image_of_viewport: Vec<Option<usize>> = vec![None; plan.viewports.len()];
+        let mut image_of_viewport: Vec<Option<usize>> = vec![None; plan.views.viewports.len()];
         for tile in &places.tiles {
             if tile.display.is_none() && tile.hdr.is_none() {
                 continue;
             }
-            let viewport = &plan.viewports[tile.viewport];
+            let viewport = &plan.views.viewports[tile.viewport];
             let [width, height] = viewport.size();
             let index = *image_of_viewport[tile.viewport].get_or_insert_with(|| {
                 let pixels = width as usize * height as usize;
@@ -159,13 +159,13 @@ impl Renderer {
             scene_revision: 0,
             camera_revision: 0,
             exposure_ev100,
-            metered_ev100: plan.planned_ev100.unwrap_or_else(|| f64::from(exposure[0].metered_ev100)),
+            metered_ev100: plan.exposure.planned_ev100.unwrap_or_else(|| f64::from(exposure[0].metered_ev100)),
             mean_luminance_cd_m2: f64::from(exposure[0].mean_luminance_cd_m2),
             images,
             views,
             plan: plan.report.clone(),
             hdr_plan: None,
-            times: FrameTimes { passes_ms, gpu_ms, cull_ms: plan.cull_ms, ..Default::default() },
+            times: FrameTimes { passes_ms, gpu_ms, cull_ms: plan.stars.cull_ms, ..Default::default() },
         })
     }
 }
@@ -184,7 +184,7 @@ fn statistics(
     let drawn = &counters[VIEW_COUNTERS..];
     let all_drawn: f64 = drawn.iter().map(|count| f64::from(*count)).sum::<f64>().max(1.0);
     let pixels_of = |view: usize| -> f64 {
-        let viewports_of_view = plan.viewports.iter().filter(|viewport| viewport.view == view);
+        let viewports_of_view = plan.views.viewports.iter().filter(|viewport| viewport.view == view);
         viewports_of_view.map(|viewport| viewport.size().map(f64::from).iter().product::<f64>()).sum()
     };
     let all_pixels: f64 = (0..names.len()).map(pixels_of).sum::<f64>().max(1.0);
@@ -194,8 +194,8 @@ fn statistics(
         .map(|(index, name)| ViewStatistics {
             name: name.clone(),
             stars_drawn: u64::from(drawn[index]),
-            stars_in_map: plan.sky.as_ref().map_or(0, |sky| sky.in_map),
-            limiting_magnitude: plan.shown_stars.limiting_magnitude(index, exposure_ev100),
+            stars_in_map: plan.smooth_light.map.as_ref().map_or(0, |sky| sky.in_map),
+            limiting_magnitude: plan.exposure.displayed_stars.limiting_magnitude(index, exposure_ev100),
             asteroids: AsteroidCounts::default(),
             gpu_ms: (!passes_ms.is_empty()).then(|| {
                 time_of(true) * f64::from(drawn[index]) / all_drawn + time_of(false) * pixels_of(index) / all_pixels

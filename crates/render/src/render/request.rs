@@ -85,7 +85,7 @@ impl<'a> FrameRequest<'a> {
     /// # Panics
     ///
     /// `number` is not the index of a group.
-    pub fn of_group(scene: &'a SceneSnapshot, groups: &'a [FrameGroup], number: usize) -> Self {
+    pub fn for_group(scene: &'a SceneSnapshot, groups: &'a [FrameGroup], number: usize) -> Self {
         let group = &groups[number];
         let exposed_as = group.exposed_as.as_ref().map(|(rig, settings)| (rig, settings));
         let series = [number, groups.len()];
@@ -104,7 +104,7 @@ impl<'a> FrameRequest<'a> {
 
     /// Sets the buffers to read back for each view, in the order of the rig. The frame is refused with
     /// [`RenderError::WantedCount`] if their number differs from the number of views.
-    pub fn wanted_of_each(self, wanted: &'a [Wanted]) -> Self {
+    pub fn wanted_per_view(self, wanted: &'a [Wanted]) -> Self {
         Self { wanted: WantedViews::Each(wanted), ..self }
     }
 

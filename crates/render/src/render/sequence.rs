@@ -32,10 +32,10 @@ pub(super) fn techniques(gpu: &Gpu, baked: &BakedImpostors) -> Vec<Box<dyn Techn
 /// Phases of a frame in order: surfaces tile by tile, then light batch by batch, then the rest for all batches at once.
 fn phases(plan: &Plan) -> Vec<Phase> {
     let mut phases = vec![Phase::Cull];
-    for (number, batch) in plan.batches.iter().enumerate() {
+    for (number, batch) in plan.views.batches.iter().enumerate() {
         phases.extend((0..batch.tiles.len()).map(|tile| Phase::Geometry(number, tile)));
     }
-    for batch in 0..plan.batches.len() {
+    for batch in 0..plan.views.batches.len() {
         phases.extend([Phase::Splat(batch), Phase::Resolve(batch)]);
     }
     phases.extend([Phase::Glare, Phase::Meter, Phase::Display, Phase::Overlay, Phase::Present, Phase::Count]);

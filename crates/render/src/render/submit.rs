@@ -104,8 +104,8 @@ impl Renderer {
     /// own error budget, so requesting both at once changes neither.
     pub fn render(&mut self, request: FrameRequest<'_>) -> Result<Frame, RenderError> {
         let Some([display, exact]) = request.outputs() else { return self.render_at_once(request) };
-        let display = self.render_at_once(request.wanted_of_each(&display))?;
-        let exact = self.render_at_once(request.wanted_of_each(&exact))?;
+        let display = self.render_at_once(request.wanted_per_view(&display))?;
+        let exact = self.render_at_once(request.wanted_per_view(&exact))?;
         // For the caller, both count as one frame.
         self.frames -= 1;
         Ok(display.with_hdr_of(exact))
@@ -186,7 +186,7 @@ impl Renderer {
         let planner = &mut self.planners[series.slot];
         let mut plan = planner.plan(snapshot, rig, settings, adapted_ev100, outputs, &self.limits)?;
         // Upload resident data. If the map of faint light is incomplete, plan again without it.
-        self.hold_tables(&plan.viewports)?;
+        self.hold_tables(&plan.views.viewports)?;
         self.hold_scene(series.slot, snapshot, settings)?;
         if !self.draw_sky(&plan, snapshot, settings, request.sky_map, series)? {
             let outputs = PlanOutputs { sky: SkyUse::StarByStar, ..outputs };
@@ -198,7 +198,6 @@ impl Renderer {
         let inputs = FrameInputs {
             plan: &plan,
             scene: snapshot,
-            settings,
             outputs,
             catalogue_order: self.catalogue_order,
             series,
@@ -269,15 +268,7 @@ impl Renderer {
         let plan = self.planners[series.slot].plan(&sky, &rig, &settings, None, outputs, &self.limits)?;
         let wanted = [Wanted { hdr_stays: true, ..Wanted::default() }];
         let outputs = Outputs { wanted: &wanted, presentations: &[] };
-        let inputs = FrameInputs {
-            plan: &plan,
-            scene: &sky,
-            settings: &settings,
-            outputs,
-            catalogue_order: None,
-            series,
-            metered: None,
-        };
+        let inputs = FrameInputs { plan: &plan, scene: &sky, outputs, catalogue_order: None, series, metered: None };
         // No data is read back.
         let mut slot = FrameSlot::new(&self.gpu);
         let targets = self.sky_targets.take().unwrap_or_else(|| Targets::new(&self.gpu));

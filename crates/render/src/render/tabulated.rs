@@ -79,7 +79,7 @@ impl MappingTables {
         }
         if wanted.iter().any(|table| self.first_of(table).is_none()) {
             self.release();
-            let TableBuffers { of: buffer_of_table, bytes } = buffers_of(gpu, &wanted);
+            let TableBuffers { buffers: buffer_of_table, bytes } = buffers_of(gpu, &wanted);
             let mut words: Vec<Vec<[u32; 4]>> = vec![Vec::new(); bytes.len()];
             for (table, buffer) in wanted.into_iter().zip(buffer_of_table) {
                 let buffer_bit = if buffer > 0 { SECOND_BUFFER } else { 0 };

@@ -14,8 +14,7 @@ use crate::render::constants::counters;
 use crate::{
     gpu::{Gpu, GrowingBuffer, ShaderSource, bind_buffers, bind_in_order, storage_buffer},
     plan::{
-        DISPLAY_BYTES, GlarePlan, KernelPlan, Plan,
-        settings::{Accumulator, GlareMethod},
+        DISPLAY_BYTES, KernelPlan, Plan,
         tiles::{BYTES_PER_PIXEL, Batch, Tile},
     },
     view::Viewport,
@@ -239,8 +238,13 @@ impl Targets {
     ) {
         let plan = frame.plan;
         // Viewports, counters and partial sums.
-        let encoded: Vec<layout::Viewport> =
-            plan.viewports.iter().zip(&plan.kernels).map(|(v, kernels)| encode(v, kernels, tables)).collect();
+        let encoded: Vec<layout::Viewport> = plan
+            .views
+            .viewports
+            .iter()
+            .zip(&plan.stars.kernels)
+            .map(|(v, kernels)| encode(v, kernels, tables))
+            .collect();
         self.viewports = self.viewport_buffer.upload(gpu, &encoded).clone();
         // The flags of all batches follow the counters that are read back.
         self.counter_count = VIEW_COUNTERS + views;
@@ -256,10 +260,11 @@ impl Targets {
         self.diffuse = None;
 
         // Buffers of each batch, depending on the images made of it.
-        self.batch_buffers.truncate(plan.batches.len().max(1));
-        self.batch_buffers.resize_with(plan.batches.len(), BatchBuffers::new);
-        let made = frame.outputs.made(&plan.viewports);
+        self.batch_buffers.truncate(plan.views.batches.len().max(1));
+        self.batch_buffers.resize_with(plan.views.batches.len(), BatchBuffers::new);
+        let made = frame.outputs.made(&plan.views.viewports);
         self.batches = plan
+            .views
             .batches
             .iter()
             .zip(&mut self.batch_buffers)
@@ -271,7 +276,7 @@ impl Targets {
                     hdr_stays: all.hdr_stays || made[tile.viewport].hdr_stays,
                 });
                 let bytes = batch.pixels * BYTES_PER_PIXEL;
-                let bright = plan.ranges.bright.map(|_| {
+                let bright = plan.stars.ranges.bright.map(|_| {
                     let low = buffers.bright_pixels.with_room(gpu, bytes / 2).clone();
                     [low, buffers.bright_high_words.with_room(gpu, bytes / 2).clone()]
                 });
@@ -307,9 +312,9 @@ impl Targets {
     ) {
         match phase {
             Phase::Geometry(..) => self.layers = None,
-            Phase::Splat(number) if adds_up(frame) => {
+            Phase::Splat(number) if frame.plan.display.adds_up => {
                 let batch = &self.batches[number];
-                let plane_bytes = frame.plan.batches[number].pixels * BYTES_PER_PIXEL / 2;
+                let plane_bytes = frame.plan.views.batches[number].pixels * BYTES_PER_PIXEL / 2;
                 // The second plane needs no clearing: its entry for a dark pixel is not read.
                 encoder.clear_buffer(&batch.pixels, 0, Some(plane_bytes));
                 if !gpu.wide_accumulator {
@@ -475,7 +480,7 @@ pub(crate) fn tile_grid(tile: &Tile, viewport: &Viewport) -> [u32; 3] {
 }
 
 fn grid_of(plan: &Plan, batch: &Batch) -> [u32; 3] {
-    let widths: Vec<u32> = batch.tiles.iter().map(|tile| plan.viewports[tile.viewport].size()[0]).collect();
+    let widths: Vec<u32> = batch.tiles.iter().map(|tile| plan.views.viewports[tile.viewport].size()[0]).collect();
     pixel_grid(&batch.tiles, &widths)
 }
 
@@ -490,6 +495,7 @@ fn encoded_tiles(plan: &Plan, counters: u32) -> (Vec<Vec<layout::Tile>>, u32, u3
     let mut first_flag = counters;
     let mut first_partial = 0;
     let tiles = plan
+        .views
         .batches
         .iter()
         .map(|batch| {
@@ -503,7 +509,7 @@ fn encoded_tiles(plan: &Plan, counters: u32) -> (Vec<Vec<layout::Tile>>, u32, u3
                     first_flag,
                     ..Default::default()
                 };
-                let width = plan.viewports[tile.viewport].size()[0];
+                let width = plan.views.viewports[tile.viewport].size()[0];
                 first_partial += partial_sums(width, tile.rows);
                 first_flag += flags_of(width, tile.rows);
                 encoded
@@ -512,20 +518,4 @@ fn encoded_tiles(plan: &Plan, counters: u32) -> (Vec<Vec<layout::Tile>>, u32, u3
         })
         .collect();
     (tiles, first_partial, first_flag)
-}
-
-/// Whether light is summed in fixed point, for the resolve pass to convert to luminance.
-pub(crate) fn adds_up(frame: &FrameInputs<'_>) -> bool {
-    frame.settings.stars.method.accumulator() == Accumulator::FixedPoint
-}
-
-/// Whether the resolve pass writes the display images: if the exposure is known in advance and no scattered light is
-/// added afterwards.
-pub(crate) fn resolves_to_display(frame: &FrameInputs<'_>) -> bool {
-    frame.plan.known_ev100.is_some() && !is_scattered_after(&frame.plan.glare) && adds_up(frame)
-}
-
-/// Whether scattered light is added to resolved pictures.
-pub(crate) fn is_scattered_after(glare: &GlarePlan) -> bool {
-    glare.method != GlareMethod::None && glare.in_sums.is_none()
 }

@@ -11,12 +11,7 @@ use super::{Presentation, RenderError, ViewStatistics, Wanted, read::Places, tar
 use crate::{
     gpu::{Gpu, GpuTimer, ReadbackBuffer},
     photometry::glare::GlareKernel,
-    plan::{
-        Plan,
-        budget::{draws_outputs_apart, may_have_veil_in_sums},
-        settings::RenderSettings,
-        smooth_light::SkyFace,
-    },
+    plan::{Forecast, Methods, Plan, settings::AsteroidSettings, smooth_light::SkyFace},
     scene::{SceneObjects, SceneSnapshot},
     view::Viewport,
 };
@@ -51,7 +46,6 @@ pub(crate) enum Phase {
 pub(crate) struct FrameInputs<'a> {
     pub plan: &'a Plan,
     pub scene: &'a SceneSnapshot,
-    pub settings: &'a RenderSettings,
     pub outputs: Outputs<'a>,
     /// See [`super::Renderer::catalogue_order`].
     pub catalogue_order: Option<u64>,
@@ -96,7 +90,9 @@ impl Outputs<'_> {
 pub(crate) struct Holding<'a> {
     pub gpu: &'a Gpu,
     pub scene: &'a SceneSnapshot,
-    pub settings: &'a RenderSettings,
+    pub methods: &'a Methods,
+    /// Sizes and cache of impostor atlases.
+    pub asteroids: &'a AsteroidSettings,
     /// Glare kernel, if the method has one.
     pub kernel: Option<&'a Arc<dyn GlareKernel>>,
     /// See [`super::Renderer::catalogue_order`].
@@ -108,25 +104,13 @@ pub(crate) struct Holding<'a> {
 pub(crate) struct Wish<'a> {
     pub gpu: &'a Gpu,
     pub objects: &'a SceneObjects,
-    pub settings: &'a RenderSettings,
     pub viewports: &'a [Viewport],
+    /// Decisions of the plans of these frames.
+    pub forecast: &'a Forecast,
     /// Images to make of any view.
     pub made: Wanted,
     /// Formats of the textures that images are drawn into.
     pub formats: &'a [wgpu::TextureFormat],
-}
-
-impl Wish<'_> {
-    /// Whether display and HDR images are drawn as separate frames.
-    pub(crate) fn draws_outputs_apart(&self) -> bool {
-        draws_outputs_apart(self.settings, self.objects, self.viewports)
-    }
-
-    /// Whether frames with display images only may include the veil of single sources in their sums of light: see
-    /// [`crate::plan::GlarePlan::in_sums`].
-    pub(crate) fn may_have_veil_in_sums(&self) -> bool {
-        may_have_veil_in_sums(self.settings, self.objects, self.viewports)
-    }
 }
 
 /// Job that creates pipelines in advance, on one thread.

@@ -1,7 +1,7 @@
-//! Projected areas of shapes: what an asteroid that is too small to be told apart shines with, towards each direction.
+//! Projected areas of shapes in each direction: they determine the light of an asteroid that is too small to be resolved.
 //!
-//! The outline of a mesh is what its triangles cover, wherever they face: they are drawn into a grid of cells, and a cell counts if its
-//! middle is covered. Directions are the nodes of an octahedral map of 16 x 16 steps; opposite ones have the same outline.
+//! The outline of a mesh is the area covered by its triangles, regardless of their orientation. They are drawn into a grid of cells, and a
+//! cell counts if its centre is covered. Directions are the nodes of an octahedral map of 16 x 16 steps; opposite directions have the same outline.
 
 use std::f64::consts::PI;
 
@@ -13,10 +13,10 @@ use crate::scene::asteroids::{Mesh, Shape};
 /// Nodes along a side of a table.
 pub const AREA_NODES: usize = 17;
 
-/// Cells along a side of the grid that outlines are drawn into.
+/// Cells along a side of the grid for outlines.
 const CELLS: usize = 192;
 
-/// Larger meshes give way to the shape's coarsest.
+/// Meshes with more triangles are replaced by the shape's coarsest.
 const MOST_TRIANGLES: usize = 5000;
 
 /// Direction of a node.
@@ -29,7 +29,7 @@ fn node_direction(column: usize, row: usize) -> DVec3 {
     DVec3::new(x, y, z).normalize()
 }
 
-/// Projected areas of a shape over pi mean radii squared, at the nodes of its table, row by row.
+/// Projected areas of a shape divided by pi mean radii squared, at the nodes of its table, row by row.
 pub fn projected_areas(shape: &Shape) -> Vec<f32> {
     let finest = shape.lods.first().filter(|lod| lod.mesh.triangles.len() <= MOST_TRIANGLES);
     let Some(lod) = finest.or(shape.lods.last()) else { return vec![0.0; AREA_NODES * AREA_NODES] };
@@ -42,7 +42,7 @@ pub fn projected_areas(shape: &Shape) -> Vec<f32> {
         .collect()
 }
 
-/// Area of a mesh's outline seen along a direction, mean radii squared; `bound` holds it.
+/// Area of a mesh's outline in a direction, mean radii squared; `bound` is the radius of a sphere around the mesh.
 fn projected_area(mesh: &Mesh, bound: f64, direction: DVec3) -> f64 {
     let (right, up) = direction.any_orthonormal_pair();
     let scale = CELLS as f64 / (2.0 * bound * 1.001);
@@ -74,11 +74,11 @@ mod tests {
     use crate::scene::asteroids::ShapeSet;
 
     #[test]
-    fn the_areas_of_a_shape_have_a_mean_of_pi_and_a_cube_has_its_own() {
+    fn areas_of_a_shape_have_a_mean_of_pi_and_those_of_a_cube_are_exact() {
         let set = ShapeSet::procedural(5);
         for shape in &set.shapes {
             let areas = projected_areas(shape);
-            // Weights of an octahedral map: towards the middles of its faces it is coarser.
+            // Weights of an octahedral map, which is coarser towards the centres of its faces.
             let weight = |node: usize| {
                 let direction = node_direction(node % AREA_NODES, node / AREA_NODES);
                 direction.abs().element_sum().powi(-3).recip().recip()

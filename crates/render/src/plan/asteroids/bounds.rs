@@ -1,44 +1,43 @@
-//! From which distance on an impostor may stand in for a mesh: where each of its errors is below half a pixel.
+//! Distance from which an impostor may replace a mesh: where each of its errors is below half a pixel.
 //!
-//! With R the radius of what the tile holds, D the distance, p the angle of a pixel, b the distance of the eyes:
+//! R is the radius of the tile's content, D the distance, p the angle of a pixel, b the distance between the eyes:
 //!
-//! - *disparity*: a flat picture has no depth. A point R before the middle is seen b R / D^2 aside by the second eye.
-//! - *resolution*: a texel of the T - 2 that lie across 2 R must not be larger than a pixel: 2 R / ((T - 2) D) <= p.
-//! - *direction*: a picture from a direction that is wrong by delta moves points at depth R by R delta.
-//! - *perspective*: pictures in the atlas are parallel projections. A point at depth h and x aside is seen at x / (D -
-//!   h), not at x / D; with x^2 + h^2 = R^2 that is at most R^2 / 2 D^2 off. Where the ray of each pixel meets the
-//!   picture at its depth, only the limb is left: the eye sees R^2 / D around it, and less of R by R (R / D)^2 / 2,
-//!   which is an angle of R^3 / 2 D^3.
+//! - *disparity*: a flat picture has no depth. The second eye sees a point R in front of the centre displaced by b R / D^2.
+//! - *resolution*: one of the T - 2 texels across 2 R must not be larger than a pixel: 2 R / ((T - 2) D) <= p.
+//! - *direction*: an error delta of the picture's direction displaces points at depth R by R delta.
+//! - *perspective*: pictures in the atlas are parallel projections. A point at depth h and lateral offset x is seen at x / (D - h), not at
+//!   x / D; with x^2 + h^2 = R^2 the difference is at most R^2 / 2 D^2. If each pixel's ray is intersected with the picture at its depth,
+//!   only the limb has an error: the eye sees R^2 / D around it, and less of R by R (R / D)^2 / 2, which is an angle of R^3 / 2 D^3.
 
 use super::{AsteroidSettings, ImpostorMethod};
 
 /// Texels of a tile that are kept free around its picture, both sides together.
 pub const BORDER_PX: u32 = 2;
 
-/// Distances, m, from which on each error of an impostor is below half a pixel.
+/// Distances, m, from which each error of an impostor is below half a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct ImpostorDistances {
-    /// Of depth between the eyes.
+    /// Disparity of depth between the eyes.
     pub disparity_m: f64,
-    /// Of the tile's texels.
+    /// Resolution of the tile.
     pub resolution_m: f64,
-    /// Of the tile's direction.
+    /// Direction of the tile.
     pub direction_m: f64,
-    /// Of parallel instead of central projection.
+    /// Parallel instead of central projection.
     pub perspective_m: f64,
 }
 
 impl ImpostorDistances {
-    /// The one that counts.
+    /// The greatest of these distances.
     pub fn nearest_m(&self) -> f64 {
         self.disparity_m.max(self.resolution_m).max(self.direction_m).max(self.perspective_m)
     }
 }
 
-/// Greatest error of the direction that an atlas of `tiles` x `tiles` leads to, rad: bounds that `tests` compares with
-/// a scan of the sphere. `euler_atlas`: of the orientation, in the middle of the view; off the axis the angle off the
-/// axis comes on top, whatever the atlas. `octahedral`: from a tile's corner to its middle on the flat face of the
-/// octahedron, where tiles are largest. `octahedral_blend`: of the weighted mean direction, worst where the cells bend
+/// Greatest error of the direction of an atlas of `tiles` x `tiles`, rad: bounds that `tests` compares with
+/// a scan of the sphere. `euler_atlas`: error of the orientation at the centre of the view; off the axis, the angle off the
+/// axis is added, whatever the atlas. `octahedral`: from a tile's corner to its centre on the flat face of the
+/// octahedron, where tiles are largest. `octahedral_blend`: error of the weighted mean direction, greatest where the cells bend
 /// over an edge of the octahedron.
 pub fn direction_error_bound_rad(method: ImpostorMethod, tiles: u32) -> Option<f64> {
     let n = f64::from(tiles);
@@ -53,9 +52,9 @@ pub fn direction_error_bound_rad(method: ImpostorMethod, tiles: u32) -> Option<f
 /// See [`direction_error_bound_rad`].
 const BLEND_ERROR: f64 = 1.3;
 
-/// The distances of an impostor of an asteroid that a sphere of `radius_m` holds (mean radius times the shape's bound),
-/// where a pixel spans `pixel_rad` and the eyes are `stereo_baseline_m` apart (0 for one eye). Errors are held below
-/// half a pixel over `quality`. `None` for methods without an atlas.
+/// Distances of an impostor of an asteroid within a sphere of `radius_m` (mean radius times the shape's bound),
+/// where a pixel spans `pixel_rad` and the eyes are `stereo_baseline_m` apart (0 for one eye). Errors are limited to
+/// half a pixel divided by `quality`. `None`: the method has no atlas.
 pub fn impostor_distances(
     method: ImpostorMethod,
     settings: &AsteroidSettings,
@@ -79,8 +78,8 @@ pub fn impostor_distances(
     })
 }
 
-/// The nearest distance, m, at which the impostor's errors stay below half a pixel over `quality`; see
-/// [`impostor_distances`]. `None` for methods without an atlas: there is no such distance.
+/// The nearest distance, m, at which the impostor's errors stay below half a pixel divided by `quality`; see
+/// [`impostor_distances`]. `None`: the method has no atlas.
 pub fn nearest_distance_m(
     method: ImpostorMethod,
     settings: &AsteroidSettings,
@@ -113,7 +112,7 @@ mod tests {
         impostor_distances(method, &AsteroidSettings::default(), R, P, B, 1.0).unwrap()
     }
 
-    /// Unit vectors spread evenly over the sphere (golden spiral).
+    /// Unit vectors evenly distributed over the sphere (golden spiral).
     fn sphere(count: u32) -> impl Iterator<Item = DVec3> {
         (0..count).map(move |i| {
             let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(count);
@@ -123,7 +122,7 @@ mod tests {
         })
     }
 
-    /// Greatest error in pixels of points of the sphere that an eye at distance `d` sees.
+    /// Greatest error in pixels of the points of the sphere that an eye at distance `d` sees.
     fn worst_px(d: f64, error_rad: impl Fn(DVec3) -> f64) -> f64 {
         let eye = DVec3::new(0.0, 0.0, d);
         let seen = |point: &DVec3| (eye - *point).dot(*point) >= 0.0;
@@ -150,18 +149,18 @@ mod tests {
     }
 
     #[test]
-    fn at_the_distance_of_direction_a_turned_picture_is_half_a_pixel_off() {
+    fn at_the_distance_of_direction_a_turned_picture_has_an_error_of_half_a_pixel() {
         for method in [EulerAtlas, Octahedral, OctahedralBlend] {
             let d = distances(method).direction_m;
             let turn = DMat3::from_rotation_y(direction_error_bound_rad(method, 32).unwrap());
-            // Parallel projection: the error in question alone.
+            // Parallel projection: only this error.
             let error = |d: f64| worst_px(1e3 * d, |point| ((turn * point).x - point.x).abs() / d);
             assert!((error(d) - 0.5).abs() < 0.01 && error(0.5 * d) > 0.9, "{method:?}: {}", error(d));
         }
     }
 
     #[test]
-    fn at_the_distance_of_perspective_a_parallel_picture_is_half_a_pixel_off() {
+    fn at_the_distance_of_perspective_a_parallel_picture_has_an_error_of_half_a_pixel() {
         let d = distances(Octahedral).perspective_m;
         let error = |d: f64| {
             worst_px(d, |point| {
@@ -173,14 +172,14 @@ mod tests {
         };
         let [far, near] = [error(d), error(0.5 * d)];
         assert!(far < 0.55 && near > 1.5, "{far} {near}");
-        // With depth the outline alone is wrong.
+        // With depth, only the outline has an error.
         let d = distances(OctahedralBlend).perspective_m;
         let limb = |d: f64| ((R / d).asin() - (R / d).atan()).abs() / P;
         assert!(limb(d) < 0.52 && limb(d) > 0.48 && limb(0.5 * d) > 3.0, "{}", limb(d));
     }
 
     #[test]
-    fn the_largest_counts_and_quality_moves_it() {
+    fn the_largest_distance_counts_and_scales_with_quality() {
         let settings = AsteroidSettings::default();
         for method in [EulerAtlas, Octahedral, OctahedralBlend] {
             let all = distances(method);
@@ -190,7 +189,7 @@ mod tests {
             println!("{}: {all:.0?}, {:.0} radii", method.name(), nearest(1.0) / R);
         }
         assert_eq!(nearest_distance_m(ImpostorMethod::None, &settings, R, P, B, 1.0), None);
-        // Small asteroids in a wide baseline are kept away by disparity.
+        // With a wide baseline, disparity limits the distance of small asteroids.
         let stereo = impostor_distances(Octahedral, &settings, 1e-3, P, 10.0, 1.0).unwrap();
         assert_eq!(stereo.nearest_m(), stereo.disparity_m);
     }

@@ -1,20 +1,20 @@
-//! What an asteroid is drawn as, by half-pixel bounds. With r its mean radius, D the distance of its middle from the eye, p the finer
-//! side of a pixel there (rad) and q the quality, u = q r / p is the distance from which its radius covers a pixel (of quality 1):
+//! Forms in which asteroids are drawn, from half-pixel bounds. With the mean radius r, the distance D of the centre from the eye, the finer
+//! side of a pixel there p (rad) and the quality q, u = q r / p is the distance at which the radius covers a pixel (at quality 1):
 //!
-//! - a level of detail whose surface is at most e mean radii off: from 2 e u on, where that is half a pixel,
-//! - an impostor: from where its errors are below half a pixel on ([`ImpostorReach`]),
-//! - a point: from u on, where the diameter is two pixels, and alone from 2 u on, where it is one.
+//! - a level of detail whose surface has an error of at most e mean radii: from 2 e u, where the error is half a pixel,
+//! - an impostor: from the distance at which its errors fall below half a pixel ([`ImpostorReach`]),
+//! - a point: from u, where the diameter is two pixels, and exclusively from 2 u, where it is one.
 //!
-//! The coarsest that is allowed is drawn. After the start of a level or an impostor the distance grows by [`BAND`] until it has taken
-//! over; a point takes over between u and 2 u. In between an asteroid stands in both classes with shares that add up to 1 and depend on the distance
-//! alone. What would not have taken over before the next class begins is left out. `shaders/asteroids/class.wgsl` has the same in f32.
+//! The coarsest permitted form is drawn. A level or an impostor takes over while the distance grows by the factor [`BAND`] after its start;
+//! a point takes over between u and 2 u. Meanwhile an asteroid has both forms, with shares that add up to 1 and depend only on the
+//! distance. A form that would not have taken over before the next one begins is left out. `shaders/asteroids/class.wgsl` is the same in f32.
 
 use super::views::ImpostorReach;
 
-/// Growth of the distance over which one class takes over from another.
+/// Factor on the distance over which one form takes over from another.
 pub const BAND: f64 = 0.1;
 
-/// What an asteroid is drawn as.
+/// Form of an asteroid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Class {
     /// A mesh of this level of detail.
@@ -25,30 +25,30 @@ pub enum Class {
     Point,
 }
 
-/// One or two classes.
+/// One or two forms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Classes {
-    /// The class that takes over.
+    /// The form that takes over.
     pub class: Class,
     /// Its share, 0 to 1.
     pub share: f64,
-    /// The class before, with the rest; `None` where the share is 1.
+    /// The previous form, with the remaining share; `None` if the share is 1.
     pub before: Option<Class>,
 }
 
-/// What is common to all asteroids of a picture.
+/// Parameters for all asteroids of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClassRules {
     /// Factor on distances.
     pub quality: f64,
-    /// Where impostors begin; `None`: nowhere.
+    /// Distances of impostors; `None`: there are none.
     pub impostor: Option<ImpostorReach>,
-    /// Only the finest mesh.
+    /// Whether to draw only the finest mesh.
     pub finest_only: bool,
 }
 
 impl ClassRules {
-    /// The classes of an asteroid of radius `radius_m` at `distance_m`, where a pixel is `pixel_rad`; `errors` are those of its levels.
+    /// Forms of an asteroid of radius `radius_m` at `distance_m`, where a pixel has `pixel_rad`. `errors` are those of its levels.
     pub fn classes(
         &self,
         errors: impl Iterator<Item = f64>,
@@ -91,8 +91,8 @@ impl ClassRules {
 }
 
 impl ImpostorReach {
-    /// Distance from which on an impostor is allowed, m: of an asteroid that a sphere of `bound_m` holds, where a pixel over the quality is
-    /// `allowed_rad`.
+    /// Distance from which an impostor is permitted, m: for an asteroid within a sphere of `bound_m`, where `allowed_rad` is the angle of a pixel
+    /// divided by the quality.
     pub fn start_m(&self, bound_m: f64, allowed_rad: f64) -> f64 {
         let disparity = (2.0 * self.eyes_m * bound_m / allowed_rad).sqrt();
         let perspective = bound_m * allowed_rad.powf(-self.exponent);
@@ -110,9 +110,9 @@ mod tests {
         ClassRules { quality: 1.0, impostor, finest_only: false }
     }
 
-    /// Along the way outwards classes only grow coarser, shares are continuous, and no error exceeds half a pixel.
+    /// With increasing distance, forms only become coarser, shares are continuous, and no error exceeds half a pixel.
     #[test]
-    fn classes_follow_each_other_without_a_jump_and_keep_half_a_pixel() {
+    fn classes_change_continuously_and_keep_half_a_pixel() {
         for impostor in [
             None,
             Some(ImpostorReach { eyes_m: 0.045, linear: 0.1, exponent: 1.0 / 3.0 }),
@@ -131,7 +131,7 @@ mod tests {
                 }
                 if let Some((last, last_distance)) = before {
                     assert!(last.class <= found.class, "{last:?} {found:?}");
-                    // A share changes by no more than its band allows, a new class begins at 0 where the one before has all.
+                    // A share changes by no more than its band permits; a new form begins at 0 when the previous one has the whole.
                     let most = (distance - last_distance) / (BAND * last_distance) * (1.0 + 1.2 * BAND);
                     if last.class == found.class {
                         assert!((found.share - last.share).abs() <= most);
@@ -147,15 +147,15 @@ mod tests {
     }
 
     #[test]
-    fn twice_the_quality_leaves_detail_out_at_twice_the_distance() {
-        let of = |quality: f64, distance: f64| {
+    fn twice_the_quality_omits_detail_at_twice_the_distance() {
+        let classes = |quality: f64, distance: f64| {
             let reach = Some(ImpostorReach { eyes_m: 0.0, linear: 0.1, exponent: 0.0 });
             let rules = ClassRules { quality, impostor: reach, finest_only: false };
             rules.classes(ERRORS.into_iter(), 1.0, 3.0, distance, 1e-3)
         };
         for step in 0..400 {
             let distance = 5.0 * 1.02_f64.powi(step);
-            let (one, two) = (of(1.0, distance), of(2.0, 2.0 * distance));
+            let (one, two) = (classes(1.0, distance), classes(2.0, 2.0 * distance));
             assert_eq!(one.class, two.class);
             assert!((one.share - two.share).abs() < 1e-9);
         }

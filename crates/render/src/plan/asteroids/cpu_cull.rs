@@ -1,5 +1,5 @@
-//! Culling and detail on the CPU, in f64: every asteroid of every field against every picture, one after the other, as renderers
-//! without compute shaders do. The lists are those of `shaders/asteroids/cull.wgsl`, up to the rounding of f32.
+//! Culling and detail on the CPU, in f64: every asteroid of every field against every picture, sequentially, as in renderers
+//! without compute shaders. The lists are those of `shaders/asteroids/cull.wgsl`, except for f32 rounding.
 
 use glam::{DMat3, DVec3};
 
@@ -16,35 +16,35 @@ use crate::{
 /// An asteroid in a list.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ListEntry {
-    /// Index among all fields'.
+    /// Index among the asteroids of all fields.
     pub instance: u32,
     /// Index of its group's item.
     pub item: u32,
-    /// Whether it stands on the other side of the seam.
+    /// Whether it is drawn on the other side of the seam.
     pub beyond_seam: bool,
-    /// 2: all of it; w: the share that takes over; -w: the rest beside the share w that has taken over.
+    /// 2: whole; w: the share of the new form; -w: the rest next to a new form with the share w.
     pub fade: f32,
 }
 
-/// The lists of one picture.
+/// Lists of one picture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PictureLists {
-    /// Asteroids that may be seen, points among them.
+    /// Visible asteroids, including points.
     pub seen: u64,
-    /// Of the picture itself (6) and of the faces behind it (0 to 5), the lists by kind.
+    /// Lists by kind, of the faces behind the picture (0 to 5) and of the picture itself (6).
     pub lists: [Vec<Vec<ListEntry>>; 7],
 }
 
-/// Place of the picture itself in [`PictureLists::lists`].
+/// Index of the picture itself in [`PictureLists::lists`].
 pub const WHOLE_PICTURE: usize = 6;
 
-/// The fade of what is drawn as a whole.
+/// Fade of a form that is drawn whole.
 pub const WHOLE: f32 = 2.0;
 
-/// Share below which a fade is held, so that it keeps its sign.
+/// Least magnitude of a share in a fade, so that its sign is preserved.
 pub const LEAST_SHARE: f64 = 1e-6;
 
-/// Culls all `fields` for a camera at `camera_m`. Items are numbered as groups come: all of one field, then of the next.
+/// Culls all `fields` for a camera at `camera_m`. Items are numbered in the order of the groups: all of one field, then of the next.
 pub fn cull(
     fields: &[&AsteroidField],
     kinds: &Kinds,
@@ -99,12 +99,14 @@ impl Asteroid<'_> {
             return;
         }
         found.seen += 1;
+        // Forms of the asteroid, with their shares.
         let place = picture.place_of(middle, distance_m);
         let errors = shape.lods.iter().map(|lod| lod.error);
         let classes = rules.classes(errors, shape.bound, radius_m, distance_m, picture.table.pixel_rad_at(place));
         let share = classes.share.max(LEAST_SHARE) as f32;
         let drawn =
             [(Some(classes.class), if classes.before.is_some() { share } else { WHOLE }), (classes.before, -share)];
+        // Whether its straight edges require cube faces.
         let edge_of = |class: Class| match class {
             Class::Mesh(level) => shape.lods[level as usize].longest_edge,
             Class::Impostor | Class::Point => 2.0 * shape.bound,
@@ -112,6 +114,7 @@ impl Asteroid<'_> {
         let edge = drawn.iter().filter_map(|(class, _)| class.map(edge_of)).fold(0.0, f64::max);
         let through_faces = picture.kind != PictureKind::Flat
             && bends(picture, rules, place, edge, bound_m / radius_m, radius_m / distance_m);
+        // Entries of the lists.
         for (class, fade) in drawn {
             let kind = match class {
                 Some(Class::Mesh(level)) => set.shape_kinds[shape_index] + level as usize,
@@ -134,7 +137,7 @@ impl Asteroid<'_> {
     }
 }
 
-/// Whether edges of `edge` mean radii bend by more than half a pixel; `size`: radius over distance.
+/// Whether edges of `edge` mean radii bend by more than half a pixel; `size`: radius divided by distance.
 fn bends(picture: &PictureBounds, rules: &ClassRules, place: f64, edge: f64, bound: f64, size: f64) -> bool {
     if bound * size >= 0.5 {
         return true;

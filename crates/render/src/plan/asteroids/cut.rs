@@ -1,12 +1,12 @@
-//! Which groups of asteroids each picture may see, and how: in f64, once per frame, down the trees of the fields.
+//! Groups of asteroids that each picture may see: computed in f64, once per frame, by descending the trees of the fields.
 //!
-//! Every node that no picture can see ends there. A node that is smaller than half a pixel in every picture that sees it, and all of whose
-//! asteroids are points there, becomes one point of light. What is left are groups, each with the pictures that may see it, the faces
-//! of the cubes behind pictures that are not flat which it may need, and whether it may hold points or anything larger. The rest, asteroid by
-//! asteroid, is decided on the adapter (`shaders/asteroids/cull.wgsl`) or in `cpu_cull`.
+//! A node outside all pictures is dropped with its children. A node that is smaller than half a pixel in every picture, and whose
+//! asteroids are all points there, becomes one point of light. The remaining groups have the pictures that may see them, the faces
+//! of the cubes behind pictures that are not flat, and whether they may contain points or larger forms. The decisions for single
+//! asteroids follow on the adapter (`shaders/asteroids/cull.wgsl`) or in `cpu_cull`.
 //!
-//! An asteroid whose straight edges would bend by more than half a pixel (over the quality) goes through faces. Here the bound is taken for a
-//! whole group, so a face that an asteroid needs is always there.
+//! An asteroid whose straight edges would bend by more than half a pixel (divided by the quality) is drawn through faces. The bound here is for
+//! a whole group, so every face that an asteroid needs exists.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -25,86 +25,86 @@ use crate::{
     view::projection::Face,
 };
 
-/// Factor by which the bound on a group is wider than that on its asteroids: f32 decides those.
+/// Margin of the bounds of a group over those of its asteroids, which f32 decides.
 const SLACK: f64 = 1.02;
 
-/// A node that is one point of light.
+/// A node that is drawn as one point of light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnresolvedNode {
-    /// What it shines like.
+    /// The point.
     pub point: PointSource,
-    /// Asteroids in it.
+    /// Number of its asteroids.
     pub asteroids: u64,
 }
 
-/// A group that some picture may see.
+/// A group that a picture may see.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GroupItem {
     /// Index of its field.
     pub field: usize,
     /// Index of its node on level 0.
     pub node: usize,
-    /// Its middle minus camera, world axes, m.
+    /// Its centre minus the camera, world axes, m.
     pub origin_m: DVec3,
     /// First asteroid of the field.
     pub first: u32,
     /// Number of asteroids.
     pub count: u32,
-    /// Bit i: viewport i may see it.
+    /// Bit i: visible in viewport i.
     pub viewports: u64,
-    /// Pictures that are not flat, and the faces (bit by [`Face`]) that it may need there.
+    /// Indices of pictures that are not flat, and the faces (bit by [`Face`]) that it may need there.
     pub faces: Vec<(usize, u8)>,
     /// Whether it crosses the seam of a picture.
     pub crosses_seam: bool,
-    /// To the sun, unit vector, world axes; 0 without a sun.
+    /// Direction to the sun, unit vector, world axes; 0 without a sun.
     pub sun: DVec3,
     /// Illuminance of a surface that faces the sun, lx.
     pub illuminance_lx: [f64; 3],
-    /// Whether any of it may be drawn as a point.
+    /// Whether any of its asteroids may be drawn as a point.
     pub holds_points: bool,
-    /// Whether any of it may be drawn as a mesh or an impostor.
+    /// Whether any of its asteroids may be drawn as a mesh or an impostor.
     pub holds_shapes: bool,
 }
 
-/// What a frame draws of all fields.
+/// Groups and points of all fields in a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AsteroidCut {
-    /// Groups: those that may hold shapes first.
+    /// Groups: first those that may contain meshes or impostors.
     pub items: Vec<GroupItem>,
-    /// How many of them may hold shapes.
+    /// Number of groups that may contain meshes or impostors.
     pub shape_items: usize,
-    /// Nodes that are points of light.
+    /// Nodes that are drawn as points of light.
     pub unresolved: Vec<UnresolvedNode>,
-    /// Per viewport the faces that its cube needs, by bits.
+    /// Faces of the cube that each viewport needs, as bit sets.
     pub faces: Vec<u8>,
-    /// Per viewport a bound of the light of all points but unresolved nodes, lx: its greatest channel.
+    /// Bound of the light of all points except unresolved nodes, per viewport, lx: its greatest channel.
     pub points_lx: Vec<f64>,
-    /// Largest illuminance on any group, the greatest channel, lx.
+    /// Greatest illuminance on any group, its greatest channel, lx.
     pub brightest_lx: f64,
 }
 
-/// Numbers of a field that the cut needs.
+/// Parameters of a field for the cut.
 struct FieldCut<'a> {
     field: &'a AsteroidField,
     rotation: DMat3,
-    /// Field's middle minus camera, m.
+    /// Centre of the field minus the camera, m.
     origin_m: DVec3,
     /// Longest edge of any level, mean radii.
     longest_edge: f64,
-    /// Radius of the sphere that holds any shape, mean radii.
+    /// Radius of the sphere that contains any shape, mean radii.
     largest_bound: f64,
-    /// Greatest projected area of a shape over pi r^2, at most.
+    /// Upper bound of the projected area of a shape over pi r^2.
     largest_area: f64,
 }
 
-/// What becomes of a node.
+/// Result for a node.
 enum Outcome {
     Node { field: usize, level: usize, node: usize, viewports: u64 },
     Point(UnresolvedNode, f64),
     Group(Box<GroupItem>, f64),
 }
 
-/// Cuts the trees of `fields` for pictures that a camera at `camera_m` sees. `pixel_quality` is the factor on the distances of detail.
+/// Cuts the trees of `fields` for the pictures of a camera at `camera_m`. `pixel_quality` is the factor on the distances of detail.
 pub fn cut(
     fields: &[&AsteroidField],
     camera_m: DVec3,
@@ -112,6 +112,7 @@ pub fn cut(
     rules: &[ClassRules],
     suns: &[Sun],
 ) -> AsteroidCut {
+    // Start with the roots of all trees, visible in all pictures.
     let prepared: Vec<FieldCut<'_>> = fields.iter().map(|field| FieldCut::new(field, camera_m)).collect();
     let all = if pictures.len() >= 64 { u64::MAX } else { (1 << pictures.len()) - 1 };
     let mut level_nodes: Vec<Outcome> = Vec::new();
@@ -125,7 +126,7 @@ pub fn cut(
     let mut cut =
         AsteroidCut { faces: vec![0; pictures.len()], points_lx: vec![0.0; pictures.len()], ..Default::default() };
     let mut points_only = Vec::new();
-    // Level by level; the trees' heights may differ.
+    // Level by level; the heights of the trees may differ.
     while !level_nodes.is_empty() {
         let found: Vec<Outcome> = level_nodes.into_par_iter().flat_map_iter(|outcome| scene.look(&outcome)).collect();
         level_nodes = Vec::new();
@@ -151,14 +152,14 @@ pub fn cut(
             }
         }
     }
-    // From near to far, so that most of what is hidden is found behind what is drawn already.
+    // From near to far, so that most hidden asteroids are found to be behind drawn ones.
     cut.items.sort_by(|a, b| a.origin_m.length_squared().total_cmp(&b.origin_m.length_squared()));
     cut.shape_items = cut.items.len();
     cut.items.append(&mut points_only);
     cut
 }
 
-/// All groups, whether a picture sees them or not: what culling on the CPU draws from.
+/// All groups, visible or not: the input of culling on the CPU.
 pub fn every_group(
     fields: &[&AsteroidField],
     camera_m: DVec3,
@@ -166,6 +167,7 @@ pub fn every_group(
     rules: &[ClassRules],
     suns: &[Sun],
 ) -> AsteroidCut {
+    // Start with the roots of all trees, visible in all pictures.
     let prepared: Vec<FieldCut<'_>> = fields.iter().map(|field| FieldCut::new(field, camera_m)).collect();
     let scene = NodeCut { fields: &prepared, pictures, rules, suns, camera_m };
     let viewports = if pictures.len() >= 64 { u64::MAX } else { (1 << pictures.len()) - 1 };
@@ -211,7 +213,7 @@ impl<'a> FieldCut<'a> {
     }
 }
 
-/// Everything that decides over a node.
+/// Inputs for the decision about a node.
 struct NodeCut<'a> {
     fields: &'a [FieldCut<'a>],
     pictures: &'a [PictureBounds],
@@ -221,7 +223,7 @@ struct NodeCut<'a> {
 }
 
 impl NodeCut<'_> {
-    /// What becomes of a node: nothing, a point, a group, or its children.
+    /// Decides about a node: nothing, a point, a group, or its children.
     fn look(&self, outcome: &Outcome) -> Vec<Outcome> {
         let &Outcome::Node { field: index, level, node: node_index, viewports: parents } = outcome else {
             return vec![];
@@ -229,6 +231,7 @@ impl NodeCut<'_> {
         let field = &self.fields[index];
         let node = &field.field.instances.levels[level][node_index];
         let middle_m = field.origin_m + field.rotation * node.middle_m;
+        // Viewports that may see the node, and the forms of its asteroids there.
         let mut viewports = 0;
         let mut unresolved = true;
         let (mut holds_points, mut holds_shapes) = (false, false);
@@ -252,6 +255,7 @@ impl NodeCut<'_> {
             holds_shapes |= !only_points;
             unresolved &= only_points && 2.0 * node.radius_m * rules.quality <= 0.5 * finest_rad * nearest_m;
         }
+        // Drop the node, draw it as a point, descend, or make it a group.
         if viewports == 0 {
             return vec![];
         }
@@ -271,7 +275,7 @@ impl NodeCut<'_> {
         vec![Outcome::Group(Box::new(item), points_lx)]
     }
 
-    /// A group without what its pictures make of it.
+    /// A group without the data that depends on the pictures.
     fn group(&self, index: usize, node_index: usize, viewports: u64) -> GroupItem {
         let field = &self.fields[index];
         let node = &field.field.instances.levels[0][node_index];
@@ -322,13 +326,13 @@ impl NodeCut<'_> {
         }
     }
 
-    /// Direction and illuminance of the strongest sun at a place relative to the camera.
+    /// Direction and illuminance of the strongest sun at a position relative to the camera.
     fn sunlight(&self, middle_m: DVec3) -> (DVec3, [f64; 3]) {
         let place_m = self.camera_m + middle_m;
         strongest_light(self.suns, place_m)
     }
 
-    /// A whole node as one point: spheres of its area at its centroid.
+    /// A whole node as one point: spheres of equal area at its centroid.
     fn point(&self, field: &FieldCut<'_>, level: usize, node: &Node, viewports: u64) -> Outcome {
         let offset_m = field.origin_m + field.rotation * node.centroid_m;
         let light = self.sunlight(offset_m);
@@ -343,7 +347,7 @@ impl NodeCut<'_> {
         seeing.map(|(_, picture)| (middle_m - picture.eye_m).length() - radius_m).fold(f64::INFINITY, f64::min).max(0.0)
     }
 
-    /// Bound of the light of all points of a group, lx: an asteroid that is a point is at least so far away that its diameter is two
+    /// Bound of the light of all points of a group, lx: a point is at least so far away that the diameter of the asteroid is two
     /// pixels.
     fn points_lx(&self, field: &FieldCut<'_>, node: &Node, item: &GroupItem) -> f64 {
         let albedo = field.field.geometric_albedo;
@@ -360,7 +364,7 @@ impl NodeCut<'_> {
     }
 }
 
-/// Direction to the sun that gives a place most light, and that light, lx; none of it without a sun.
+/// Direction to the sun with the strongest light at a position, and that light, lx; 0 without a sun.
 pub(super) fn strongest_light(suns: &[Sun], place_m: DVec3) -> (DVec3, [f64; 3]) {
     let lights = suns.iter().map(|sun| {
         let to_sun = sun.position_m - place_m;
@@ -376,7 +380,7 @@ pub(super) fn strongest_light(suns: &[Sun], place_m: DVec3) -> (DVec3, [f64; 3])
         .unwrap_or((DVec3::ZERO, [0.0; 3]))
 }
 
-/// Intensity of all asteroids of a node towards an eye that is `-offset_m` from its centroid, as spheres of their mean areas, cd.
+/// Intensity of all asteroids of a node towards an eye at `-offset_m` from its centroid, as spheres of their mean areas, cd.
 pub(super) fn node_intensity_cd(
     field: &AsteroidField,
     node: &Node,
@@ -390,7 +394,7 @@ pub(super) fn node_intensity_cd(
     std::array::from_fn(|i| albedo[i] * illuminance_lx[i] * node.area_m2 / std::f64::consts::PI * phase)
 }
 
-/// Number of asteroids of a node: children stand side by side, so down the first and the last one.
+/// Number of asteroids of a node: children are contiguous, so it follows from the first and the last leaf.
 fn instances_below(field: &AsteroidField, level: usize, node: &Node) -> u64 {
     let (mut first, mut last) = (node, node);
     for nodes in field.instances.levels[..level].iter().rev() {

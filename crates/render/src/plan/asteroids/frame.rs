@@ -1,5 +1,5 @@
-//! The plan of a frame's asteroids: which groups are looked through for which picture, which faces of a cube stand behind pictures,
-//! how many entries the lists may have, and how finely pictures are sampled.
+//! Plan of a frame's asteroids: which groups are searched for which picture, which cube faces lie behind pictures,
+//! how long the lists may be, and how finely pictures are sampled.
 
 use std::sync::Arc;
 
@@ -27,41 +27,41 @@ use crate::{
     },
 };
 
-/// Distance of depth 1, m: what is nearer is not drawn. Depth is relative, so it costs no accuracy.
+/// Distance at depth 1, m: nearer surfaces are not drawn. Depth is relative, so this costs no accuracy.
 pub const NEAR_M: f64 = 1e-3;
 
-/// Memory that the faces of a cube may take.
+/// Maximum memory of the faces of a cube.
 const FACE_BYTES: u64 = 1 << 30;
 /// Bytes of a texel of colour and depth.
 const TEXEL_BYTES: u64 = 12;
-/// Value of the target at p E / pi of the brightest group: halves end at 65504, and a mesh may be several times as bright.
+/// Target value of p E / pi of the brightest group: f16 ends at 65504, and a mesh may be several times as bright.
 const BRIGHTEST_UNITS: f64 = 1024.0;
 
 /// Bytes of an entry of the lists on the adapter.
 pub const ENTRY_BYTES: u64 = 12;
 
-/// How a group is linked to a plane: where its asteroids are counted and listed.
+/// Link of a group to a plane, in which its asteroids are counted and listed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Link {
     /// Index of the plane.
     pub plane: usize,
-    /// Number of the group among those of the plane.
+    /// Index of the group among those of the plane.
     pub column: u32,
-    /// Bit set of the faces that the group may be seen on.
+    /// Bit set of the faces that may show the group.
     pub faces: u8,
 }
 
-/// Where one tile will do for an impostor that is splatted: where each of its errors is below half a pixel.
+/// Condition for drawing a splatted impostor from a single tile: each of its errors is below half a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Splats {
-    /// Factor on distances of detail.
+    /// Factor on the distances of detail.
     pub quality: f64,
     /// Greatest error of the direction of the nearest tile, rad.
     pub tile_error_rad: f64,
 }
 
 impl Splats {
-    /// Those of these settings.
+    /// From the settings; `None`: impostors are not splatted.
     fn new(settings: &AsteroidSettings) -> Option<Self> {
         if settings.finest_only || settings.impostor.chosen() != ImpostorMethod::OctahedralSplat {
             return None;
@@ -71,43 +71,43 @@ impl Splats {
     }
 }
 
-/// Where the counts of a plane are.
+/// Position of a plane's counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlaneCounts {
     /// First count.
     pub first: u64,
-    /// Groups that are linked to the plane.
+    /// Number of groups linked to the plane.
     pub columns: u32,
 }
 
 /// See the module.
 #[derive(Clone, Debug)]
 pub struct AsteroidPlan {
-    /// Groups to look through, and points of light that stand for whole groups.
+    /// Groups to search, and points of light that represent whole groups.
     pub cut: AsteroidCut,
-    /// The pictures.
+    /// Pictures.
     pub viewports: Vec<Viewport>,
-    /// What each picture's culling goes by.
+    /// Bounds of each picture for culling.
     pub pictures: Vec<PictureBounds>,
-    /// How classes of detail are chosen, per viewport.
+    /// Rules for classes of detail, per viewport.
     pub rules: Vec<ClassRules>,
-    /// Whose classes hold, per viewport: of a pair of eyes with pixels alike the first one's.
+    /// Viewport whose classes apply, per viewport: of a pair of eyes with equal pixels, the first one's.
     pub class_views: Vec<u32>,
-    /// What is drawn onto.
+    /// Planes to draw onto.
     pub planes: Vec<Plane>,
-    /// One per plane.
+    /// Positions of the counts, one per plane.
     pub plane_counts: Vec<PlaneCounts>,
     /// Links of all groups.
     pub links: Vec<Link>,
     /// First link and number of links, per group.
     pub item_links: Vec<[u32; 2]>,
-    /// Numbers of the lists.
+    /// Index of each kind of list.
     pub numbers: Kinds,
-    /// Lists per plane, the count of those seen included.
+    /// Number of lists per plane, including the count of visible asteroids.
     pub kinds: u32,
-    /// Entries that the lists may have.
+    /// Maximum number of entries of the lists.
     pub capacity: u64,
-    /// Counts of all planes, lists and groups.
+    /// Number of counts of all planes, lists and groups.
     pub counts: u64,
     /// Samples along each side of a pixel, per viewport.
     pub samples: Vec<u32>,
@@ -115,23 +115,23 @@ pub struct AsteroidPlan {
     pub face_px: Vec<u32>,
     /// cd/m^2 per unit of the targets.
     pub luminance_scale: f64,
-    /// How impostors are splatted; `None`: they are drawn as squares, or there are none.
+    /// Parameters of splatted impostors; `None`: they are drawn as squares, or there are none.
     pub splats: Option<Splats>,
-    /// The lists where the CPU has made them.
+    /// The lists, if the CPU has made them.
     pub lists: Option<Vec<PictureLists>>,
-    /// Asteroids of all fields.
+    /// Number of asteroids of all fields.
     pub asteroids: u64,
-    /// What is approximated.
+    /// Approximations.
     pub certificate: Vec<Approximation>,
 }
 
-/// Tables of directions by projection, which take their time: kept from plan to plan.
+/// Tables of directions by projection. They take long to compute and are kept from plan to plan.
 #[derive(Clone, Debug, Default)]
 pub struct Tables(Vec<(Projection, Arc<DirectionTable>)>);
 
 impl Tables {
-    /// The table of a projection.
-    pub fn of(&mut self, projection: &Projection) -> Arc<DirectionTable> {
+    /// The table of a projection, computed at the first call.
+    pub fn for_projection(&mut self, projection: &Projection) -> Arc<DirectionTable> {
         if let Some((_, table)) = self.0.iter().find(|(known, _)| known == projection) {
             return table.clone();
         }
@@ -140,13 +140,13 @@ impl Tables {
         table
     }
 
-    /// Forgets the tables that none of these viewports has.
+    /// Removes the tables that none of these viewports needs.
     fn keep(&mut self, viewports: &[Viewport]) {
         self.0.retain(|(projection, _)| viewports.iter().any(|viewport| viewport.projection == *projection));
     }
 }
 
-/// Whether the fields of a scene can be held: their number, and that every shape has meshes.
+/// Checks that the fields of a scene can be held: their number, and that every shape has meshes.
 pub fn check(objects: &SceneObjects, limits: &Limits) -> Result<(), PlanError> {
     let asteroids = objects.fields.iter().map(|field| field.instances.packed.len() as u64).sum();
     let bytes = limits.max_binding_bytes;
@@ -169,36 +169,37 @@ pub fn check(objects: &SceneObjects, limits: &Limits) -> Result<(), PlanError> {
     Ok(())
 }
 
-/// What a plan of asteroids is made from.
+/// Inputs of a plan of asteroids.
 #[derive(Clone, Copy)]
 pub struct AsteroidInputs<'a> {
     /// The fields.
     pub objects: &'a SceneObjects,
-    /// How they are drawn.
+    /// Settings.
     pub settings: &'a AsteroidSettings,
     /// The pictures.
     pub viewports: &'a [Viewport],
-    /// How far points reach over borders, pixels.
+    /// Distance beyond the border of a picture from which points reach into it, pixels.
     pub margin_px: f64,
     /// The camera (ICRS, barycentric, m).
     pub camera_m: DVec3,
-    /// What lights them.
+    /// Suns that light them.
     pub suns: &'a [Sun],
-    /// The adapter's.
+    /// Limits of the adapter.
     pub limits: &'a Limits,
 }
 
 impl AsteroidPlan {
-    /// Plans the fields of a scene, which [`check`] accepts. `None` where there are no fields or no pictures.
+    /// Plans the fields of a scene, which [`check`] has accepted. `None`: there are no fields or no pictures.
     ///
     /// # Errors
     ///
-    /// The lists may be longer than the adapter can bind.
+    /// The lists may exceed the adapter's binding size.
     pub fn new(inputs: &AsteroidInputs<'_>, tables: &mut Tables) -> Result<Option<Self>, PlanError> {
         let AsteroidInputs { objects, settings, viewports, margin_px, camera_m, suns, limits } = *inputs;
         if objects.fields.is_empty() || viewports.is_empty() {
             return Ok(None);
         }
+        // Bounds of the pictures, and rules for classes of detail.
         let fields: Vec<&AsteroidField> = objects.fields.iter().map(Arc::as_ref).collect();
         let numbers = Kinds::new(fields.iter().copied());
         tables.keep(viewports);
@@ -207,7 +208,7 @@ impl AsteroidPlan {
             .map(|viewport| {
                 let eyes_m = eye_distance_m(viewports, viewport);
                 let reach = impostor_reach(settings, eyes_m);
-                PictureBounds::new(viewport, margin_px, tables.of(&viewport.projection), reach)
+                PictureBounds::new(viewport, margin_px, tables.for_projection(&viewport.projection), reach)
             })
             .collect();
         let rules: Vec<ClassRules> = pictures
@@ -218,6 +219,7 @@ impl AsteroidPlan {
                 finest_only: settings.finest_only,
             })
             .collect();
+        // Groups that pictures may see, and the complete lists if the CPU culls.
         let mut lists = None;
         let cut = if settings.culling == Culling::Cpu {
             let mut cut = cut::every_group(&fields, camera_m, &pictures, &rules, suns);
@@ -253,6 +255,7 @@ impl AsteroidPlan {
             lists,
             cut,
         };
+        // Positions of the lists, and sampling; both are limited by the adapter.
         plan.link(settings);
         plan.choose_samples(limits, settings);
         let limit = (limits.max_binding_bytes / ENTRY_BYTES).min(u64::from(u32::MAX));
@@ -266,7 +269,7 @@ impl AsteroidPlan {
         Ok(Some(plan))
     }
 
-    /// Whether anything may be drawn as a mesh or an impostor in a viewport.
+    /// Whether a mesh or an impostor may be drawn in a viewport.
     pub fn draws(&self, viewport: usize) -> bool {
         match &self.lists {
             Some(lists) => lists[viewport].lists.iter().flatten().any(|list| !list.is_empty()),
@@ -274,7 +277,7 @@ impl AsteroidPlan {
         }
     }
 
-    /// Links groups to planes, and numbers counts and entries.
+    /// Links groups to planes, and assigns the positions of counts and entries.
     fn link(&mut self, settings: &AsteroidSettings) {
         let mut columns = vec![0_u32; self.planes.len()];
         let doubled = if settings.finest_only { 1 } else { 2 };
@@ -324,7 +327,7 @@ impl AsteroidPlan {
             fewest = fewest.min(samples);
             self.samples.push(samples);
             let layers = u64::from(8 - self.cut.faces[index].leading_zeros());
-            // In the middle of a face a texel covers 2 / side.
+            // At the centre of a face a texel covers 2 / side.
             let wanted = (2.0 * f64::from(samples) / picture.table.needed_rad).ceil();
             let fitting = ((FACE_BYTES / TEXEL_BYTES / layers.max(1)) as f64).sqrt().floor().min(f64::from(limit));
             let side = wanted.min(fitting).max(1.0);
@@ -333,37 +336,37 @@ impl AsteroidPlan {
             }
             self.face_px.push(side as u32);
         }
-        let mut state = |what: &str, bound: f64, unit: &str, within: Option<bool>| {
+        let mut state = |name: &str, bound: f64, unit: &str, within: Option<bool>| {
             self.certificate.push(Approximation {
-                what: what.to_owned(),
+                name: name.to_owned(),
                 bound,
                 unit: unit.to_owned(),
                 within_budget: within,
             });
         };
         let half_px = 0.5 / settings.quality;
-        state("detail left out of an asteroid", half_px, "px", None);
+        state("omitted detail of an asteroid", half_px, "px", None);
         state("straight edges of asteroids in pictures that are not flat", half_px, "px", None);
         state("edges of asteroids, sampled", 0.5 / f64::from(fewest.max(1)), "px", Some(fewest == settings.samples));
         if self.cut.faces.iter().any(|faces| *faces != 0) {
-            state("texels of the faces behind pictures, over a sample", coarsest, "px", Some(coarsest <= 1.0));
+            state("texels of the faces behind pictures, in samples", coarsest, "px", Some(coarsest <= 1.0));
         }
     }
 
-    /// The plane of a face of a viewport.
+    /// Index of the plane of a face of a viewport.
     pub fn plane_of(&self, viewport: usize, face: Option<Face>) -> Option<usize> {
         self.planes.iter().position(|plane| *plane == Plane { viewport, face })
     }
 }
 
-/// cd/m^2 per unit of the targets: a power of two, so that it stays while the light hardly changes.
+/// cd/m^2 per unit of the targets: a power of two, so that it is constant while the light hardly changes.
 fn luminance_scale(fields: &[&AsteroidField], brightest_lx: f64) -> f64 {
     let albedo = fields.iter().flat_map(|field| field.geometric_albedo).fold(0.0, f64::max);
     let brightest = albedo * brightest_lx / std::f64::consts::PI;
     if brightest > 0.0 { 2.0_f64.powf((brightest / BRIGHTEST_UNITS).log2().ceil()) } else { 1.0 }
 }
 
-/// The viewport whose classes hold for viewport `index`: of a pair of eyes with pixels alike the first one's, else its own.
+/// Index of the viewport whose classes apply to viewport `index`: of a pair of eyes with equal pixels, the first one's, otherwise its own.
 fn class_view(viewports: &[Viewport], index: u32) -> u32 {
     let own = &viewports[index as usize];
     let first = index.checked_sub(1).filter(|before| {

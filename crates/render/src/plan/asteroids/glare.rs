@@ -1,4 +1,6 @@
-//! What fields of asteroids scatter in an eye: a few nodes of their trees, each an extended source of light.
+//! Light of asteroid fields as sources of glare: a few nodes of their trees, each an extended source of light.
+
+use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 
@@ -7,24 +9,26 @@ use crate::{
     photometry::rec709::luminance,
     plan::glare::objects::ExtendedSource,
     scene::{
+        SceneObjects,
         asteroids::{AsteroidField, Node},
         bodies::Sun,
     },
+    view::Viewport,
 };
 
-/// Clouds of an eye at most.
+/// Maximum number of clouds of an eye.
 const MOST_CLOUDS: usize = 64;
-/// A node that is seen no wider than this is not divided, rad.
+/// A node with at most this angular radius is not divided, rad.
 const FINE_RAD: f64 = 0.03;
-/// Clouds that have less of all light than this are not divided.
+/// Clouds with a smaller fraction of all light are not divided.
 const LEAST_SHARE: f64 = 1e-3;
 
-/// A part of a field as an eye sees it.
+/// A part of a field, as seen by an eye.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cloud {
-    /// All of its light.
+    /// Its total light.
     pub source: ExtendedSource,
-    /// Luminance of the surfaces that it comes from, where they face the sun and the eye: p E / pi, cd/m^2.
+    /// Luminance of its surfaces that face the sun and the eye: p E / pi, cd/m^2.
     pub surface_cd_m2: f64,
 }
 
@@ -36,8 +40,9 @@ struct Open<'a> {
     cloud: Cloud,
 }
 
-/// The clouds that an eye at `eye_m`, world axes, has fields as: the widest nodes are divided first.
+/// Clouds of the fields for an eye at `eye_m`, world axes: the widest nodes are divided first.
 pub fn field_clouds(fields: &[&AsteroidField], eye_m: DVec3, suns: &[Sun]) -> Vec<Cloud> {
+    // Source of light for a node.
     let open = |field: &'_ AsteroidField, node: &Node| -> Cloud {
         let place_m = field.position_m + DMat3::from_quat(field.orientation) * node.centroid_m;
         let offset_m = place_m - eye_m;
@@ -47,12 +52,13 @@ pub fn field_clouds(fields: &[&AsteroidField], eye_m: DVec3, suns: &[Sun]) -> Ve
         let reflected = [0, 1, 2].map(|channel| field.geometric_albedo[channel] * light.1[channel]);
         let source = ExtendedSource {
             direction: offset_m / distance_m,
-            // An eye among the asteroids is as far from them as they are spread.
+            // For an eye among the asteroids, use their spread as the distance.
             light: intensity_cd.map(|cd| cd / distance_m.max(node.radius_m).powi(2)),
             radius_rad: (node.radius_m / distance_m).min(1.0).asin(),
         };
         Cloud { source, surface_cd_m2: luminance(reflected) / std::f64::consts::PI }
     };
+    // Start with the roots, and divide the widest and brightest nodes.
     let mut nodes: Vec<Open<'_>> = fields
         .iter()
         .filter_map(|field| {
@@ -83,11 +89,27 @@ pub fn field_clouds(fields: &[&AsteroidField], eye_m: DVec3, suns: &[Sun]) -> Ve
     nodes.into_iter().map(|open| open.cloud).filter(|cloud| luminance(cloud.source.light) > 0.0).collect()
 }
 
+/// Asteroid fields as the eye of each viewport sees them; empty without fields.
+pub fn clouds_of(objects: &SceneObjects, suns: &[Sun], camera_m: DVec3, viewports: &[Viewport]) -> Vec<Vec<Cloud>> {
+    if objects.fields.is_empty() {
+        return Vec::new();
+    }
+    let fields: Vec<&AsteroidField> = objects.fields.iter().map(Arc::as_ref).collect();
+    let mut clouds: Vec<Vec<Cloud>> = Vec::with_capacity(viewports.len());
+    for (index, viewport) in viewports.iter().enumerate() {
+        // Eyes at the same position have the same sources.
+        let same = viewports[..index].iter().position(|other| other.eye_offset_m == viewport.eye_offset_m);
+        clouds.push(match same {
+            Some(other) => clouds[other].clone(),
+            None => field_clouds(&fields, camera_m + viewport.eye_offset_m, suns),
+        });
+    }
+    clouds
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a test may panic")]
-
-    use std::sync::Arc;
 
     use super::*;
     use crate::scene::{
@@ -115,7 +137,7 @@ mod tests {
         }
     }
 
-    /// From far away every source has the same phase, so that all of them have the light of all asteroids; near, they are many.
+    /// From a great distance all sources have the same phase, so together they have the light of all asteroids; nearby, there are many.
     #[test]
     fn clouds_have_the_light_of_their_asteroids() {
         let field = field();

@@ -1,5 +1,5 @@
-//! Numbers of the lists that asteroids are sorted into: per plane one for each mesh of each set of shapes, then one for the impostors
-//! of each set. What is drawn onto is a plane: a picture, or a face of the cube behind it.
+//! Numbering of the lists that asteroids are sorted into: per plane, one list for each mesh of each set of shapes, then one for the impostors
+//! of each set. A plane is a surface to draw onto: a picture, or a face of the cube behind it.
 
 use std::sync::Arc;
 
@@ -9,10 +9,10 @@ use crate::{
     view::projection::Face,
 };
 
-/// Most meshes of a set: culling counts them in the memory of a workgroup.
+/// Maximum number of meshes of a set: culling counts them in the memory of a workgroup.
 pub const MAX_SET_MESHES: usize = 1280;
 
-/// Most planes of a frame: pictures, and six faces behind each.
+/// Maximum number of planes of a frame: pictures, and six faces behind each.
 pub const MAX_PLANES: usize = 7 * MAX_VIEWPORTS;
 
 /// A picture or a face of the cube around its axes.
@@ -24,7 +24,7 @@ pub struct Plane {
     pub face: Option<Face>,
 }
 
-/// All planes of a frame: the pictures first, then the faces in need, by viewport.
+/// All planes of a frame: the pictures first, then the necessary faces, by viewport.
 pub fn planes_of(faces: &[u8]) -> Vec<Plane> {
     let pictures = (0..faces.len()).map(|viewport| Plane { viewport, face: None });
     let behind = faces.iter().enumerate().flat_map(|(viewport, bits)| {
@@ -34,14 +34,14 @@ pub fn planes_of(faces: &[u8]) -> Vec<Plane> {
     pictures.chain(behind).collect()
 }
 
-/// A set of shapes with its numbers.
+/// A set of shapes with the indices of its lists.
 #[derive(Clone, Debug)]
 pub struct SetKinds {
     /// The set.
     pub shapes: Arc<ShapeSet>,
-    /// First of its shapes among all sets'.
+    /// Index of its first shape among those of all sets.
     pub first_shape: usize,
-    /// For each shape the kind of its finest mesh; coarser ones follow.
+    /// For each shape, the kind of its finest mesh; coarser ones follow.
     pub shape_kinds: Vec<usize>,
     /// First of its kinds.
     pub first_kind: usize,
@@ -49,21 +49,21 @@ pub struct SetKinds {
     pub meshes: usize,
 }
 
-/// The kinds of all fields.
+/// Kinds of lists of all fields.
 #[derive(Clone, Debug, Default)]
 pub struct Kinds {
-    /// The sets, each once.
+    /// The distinct sets.
     pub sets: Vec<SetKinds>,
-    /// For each field the index of its set.
+    /// Index of the set of each field.
     pub set_of_field: Vec<usize>,
-    /// For each field its first asteroid among all fields'.
+    /// Index of the first asteroid of each field among those of all fields.
     pub first_instance: Vec<usize>,
-    /// Meshes of all sets.
+    /// Number of meshes of all sets.
     pub meshes: usize,
 }
 
 impl Kinds {
-    /// Numbers for these fields, in their order.
+    /// Numbers the lists of these fields.
     pub fn new<'a>(fields: impl IntoIterator<Item = &'a AsteroidField>) -> Self {
         let mut kinds = Self::default();
         let (mut shapes, mut instances) = (0, 0);
@@ -106,7 +106,7 @@ impl Kinds {
         self.meshes + set
     }
 
-    /// Lists of a plane: meshes and impostors.
+    /// Number of lists of a plane: meshes and impostors.
     pub fn lists(&self) -> usize {
         self.meshes + self.sets.len()
     }

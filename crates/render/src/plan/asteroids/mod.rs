@@ -1,4 +1,4 @@
-//! How fields of asteroids are drawn: settings, impostors and, per frame, which of their instances every viewport may see.
+//! Asteroid fields in a plan: settings, impostors, and the instances that each viewport may see.
 
 pub mod areas;
 pub mod bounds;
@@ -9,9 +9,12 @@ pub mod frame;
 pub mod glare;
 pub mod kinds;
 mod settings;
+mod technique;
 pub mod tiles;
 pub mod views;
 
 pub use bounds::{ImpostorDistances, impostor_distances, nearest_distance_m};
 pub use frame::{AsteroidInputs, AsteroidPlan, Tables};
+pub(super) use technique::Asteroids;
+
 pub use settings::{AsteroidSettings, Culling, ImpostorMethod};

@@ -1,4 +1,4 @@
-//! The settings of asteroid fields.
+//! Settings of asteroid fields.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::tiles::AtlasLayout;
 
-/// What replaces the mesh of a distant asteroid.
+/// Method that replaces the mesh of a distant asteroid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
@@ -23,7 +23,7 @@ pub enum ImpostorMethod {
     Octahedral,
     /// An octahedral atlas: three tiles blended, each with parallax by its depth.
     OctahedralBlend,
-    /// The same, and from where half a pixel allows it one tile, splatted sample by sample: what nearer asteroids hide is left out.
+    /// The same, but a single tile if its error is below half a pixel, splatted sample by sample; hidden asteroids are skipped.
     OctahedralSplat,
 }
 
@@ -37,7 +37,7 @@ named!(ImpostorMethod {
 });
 
 impl ImpostorMethod {
-    /// What draws: no `auto`.
+    /// The method that is drawn; never `auto`.
     pub fn chosen(self) -> Self {
         if self == Self::Auto { Self::OctahedralSplat } else { self }
     }
@@ -106,10 +106,15 @@ impl AsteroidSettings {
     /// Range of `samples`.
     pub const SAMPLES: [f64; 2] = [1.0, 4.0];
 
-    /// Memory of the atlas of that many shapes on the adapter, bytes: normals and surfaces of four bytes a texel, with their levels.
+    /// The impostor method, never `auto`; `None`: asteroids have no impostors.
+    pub fn drawn_impostors(&self) -> Option<ImpostorMethod> {
+        Some(self.impostor.chosen()).filter(|method| !self.finest_only && *method != ImpostorMethod::None)
+    }
+
+    /// Memory of the atlas of that many shapes on the adapter, bytes: normals and surfaces of four bytes per texel, with their levels.
     pub fn atlas_bytes(&self, shapes: usize) -> u64 {
         let side = u64::from(self.tiles) * u64::from(self.tile_px);
-        match AtlasLayout::of(self.impostor) {
+        match AtlasLayout::for_method(self.impostor) {
             Some(_) if !self.finest_only => shapes as u64 * side * side * 8 * 4 / 3,
             _ => 0,
         }
@@ -119,19 +124,19 @@ impl AsteroidSettings {
     ///
     /// # Errors
     ///
-    /// The key at fault, and what is allowed.
+    /// The invalid key, and the valid values.
     pub fn check(&self) -> Result<(), (&'static str, String)> {
         Self::check_quality(self.quality)?;
         for (key, value, [least, most]) in
             [("tiles", self.tiles, Self::TILES), ("tile_px", self.tile_px, Self::TILE_PX)]
         {
             if !(value.is_power_of_two() && (least..=most).contains(&f64::from(value))) {
-                return Err((key, format!("{value}: allowed are powers of two from {least} to {most}")));
+                return Err((key, format!("{value}: must be a power of two from {least} to {most}")));
             }
         }
         let [least, most] = Self::SAMPLES;
         if !(least..=most).contains(&f64::from(self.samples)) {
-            return Err(("samples", format!("{}: allowed are {least} to {most}", self.samples)));
+            return Err(("samples", format!("{}: must be between {least} and {most}", self.samples)));
         }
         Ok(())
     }
@@ -140,12 +145,12 @@ impl AsteroidSettings {
     ///
     /// # Errors
     ///
-    /// The key, and what is allowed.
+    /// The key, and the valid values.
     pub fn check_quality(quality: f64) -> Result<(), (&'static str, String)> {
         let [least, most] = Self::QUALITIES;
         if (least..=most).contains(&quality) {
             return Ok(());
         }
-        Err(("quality", format!("{quality}: allowed are {least} to {most}")))
+        Err(("quality", format!("{quality}: must be between {least} and {most}")))
     }
 }

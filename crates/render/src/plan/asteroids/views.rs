@@ -1,10 +1,10 @@
-//! What culling and detail have to know of a picture: where it ends, how fine its pixels are in each direction, and how much it bends
-//! a straight edge.
+//! Properties of a picture for culling and detail: its borders, the size of its pixels in each direction, and the curvature of
+//! images of straight edges.
 //!
-//! Pixels and bends depend on the direction. Both stand in a table over s = sin(t / 2), where t is the angle from the optical axis, of
-//! equirectangular pictures that from the zenith. The pixel is the finer side of what a pixel covers, in rad; the bend is the norm of the
-//! second derivative of the pixel along a great circle, px/rad^2, the greatest of all directions, by central differences: an edge
-//! of angular length h that is drawn straight misses its image by at most h^2 / 8 times the bend. In flat pictures it is 0.
+//! Pixel size and bend depend on the direction. Both are tabulated over s = sin(t / 2), where t is the angle from the optical axis, or from the
+//! zenith for equirectangular pictures. The pixel size is the finer side of a pixel, in rad. The bend is the norm of the
+//! second derivative of the pixel position along a great circle, px/rad^2, the greatest of all directions, by central differences: an edge
+//! of angular length h that is drawn straight deviates from its image by at most h^2 / 8 times the bend. In flat pictures it is 0.
 
 use std::f64::consts::{PI, TAU};
 
@@ -19,13 +19,13 @@ use crate::{
     },
 };
 
-/// Steps of a table; it has one entry more.
+/// Steps of a table, which has one entry more.
 pub const TABLE_STEPS: usize = 64;
 
-/// What stands for a bend beyond all bounds, px/rad^2.
+/// Value of an unbounded bend, px/rad^2.
 pub const UNBOUNDED_BEND: f64 = 1e30;
 
-/// How a picture's directions are counted.
+/// Coordinate of a picture's directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PictureKind {
     /// A plane: straight edges stay straight.
@@ -36,7 +36,7 @@ pub enum PictureKind {
     Longitude,
 }
 
-/// Pixels and bends by direction.
+/// Pixel sizes and bends by direction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DirectionTable {
     /// Finer side of a pixel, rad, at s = i / [`TABLE_STEPS`].
@@ -47,38 +47,38 @@ pub struct DirectionTable {
     pub needed_rad: f64,
 }
 
-/// From where on an impostor may stand in for a mesh: of an asteroid that a sphere of radius R (m) holds, where a pixel over the
-/// quality is p (rad), from the greatest of sqrt(2 b R / p), linear R / p and R p^-exponent on; `bounds` has the reasons.
+/// Distance from which an impostor may replace a mesh. For an asteroid within a sphere of radius R (m), with the angle p of a pixel divided by the
+/// quality (rad), it is the greatest of sqrt(2 b R / p), linear R / p and R p^-exponent; `bounds` has the derivation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImpostorReach {
-    /// b, distance of the eyes, m: their disparity.
+    /// b, distance between the eyes, m, for the disparity.
     pub eyes_m: f64,
-    /// Of the tiles' resolution and the error of their direction.
+    /// Resolution of the tiles and error of their direction.
     pub linear: f64,
-    /// Of parallel instead of central projection.
+    /// Parallel instead of central projection.
     pub exponent: f64,
 }
 
-/// A picture as culling and detail see it.
+/// Bounds of a picture for culling and detail.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PictureBounds {
-    /// How directions are counted.
+    /// Coordinate of directions.
     pub kind: PictureKind,
     /// Rotation from world to view axes.
     pub view_from_world: DMat3,
     /// Eye minus camera, world axes, m.
     pub eye_m: DVec3,
-    /// Inward normals of the planes through the eye and the edges, view axes; none if it is not flat.
+    /// Inward normals of the planes through the eye and the edges, view axes; empty for pictures that are not flat.
     pub planes: Vec<DVec3>,
-    /// Sine and cosine of the half angle of the cone around -z that holds the picture.
+    /// Sine and cosine of the half angle of the cone around -z that contains the picture.
     pub cone: [f64; 2],
-    /// Pixels and bends.
+    /// Pixel sizes and bends.
     pub table: std::sync::Arc<DirectionTable>,
-    /// Where impostors begin; `None`: nowhere.
+    /// Distances of impostors; `None`: there are none.
     pub impostor: Option<ImpostorReach>,
 }
 
-/// Place of a direction in the tables: s of the cosine of its angle.
+/// Position of a direction in the tables: s, from the cosine of its angle.
 pub fn table_place(cosine: f64) -> f64 {
     (0.5 * (1.0 - cosine)).clamp(0.0, 1.0).sqrt()
 }
@@ -111,7 +111,7 @@ impl DirectionTable {
                 Self { pixel_rad, bend: nodes.map(|angle| bend(mapping, place(angle))).collect(), needed_rad }
             }
             Projection::Equirectangular(_) => {
-                // Towards the poles pixels grow ever narrower, but neighbours then show the same place on the sky.
+                // Towards the poles pixels become ever narrower, but neighbours then show the same direction.
                 let pixel = (PI / height).min(TAU / width);
                 let place = |angle: f64| DVec3::new(0.0, angle.cos(), -angle.sin());
                 Self {
@@ -121,7 +121,7 @@ impl DirectionTable {
                 }
             }
             Projection::Tabulated(table) => {
-                // Pixels are of any size in any direction: the finest of all stands for each. Edges always go through faces.
+                // Pixels of any size may occur in any direction: use the finest of all. Edges always cross faces.
                 let [shortest_rad, needed_rad] = table.finest_pixel_rad();
                 let entries = TABLE_STEPS + 1;
                 Self { pixel_rad: vec![shortest_rad; entries], bend: vec![UNBOUNDED_BEND; entries], needed_rad }
@@ -129,7 +129,7 @@ impl DirectionTable {
         }
     }
 
-    /// Finer side of a pixel at a place, rad: interpolated.
+    /// Finer side of a pixel at a position, rad, interpolated.
     pub fn pixel_rad_at(&self, place: f64) -> f64 {
         let x = place.clamp(0.0, 1.0) * TABLE_STEPS as f64;
         let i = (x as usize).min(TABLE_STEPS - 1);
@@ -137,12 +137,12 @@ impl DirectionTable {
         self.pixel_rad[i] * (1.0 - f) + self.pixel_rad[i + 1] * f
     }
 
-    /// The greatest bend within `reach` of a place: of the entries around both ends and the middle.
+    /// The greatest bend within `reach` of a position: of the entries around both ends and the centre.
     pub fn bend_around(&self, place: f64, reach: f64) -> f64 {
         [place - reach, place, place + reach].map(|place| self.bend_beside(place)).into_iter().fold(0.0, f64::max)
     }
 
-    /// The greatest bend within `reach` of a place, every entry looked at.
+    /// The greatest bend within `reach` of a position, from all entries.
     pub fn bend_around_all(&self, place: f64, reach: f64) -> f64 {
         let entry = |place: f64| place.clamp(0.0, 1.0) * TABLE_STEPS as f64;
         let last = (entry(place + reach).ceil() as usize).min(TABLE_STEPS);
@@ -161,7 +161,7 @@ impl DirectionTable {
     }
 }
 
-/// The finest side of a pixel at an angle from the axis, whatever the direction from there.
+/// The finest side of a pixel at an angle from the axis, over all directions from there.
 fn finest_pixel_rad(mapping: &dyn PlaneMapping, angle: f64) -> f64 {
     (0..8)
         .filter_map(|step| {
@@ -173,7 +173,7 @@ fn finest_pixel_rad(mapping: &dyn PlaneMapping, angle: f64) -> f64 {
         .min(1.0)
 }
 
-/// Norm of the second derivative of the pixel along great circles through a direction, px/rad^2.
+/// Norm of the second derivative of the pixel position along great circles through a direction, px/rad^2.
 fn bend(mapping: &dyn PlaneMapping, direction: DVec3) -> f64 {
     const STEP: f64 = 1e-3;
     let (right, up) = direction.any_orthonormal_pair();
@@ -182,8 +182,8 @@ fn bend(mapping: &dyn PlaneMapping, direction: DVec3) -> f64 {
         .map(|step| {
             let (sin, cos) = (f64::from(step) / 8.0 * PI).sin_cos();
             let along = right * cos + up * sin;
-            let at = |side: f64| mapping.pixel_from_direction(direction * cos_step + along * (side * sin_step));
-            match (at(-1.0), mapping.pixel_from_direction(direction), at(1.0)) {
+            let pixel_at = |side: f64| mapping.pixel_from_direction(direction * cos_step + along * (side * sin_step));
+            match (pixel_at(-1.0), mapping.pixel_from_direction(direction), pixel_at(1.0)) {
                 (Some(before), Some(here), Some(after)) => {
                     ((before + after - here * 2.0).length() / (STEP * STEP)).min(UNBOUNDED_BEND)
                 }
@@ -194,7 +194,7 @@ fn bend(mapping: &dyn PlaneMapping, direction: DVec3) -> f64 {
 }
 
 impl PictureBounds {
-    /// A viewport with its table; asteroids up to `margin_px` outside of it count as seen: points reach over its border.
+    /// Bounds of a viewport with its table. Points reach over its border, so asteroids up to `margin_px` outside count as visible.
     pub fn new(
         viewport: &Viewport,
         margin_px: f64,
@@ -222,47 +222,47 @@ impl PictureBounds {
         }
     }
 
-    /// Whether a sphere may be seen: its middle in view axes, relative to the eye. Never false for one that is.
+    /// Whether a sphere may be visible, from its centre in view axes relative to the eye. Never false for a visible one.
     pub fn touches(&self, middle: DVec3, radius: f64) -> bool {
         if self.kind == PictureKind::Flat {
             return self.planes.iter().all(|normal| normal.dot(middle) >= -radius);
         }
-        // Distance from the cone's surface in the half plane of the axis and the middle: beyond the apex it is more.
+        // Distance from the cone's surface in the half plane of axis and centre; beyond the apex it is greater.
         let [sin, cos] = self.cone;
         middle.x.hypot(middle.y) * cos + middle.z * sin <= radius
     }
 
-    /// Place of a direction (any length but 0) in the table.
+    /// Position of a direction (any length but 0) in the table.
     pub fn place_of(&self, direction: DVec3, distance: f64) -> f64 {
         let along = if self.kind == PictureKind::Longitude { direction.y } else { -direction.z };
         table_place(along / distance)
     }
 
-    /// Whether a sphere reaches over the seam of an equirectangular picture.
+    /// Whether a sphere crosses the seam of an equirectangular picture.
     pub fn crosses_seam(&self, middle: DVec3, radius: f64) -> bool {
         self.kind == PictureKind::Longitude && middle.x.abs() <= radius && middle.z > -radius
     }
 }
 
-/// Whether a sphere touches a face of the cube around view axes, as far as the planes through its edges tell.
+/// Whether a sphere may touch a face of the cube around view axes, from the planes through its edges.
 pub fn touches_face(face: Face, middle: DVec3, radius: f64) -> bool {
     let [right, up, back] = [0, 1, 2].map(|column| face.axes().col(column).dot(middle));
     let reach = radius * std::f64::consts::SQRT_2 * (1.0 + 1e-4);
     -back + reach >= right.abs() && -back + reach >= up.abs()
 }
 
-/// Greatest distance between the eyes that look from different places in one view, m: 0 for views of one eye.
+/// Greatest distance between the positions from which the eye of one view looks, m: 0 for views with one position.
 pub fn eye_distance_m(viewports: &[Viewport], of: &Viewport) -> f64 {
     let others = viewports.iter().filter(|viewport| viewport.view == of.view);
     others.map(|viewport| (viewport.eye_offset_m - of.eye_offset_m).length()).fold(0.0, f64::max)
 }
 
-/// Where the impostors of a method begin; `None`: nowhere. It is [`nearest_distance_m`](super::bounds::nearest_distance_m) taken apart.
+/// Distances of the impostors of a method; `None`: there are none. They are the factors of [`nearest_distance_m`](super::bounds::nearest_distance_m).
 pub fn impostor_reach(settings: &AsteroidSettings, eyes_m: f64) -> Option<ImpostorReach> {
     if settings.finest_only {
         return None;
     }
-    // Each of the distances for one metre and one radian is the factor in it.
+    // Each distance for one metre and one radian is its factor.
     let of_one = impostor_distances(settings.impostor, settings, 1.0, 1.0, eyes_m, 1.0)?;
     let smaller = impostor_distances(settings.impostor, settings, 1.0, 0.5, eyes_m, 1.0)?;
     Some(ImpostorReach {

@@ -1,4 +1,4 @@
-//! Which blocks of pixels may show a body: in most pictures few of them do, and the pass over rays is made for those alone.
+//! Blocks of pixels that may show a body: few in most pictures. The pass over rays runs for these only.
 
 use glam::{DVec2, DVec3};
 
@@ -10,7 +10,7 @@ use crate::{
 
 /// Pixels along a side of a block.
 pub const BLOCK_PX: u32 = 64;
-/// Room for what is between the points of a block that are looked at.
+/// Margin for directions between the tested points of a block.
 const ROOM: f64 = 1.2;
 
 /// All blocks of a tile: their first column, and their first row within the tile.
@@ -19,7 +19,7 @@ pub fn all_blocks(width: u32, tile: &Tile) -> Vec<[u32; 2]> {
     starts(tile.rows).flat_map(|y| starts(width).map(move |x| [x, y])).collect()
 }
 
-/// Those of them that may show one of these bodies.
+/// The blocks that may show one of these bodies.
 pub fn reached_blocks(viewport: &Viewport, tile: &Tile, discs: &[BodyDisc]) -> Vec<[u32; 2]> {
     if discs.is_empty() {
         return Vec::new();
@@ -27,13 +27,15 @@ pub fn reached_blocks(viewport: &Viewport, tile: &Tile, discs: &[BodyDisc]) -> V
     let bodies: Vec<(DVec3, f64)> = discs.iter().map(|disc| (disc.centre.normalize(), disc.reach_rad)).collect();
     let mut blocks = all_blocks(viewport.size()[0], tile);
     blocks.retain(|block| match cone_of(&viewport.projection, tile, *block) {
-        Some((axis, half_rad)) => bodies.iter().any(|(at, reach_rad)| axis.angle_between(*at) <= half_rad + reach_rad),
+        Some((axis, half_rad)) => {
+            bodies.iter().any(|(towards, reach_rad)| axis.angle_between(*towards) <= half_rad + reach_rad)
+        }
         None => true,
     });
     blocks
 }
 
-/// Middle and half of the opening of a cone around the directions of a block, view axes; `None`: it may show anything.
+/// Axis and half angle of a cone that contains the directions of a block, view axes; `None`: the block may show anything.
 fn cone_of(projection: &Projection, tile: &Tile, [x, y]: [u32; 2]) -> Option<(DVec3, f64)> {
     if matches!(projection, Projection::Tabulated(_)) {
         return None;
@@ -46,24 +48,24 @@ fn cone_of(projection: &Projection, tile: &Tile, [x, y]: [u32; 2]) -> Option<(DV
     };
     let columns = side(x, (x + BLOCK_PX).min(mapping.size()[0]));
     let rows = side(tile.first_row + y, tile.first_row + (y + BLOCK_PX).min(tile.rows));
-    let direction = |at: DVec2| {
-        // Beside a round picture its rim.
+    let direction = |pixel: DVec2| {
+        // Outside a round picture, use its rim.
         let held = match projection {
-            Projection::Fisheye(_) => 0.5 * size + (at - 0.5 * size).clamp_length_max(0.5 * size.x - 1e-3),
-            _ => at,
+            Projection::Fisheye(_) => 0.5 * size + (pixel - 0.5 * size).clamp_length_max(0.5 * size.x - 1e-3),
+            _ => pixel,
         };
         mapping.direction_from_pixel(held).map(DVec3::normalize)
     };
     let axis = direction(DVec2::new(columns[1], rows[1]))?;
     let mut half_rad = 0.0_f64;
-    for at in columns.into_iter().flat_map(|column| rows.map(|row| DVec2::new(column, row))) {
-        half_rad = half_rad.max(direction(at)?.angle_between(axis));
+    for pixel in columns.into_iter().flat_map(|column| rows.map(|row| DVec2::new(column, row))) {
+        half_rad = half_rad.max(direction(pixel)?.angle_between(axis));
     }
     Some((axis, ROOM * half_rad))
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use glam::DQuat;
 
@@ -74,9 +76,9 @@ mod tests {
         projection::{CubeFace, Equirectangular, Face, Fisheye, FisheyeMapping, Perspective},
     };
 
-    /// Every pixel lies in the cone of its block, and the cones are not all of the sphere.
+    /// Every pixel is within the cone of its block, and the cones are not the whole sphere.
     #[test]
-    fn blocks_hold_the_directions_of_their_pixels() {
+    fn cones_of_blocks_contain_the_directions_of_their_pixels() {
         let fisheye = |size: u32, mapping, fov| Projection::Fisheye(Fisheye::new([size; 2], mapping, fov).unwrap());
         let projections = [
             Projection::Perspective(Perspective::symmetric([300, 200], 2.0).unwrap()),
@@ -102,18 +104,18 @@ mod tests {
                 for y in block[1]..(block[1] + BLOCK_PX).min(tile.rows) {
                     for x in block[0]..(block[0] + BLOCK_PX).min(width) {
                         pixels += 1;
-                        let at = DVec2::new(f64::from(x) + 0.5, f64::from(first_row + y) + 0.5);
-                        let Some(direction) = mapping.direction_from_pixel(at) else { continue };
-                        assert!(axis.angle_between(direction) <= half_rad, "{projection:?} {at}");
+                        let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(first_row + y) + 0.5);
+                        let Some(direction) = mapping.direction_from_pixel(pixel) else { continue };
+                        assert!(axis.angle_between(direction) <= half_rad, "{projection:?} {pixel}");
                     }
                 }
             }
             assert_eq!(pixels, width * tile.rows, "{projection:?}");
-            // A small body in the middle of a pixel is in few blocks, that pixel's among them.
-            let at = DVec2::new(f64::from(width / 2) + 0.5, f64::from(first_row + tile.rows / 2) + 0.5);
+            // A small body at the centre of a pixel is in few blocks, including that pixel's.
+            let pixel = DVec2::new(f64::from(width / 2) + 0.5, f64::from(first_row + tile.rows / 2) + 0.5);
             let disc = BodyDisc {
                 body: 0,
-                centre: mapping.direction_from_pixel(at).unwrap(),
+                centre: mapping.direction_from_pixel(pixel).unwrap(),
                 on_plane: false,
                 distance_m: 1.0,
                 unit_from_view: glam::DMat3::IDENTITY,

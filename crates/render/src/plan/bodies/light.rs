@@ -1,37 +1,36 @@
-//! The light of a body as a whole: what a body that is smaller than a pixel is drawn with, and what a larger one must
-//! add up to.
+//! The total light of a body: the light of a body smaller than a pixel, and the sum of the light of a larger one.
 //!
 //! The illuminance at the eye is the integral of luminance over the solid angle of the visible disc. Divided by the
-//! semi-axes the body is the unit sphere, with the eye Q from its middle, and the disc is round: rings of w = Q sin(a),
-//! 0 to 1, a being the angle off the axis. A ring's element sin(a) da dphi is the solid angle in the shrunk space, and
-//! det(D) / |D u|^3 of it, D being the semi-axes and u the ray, is the solid angle in the world. That holds at every
-//! distance. The lit half is a half of the unit sphere too, so on each ring an arc is lit whose ends are known; the
-//! ring where arcs begin divides the rings in two spans. Nodes crowd at the ends of spans and arcs (t^3 (10 - 15 t + 6
-//! t^2)), where the integrand is steep. Nodes are fixed: equal input, equal bits.
+//! semi-axes, the body is the unit sphere, with the eye at distance Q from its centre, and the disc is round: rings of w = Q sin(a),
+//! 0 to 1, where a is the angle off the axis. A ring's element sin(a) da dphi is the solid angle in the scaled space, and
+//! det(D) / |D u|^3 times it, with the semi-axes D and the ray u, is the solid angle in the world. That holds at every
+//! distance. The lit half is a half of the unit sphere too, so the ends of the lit arc of each ring are known; the
+//! ring at which arcs begin divides the rings into two spans. Nodes are denser at the ends of spans and arcs (t^3 (10 - 15 t + 6
+//! t^2)), where the integrand is steep. Nodes are fixed: equal inputs give equal bits.
 //!
-//! Spheres without texture from farther than 100,000 radii have the closed forms of `photometry::reflection`; what
-//! these leave out is of the order of radius over distance.
+//! Spheres without texture beyond 100,000 radii have the closed forms of `photometry::reflection`, whose
+//! error is of the order of radius over distance.
 
 use glam::DVec3;
 
 use crate::scene::bodies::{Body, Light, SeenBody, Sun, Texture, lights_on, reflected_lx};
 
-/// From so many radii on the closed forms count.
+/// Distance in radii from which the closed forms are used.
 const FAR_RADII: f64 = 1e5;
 /// Nodes across and around a disc without texture.
 const PLAIN_NODES: usize = 40;
 /// Fewest and most nodes across and around a disc with a texture.
 const TEXTURE_NODES: [usize; 2] = [128, 256];
 
-/// Illuminance that a body gives an eye at `eye_m` at a time, s: linear Rec. 709, lx, on a surface that faces it.
-/// Counts what it reflects of the suns ([`crate::scene::bodies::suns`]) and what it gives off itself, over the part of
-/// its surface that the eye sees; nothing that stands between. Good to 1e-4 without a texture and, as far as a
-/// texture's finest detail averages out, to 1e-3 with one. 0 for an eye within the body.
+/// Illuminance of a body at an eye at `eye_m` at a time, s: linear Rec. 709, lx, on a surface that faces it.
+/// Includes reflected light of the suns ([`crate::scene::bodies::suns`]) and emitted light, over the part of
+/// the surface that the eye sees, without regard to other bodies. Accurate to 1e-4 without a texture and, if a
+/// texture's finest detail averages out, to 1e-3 with one. 0 for an eye inside the body.
 pub fn illuminance_of(body: &Body, eye_m: DVec3, suns: &[Sun], time_s: f64) -> [f64; 3] {
     illuminance_lit_by(body, eye_m, &lights_on(body, suns, eye_m), time_s)
 }
 
-/// The same with the light that falls on the body.
+/// The same, for given incident light.
 pub fn illuminance_lit_by(body: &Body, eye_m: DVec3, lights: &[Light], time_s: f64) -> [f64; 3] {
     let radius_m = body.radii_m.x;
     let is_plain_sphere = body.radii_m == DVec3::splat(radius_m) && body.surface.texture.is_none();
@@ -73,24 +72,25 @@ fn far_sphere(body: &Body, to_eye_m: DVec3, lights: &[Light]) -> [f64; 3] {
         .fold(emitted, |sum, light| [0, 1, 2].map(|c| sum[c] + light[c]))
 }
 
-/// The visible disc of a body in the space in which it is the unit sphere.
+/// The visible disc of a body in the space in which the body is the unit sphere.
 struct Disc {
     radii_m: DVec3,
-    /// Distance of the eye from the middle, semi-axes.
+    /// Distance of the eye from the centre, semi-axes.
     q: f64,
     /// Unit vector towards the eye.
     axis: DVec3,
 }
 
 impl Disc {
-    /// `None`: the eye is within the body.
+    /// `None`: the eye is inside the body.
     fn new(seen: &SeenBody<'_>) -> Option<Self> {
         let q = seen.eye().length();
         (q > 1.0).then(|| Self { radii_m: seen.body().radii_m, q, axis: seen.eye() / q })
     }
 
-    /// Integral of a luminance, which is taken at points of the unit sphere, over the solid angle of the disc; only of
-    /// the half that faces `towards` (unit vector), if there is one.
+    /// Integral of the luminance at points of the unit sphere over the solid angle of the disc. With `towards` (unit vector),
+    /// only of
+    /// the half that faces it.
     fn integrate(&self, towards: Option<DVec3>, nodes: usize, luminance: &dyn Fn(DVec3) -> [f64; 3]) -> [f64; 3] {
         use std::f64::consts::PI;
         let mut sum = [0.0; 3];
@@ -102,7 +102,7 @@ impl Disc {
         let across = towards - self.axis * along;
         let across_length = across.length();
         let first = if across_length > 1e-9 { across / across_length } else { self.axis.any_orthonormal_vector() };
-        // The middle of the disc is lit all around up to the ring that the terminator touches, or not at all.
+        // The centre of the disc is lit all around up to the ring that the terminator touches, or not at all.
         let touched = self.ring_at(across_length, along.abs());
         let full: &Arc = &|_, _| [-PI, PI];
         if along > 0.0 {
@@ -118,7 +118,7 @@ impl Disc {
         sum
     }
 
-    /// w of the points of the sphere at an angle off the axis; 1 if they lie behind the outline.
+    /// w of the points of the sphere at an angle off the axis; 1 if they are behind the outline.
     fn ring_at(&self, cos: f64, sin: f64) -> f64 {
         if cos * self.q <= 1.0 {
             return 1.0;
@@ -127,8 +127,8 @@ impl Disc {
         (sin / (sin / self.q).hypot(1.0 - cos / self.q)).min(1.0)
     }
 
-    /// Adds the rings of a span of w; `arc` gives the ends of the arc of a ring at cosine and sine off the axis, from
-    /// `first` on.
+    /// Adds the rings of a span of w. `arc` gives the ends of the arc of a ring from its cosine and sine off the axis;
+    /// rings start at `first`.
     fn span(
         &self,
         [from, to]: [f64; 2],
@@ -141,12 +141,12 @@ impl Disc {
         let second = self.axis.cross(first);
         let crowded = crowded(nodes);
         let determinant = self.radii_m.element_product();
-        // Evenly in the angle at the eye: evenly in w, the last rings before a near horizon would hold most of the sky.
+        // Uniform in the angle at the eye: uniform in w, the last rings before a near horizon would contain most of the sky.
         let [from_rad, to_rad] = [from, to].map(|w: f64| (w / self.q).asin());
         for &(t, weight) in &crowded {
             let (sin_eye, cos_eye) = (from_rad + (to_rad - from_rad) * t).sin_cos();
             let w = sin_eye * self.q;
-            // The angle at the body's middle is asin(w) - asin(w / Q).
+            // The angle at the body's centre is asin(w) - asin(w / Q).
             let limb = (1.0 - w * w).max(0.0).sqrt();
             let sin = w * cos_eye - limb * sin_eye;
             let cos = limb * cos_eye + w * sin_eye;
@@ -166,16 +166,16 @@ impl Disc {
     }
 }
 
-/// Ends of a ring's arc, rad, by cosine and sine of the ring's angle off the axis.
+/// Ends of a ring's arc, rad, from cosine and sine of the ring's angle off the axis.
 type Arc = dyn Fn(f64, f64) -> [f64; 2];
 
-/// Nodes and weights of a midpoint rule on 0 to 1 that crowds at both ends; the weights sum to 1.
+/// Nodes and weights of a midpoint rule on 0 to 1, denser at both ends; the weights sum to 1.
 fn crowded(nodes: usize) -> Vec<(f64, f64)> {
-    let at = move |i: usize| (i as f64 + 0.5) / nodes as f64;
+    let middle = move |i: usize| (i as f64 + 0.5) / nodes as f64;
     let slope = |t: f64| (t * (1.0 - t)).powi(2);
-    let total: f64 = (0..nodes).map(|i| slope(at(i))).sum();
+    let total: f64 = (0..nodes).map(|i| slope(middle(i))).sum();
     let node = |t: f64| (t.powi(3) * (10.0 - 15.0 * t + 6.0 * t * t), slope(t) / total);
-    (0..nodes).map(|i| node(at(i))).collect()
+    (0..nodes).map(|i| node(middle(i))).collect()
 }
 
 #[cfg(test)]
@@ -209,13 +209,13 @@ mod tests {
             for phase_deg in [0.0, 0.01, 10.0, 45.0, 89.9, 90.0, 120.0, 150.0, 175.0] {
                 let phase_rad = f64::to_radians(phase_deg);
                 let eye_m = DVec3::new(phase_rad.cos(), 0.0, phase_rad.sin()) * 1e8;
-                // A hair's breadth from a sphere: not worth the closed form.
+                // Nearly a sphere, but not exactly: no closed form.
                 let summed = lit(DVec3::new(1.0, 1.0, 1.0 + 1e-12), law, eye_m);
                 let closed = lit(DVec3::ONE, law, eye_m);
                 let expected = 0.3 * 1e-16 * law.phase_function(phase_rad);
                 assert!((closed / expected - 1.0).abs() < 1e-9, "{law:?} {phase_deg}: {closed} {expected}");
                 assert!((summed / closed - 1.0).abs() < 1e-4, "{law:?} {phase_deg}: {summed} {closed}");
-                // Another law, or another albedo, is told apart.
+                // Another law, or another albedo, makes a measurable difference.
                 assert!((summed * 1.001 / closed - 1.0).abs() > 5e-4);
             }
         }
@@ -253,13 +253,13 @@ mod tests {
         for found in [seen, sent, far] {
             assert!((found / expected - 1.0).abs() < 5e-5, "{found} {expected}");
         }
-        // The middle of the disc is brighter than the mean, 1.9e9 cd/m^2.
+        // The centre of the disc is brighter than the mean, 1.9e9 cd/m^2.
         let middle = y(sun.emission.unwrap().luminance_cd_m2);
         assert!((middle * 0.8 / 1.86e9 - 1.0).abs() < 0.02, "{middle}");
     }
 
     #[test]
-    fn textures_count_where_they_are_seen_and_lit() {
+    fn textures_count_only_where_visible_and_lit() {
         let mut body = Body::preset(SolarBody::Moon, "moon", DVec3::ZERO);
         let half = |x: u32| if x < 32 { [0.0; 3] } else { [1.0; 3] };
         let rgb = (0..32).flat_map(|_| (0..64).map(half)).collect();

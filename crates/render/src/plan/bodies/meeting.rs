@@ -1,19 +1,20 @@
-//! Bodies of few pixels before each other. A body of less than some pixels across is a point, or partly one, and hides little of what is behind it; a moon before the Sun hides all of it, however small both
-//! are in a picture. So bodies that meet are discs, the more the nearer they are to each other, and what is too small even for that loses the light of its point by the areas of circles.
+//! Small bodies in front of each other. A body a few pixels across is a point, or partly one, and hides little of the light behind it, but a
+//! moon in front of the Sun hides all of it, however small both are in a picture. So bodies that approach each other become discs, the more
+//! the nearer they are. If one is too small even for that, the light of the point is reduced by the areas of circles.
 
 use glam::DVec3;
 
 use crate::scene::bodies::hidden_share;
 
-/// Diameters between which bodies that meet become discs, pixels: a disc is cut into 12 x 12 parts of a pixel.
+/// Diameters between which approaching bodies become discs, pixels: a disc is divided into 12 x 12 parts per pixel.
 const DISCS_PX: [f64; 2] = [0.25, 0.5];
-/// Of a nearer body that is smaller than this part of the farther one nothing is to be seen.
+/// A nearer body smaller than this fraction of the farther one is invisible.
 const LEAST_OF_FARTHER: f64 = 0.02;
 
-/// A body as an eye sees it.
+/// A body as a circle in the sky of an eye.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Round {
-    /// Unit vector to its middle.
+    /// Unit vector to its centre.
     pub(super) direction: DVec3,
     pub(super) distance_m: f64,
     /// Angular radius.
@@ -21,12 +22,12 @@ pub(super) struct Round {
     pub(super) diameter_px: f64,
 }
 
-/// How the light of a body is drawn.
+/// Division of the light of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Parts {
-    /// Share of its light that its disc has.
+    /// Fraction of its light that its disc has.
     pub(super) disc: f64,
-    /// Share that its point has: less than what the disc leaves where nearer points hide it.
+    /// Fraction that its point has: less than the rest if nearer points hide it.
     pub(super) point: f64,
 }
 
@@ -35,16 +36,16 @@ fn smooth(t: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// How far a body may be a disc because another one is near.
+/// Fraction as a disc because another body is near.
 fn may_be_disc(body: &Round) -> f64 {
     let [from, to] = DISCS_PX;
     smooth((body.diameter_px - from) / (to - from))
 }
 
-/// How bodies are drawn of which `discs` are the shares of their discs while they are by themselves.
+/// Division of the light of all bodies. `discs` are the fractions of their discs without other bodies.
 pub(super) fn drawn(bodies: &[Round], discs: &[f64]) -> Vec<Parts> {
     let mut parts: Vec<Parts> = discs.iter().map(|disc| Parts { disc: *disc, point: 1.0 }).collect();
-    // The farther one, the nearer one, and their separation: of those of which one is not wholly a disc.
+    // The farther and the nearer body, and their separation, for pairs that are not both entirely discs.
     let mut pairs = Vec::new();
     for (first, a) in bodies.iter().enumerate() {
         for (second, b) in bodies.iter().enumerate().skip(first + 1) {
@@ -60,7 +61,7 @@ pub(super) fn drawn(bodies: &[Round], discs: &[f64]) -> Vec<Parts> {
                 continue;
             }
             let apart_rad = a.direction.angle_between(b.direction);
-            // All of it from where they touch.
+            // Entirely a disc from first contact.
             let meets = smooth(2.0 - apart_rad / reach_rad);
             for index in [far, near] {
                 parts[index].disc = parts[index].disc.max(meets * may_be_disc(&bodies[index]));
@@ -70,7 +71,7 @@ pub(super) fn drawn(bodies: &[Round], discs: &[f64]) -> Vec<Parts> {
     }
     for (far, near, apart_rad) in pairs {
         let hidden = hidden_share(bodies[far].radius_rad, bodies[near].radius_rad, apart_rad);
-        // What is drawn of the nearer one as a disc hides a point behind it by itself, all of it or nothing, as far as it is a disc.
+        // The disc of the nearer body already hides a point behind it, either all of it or none, to the extent that the body is a disc.
         let hides_middle = apart_rad < bodies[near].radius_rad;
         let left = if hides_middle { 1.0 - parts[near].disc } else { 1.0 };
         parts[far].point *= if left > 1.0 - hidden { (1.0 - hidden) / left } else { 1.0 };
@@ -91,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn bodies_that_touch_are_discs_and_others_stay_as_they_are() {
+    fn touching_bodies_are_discs_and_others_are_unchanged() {
         let sun = round(0.0, 1.5e11, 0.0047, 3.0);
         let moon = |right_rad: f64| round(right_rad, 3.8e8, 0.0048, 3.1);
         let alone = [0.5, 0.6];
@@ -103,7 +104,7 @@ mod tests {
             let parts = drawn(&[moon(right_rad), sun], &alone);
             assert!(parts.iter().all(|part| *part == Parts { disc: 1.0, point: 0.0 }), "{right_rad}: {parts:?}");
         }
-        // On its way nothing jumps.
+        // The change is continuous.
         let mut last = drawn(&[sun, moon(0.02)], &alone);
         for step in 0..1000 {
             let parts = drawn(&[sun, moon(0.02 - 2e-5 * f64::from(step))], &alone);
@@ -120,11 +121,11 @@ mod tests {
             for (right_rad, moon_rad) in [(0.0, 0.0048), (0.003, 0.0048), (0.007, 0.0048), (0.0, 0.003)] {
                 let moon = round(right_rad, 3.8e8, moon_rad, diameter_px * moon_rad / 0.0047);
                 let [far, near] = drawn(&[sun, moon], &[0.0, 0.0])[..] else { panic!("two bodies") };
-                // As shaders do it: the disc of the moon hides the middle of the sun or does not.
+                // As in shaders: the disc of the moon either hides the centre of the sun or not.
                 let passed = if right_rad < moon_rad { 1.0 - near.disc } else { 1.0 };
                 let open = 1.0 - hidden_share(0.0047, moon_rad, right_rad);
                 let error = far.point * passed - (1.0 - far.disc) * open;
-                // Of a ring of light around a smaller moon, whose disc hides the whole point, what the moon is as a disc is lost.
+                // For a ring of light around a smaller moon whose disc hides the whole point, the disc's share is lost.
                 let most = if moon_rad < 0.0047 || open > 0.0 { near.disc * open } else { 0.0 };
                 assert!(error < 1e-12 && error >= -most - 1e-12, "{diameter_px} px, {right_rad}, {moon_rad}: {error}");
             }
@@ -132,17 +133,17 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_small_for_a_disc_loses_its_light_by_areas() {
+    fn a_body_too_small_for_a_disc_loses_light_by_areas() {
         let sun = round(0.0, 1.5e11, 0.0047, 0.1);
         let moon = |right_rad: f64| round(right_rad, 3.8e8, 0.0048, 0.1);
         let point = |right_rad: f64| drawn(&[sun, moon(right_rad)], &[0.0, 0.0])[0].point;
         assert_eq!([point(0.0), point(0.0096)], [0.0, 1.0]);
         assert!((point(0.0047) - (1.0 - hidden_share(0.0047, 0.0048, 0.0047))).abs() < 1e-9);
-        // The nearer one keeps its light, and a speck before the Sun changes nothing.
+        // The nearer one keeps its light, and a speck in front of the Sun has no effect.
         assert_eq!(drawn(&[sun, moon(0.0)], &[0.0, 0.0])[1].point, 1.0);
         let speck = round(0.0, 1e9, 1e-5, 2e-4);
         assert_eq!(drawn(&[sun, speck], &[0.0, 0.0])[0], Parts { disc: 0.0, point: 1.0 });
-        // Two discs need no help.
+        // Two discs are left unchanged.
         assert_eq!(drawn(&[sun, moon(0.0)], &[1.0, 1.0])[0], Parts { disc: 1.0, point: 0.0 });
     }
 }

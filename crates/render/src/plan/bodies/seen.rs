@@ -1,8 +1,8 @@
-//! Bodies as every viewport's eye sees them: which ones are drawn as a disc, nearest first, which as a point of light, and what each
-//! gives to the eye.
+//! Bodies as the eye of each viewport sees them: which ones are drawn as discs, nearest first, which as points of light, and the light that
+//! each sends to the eye.
 //!
-//! A body of less than [`POINT_BELOW_PX`] across is a point, one of more than [`DISC_FROM_PX`] a disc; in between its light is shared out,
-//! so that a body that shrinks does not pop.
+//! A body smaller than [`POINT_BELOW_PX`] is a point, one larger than [`DISC_FROM_PX`] a disc. In between, its light is divided between
+//! both, so that a shrinking body does not pop.
 
 use std::{
     f64::consts::{FRAC_PI_2, PI},
@@ -39,63 +39,63 @@ use crate::{
 
 /// Diameter below which a body is a point, pixels.
 pub const POINT_BELOW_PX: f64 = 2.0;
-/// Diameter from which on it is a disc, pixels.
+/// Diameter from which a body is only a disc, pixels.
 pub const DISC_FROM_PX: f64 = 4.0;
-/// A body whose direction is at least so far before the plane of a flat picture's eye is measured in tangents.
+/// Least cosine between the direction of a body and the axis of a flat picture for which its direction is given as tangents.
 const LEAST_COSINE: f64 = 0.05;
 
-/// A point of light that is no star.
+/// A point of light that is not a star.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointSource {
-    /// Place relative to the camera, world axes, m.
+    /// Position relative to the camera, world axes, m.
     pub offset_m: DVec3,
     /// Intensity, linear Rec. 709, cd.
     pub intensity_cd: [f64; 3],
-    /// What stands nearer than its place by this is not before it, m.
+    /// Surfaces that are nearer than the position by less than this do not hide the point, m.
     pub radius_m: f64,
-    /// Bit i: viewport i may see it.
+    /// Bit i: visible in viewport i.
     pub viewports: u64,
 }
 
 /// A body that a viewport shows as a disc.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyDisc {
-    /// Its number in the scene.
+    /// Index in the scene.
     pub body: usize,
-    /// Direction of its middle, view axes: a tangent (z = -1) if `on_plane`, else a unit vector.
+    /// Direction of its centre, view axes: a tangent vector (z = -1) if `on_plane`, otherwise a unit vector.
     pub centre: DVec3,
     /// See `centre`.
     pub on_plane: bool,
-    /// How far the middle is, m over the length of `centre`.
+    /// Distance of the centre, m per length of `centre`.
     pub distance_m: f64,
-    /// From view axes, m, to the body's axes, in semi-axes.
+    /// Transforms view axes, m, to the axes of the body, in semi-axes.
     pub unit_from_view: DMat3,
-    /// Angle from its middle beyond which the middle of no pixel shows anything of it, rad.
+    /// Angle from the centre beyond which no pixel centre shows any part of the body, rad.
     pub reach_rad: f64,
-    /// Share of its light that the disc has.
+    /// Fraction of the body's light that the disc has.
     pub part: f64,
-    /// Factor on its luminance: 1, but for light that it scatters onto itself.
+    /// Factor on its luminance: 1, except for light that the body scatters onto itself.
     pub kept: f64,
-    /// The suns that light it.
+    /// Suns that light the body.
     pub suns: Vec<DiscSun>,
-    /// What is around it.
+    /// Drawn around it.
     pub around: Around,
 }
 
-/// What is drawn around a body.
+/// Rings or corona of a body.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Around {
     /// Nothing, or dark rings.
     #[default]
     Nothing,
-    /// Rings: their luminance over what they reflect ([`crate::photometry::rings`]), linear Rec. 709, cd/m^2.
+    /// Rings: luminance divided by their reflectance ([`crate::photometry::rings`]), linear Rec. 709, cd/m^2.
     Rings([f64; 3]),
     /// A corona ([`crate::photometry::corona`]): mean luminance of the disc, linear Rec. 709, cd/m^2.
     Corona([f64; 3]),
 }
 
 impl Around {
-    /// The luminance that it is told by.
+    /// Luminance that rings or corona are scaled by.
     pub fn light_cd_m2(self) -> [f64; 3] {
         match self {
             Self::Nothing => [0.0; 3],
@@ -104,32 +104,32 @@ impl Around {
     }
 }
 
-/// A sun in the sky of a body.
+/// A sun as seen from a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DiscSun {
-    /// Unit vector to it, view axes.
+    /// Direction, unit vector, view axes.
     pub direction: DVec3,
-    /// Its light there, in the body's axes.
+    /// Its light at the body, in the body's axes.
     pub in_body: Light,
 }
 
 /// The bodies of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BodyPlan {
-    /// Those that each viewport shows as discs, nearest first.
+    /// Bodies drawn as discs in each viewport, nearest first.
     pub seen: Vec<Vec<BodyDisc>>,
-    /// Those that are points, with the share of their light that the point has.
+    /// Bodies drawn as points, with the fraction of their light that the point has.
     pub points: Vec<PointSource>,
-    /// What every body gives to each viewport's eye: number of the body and lx.
+    /// Light of every body at each viewport's eye: index of the body, and illuminance, lx.
     pub lights: Vec<Vec<(usize, [f64; 3])>>,
-    /// The same of those that reach into its picture.
+    /// The same, only for bodies in the picture.
     pub in_view: Vec<Vec<(usize, [f64; 3])>>,
-    /// What scatters in each viewport's eye.
+    /// Sources of glare for each viewport's eye.
     pub glare: Vec<Vec<Source>>,
 }
 
 impl PointSource {
-    /// What it gives to an eye at `eye_m` from the camera, lx; nothing at its very place.
+    /// Illuminance at an eye at `eye_m` from the camera, lx; 0 at the point itself.
     pub fn light_at_lx(&self, eye_m: DVec3) -> f64 {
         let squared = (self.offset_m - eye_m).length_squared();
         if squared > 0.0 { luminance(self.intensity_cd) / squared } else { 0.0 }
@@ -137,7 +137,7 @@ impl PointSource {
 }
 
 impl BodyPlan {
-    /// Takes into account what glare of a kernel, which scatters `fraction` of all light, leaves on the discs it comes from.
+    /// Keeps on each disc the light that it scatters onto itself. `fraction` of all light is scattered by `kernel`.
     pub fn keep_own_glare(&mut self, kernel: &dyn GlareKernel, fraction: f64) {
         for (seen, sources) in self.seen.iter_mut().zip(&self.glare) {
             for disc in seen {
@@ -147,20 +147,20 @@ impl BodyPlan {
         }
     }
 
-    /// Light of the bodies that viewports show, over all of them, lx.
+    /// Illuminance of the bodies in all pictures, summed over the viewports, lx.
     pub fn light_in_view_lx(&self) -> f64 {
         let of_viewport = |lights: &Vec<(usize, [f64; 3])>| lights.iter().map(|(_, lx)| luminance(*lx)).sum::<f64>();
         self.in_view.iter().map(of_viewport).sum()
     }
 }
 
-/// Share of its light that a body of a diameter has as a disc.
+/// Fraction of its light that a body of this diameter has as a disc.
 fn disc_part(diameter_px: f64) -> f64 {
     let t = ((diameter_px - POINT_BELOW_PX) / (DISC_FROM_PX - POINT_BELOW_PX)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Longer angle across the pixel that shows a direction, rad; of the one next to it where that lies outside of the picture.
+/// Larger angle across the pixel that shows a direction, rad; outside the picture, of the nearest pixel.
 fn pixel_across_rad(viewport: &Viewport, direction: DVec3) -> f64 {
     let mapping = viewport.projection.mapping();
     let [width, height] = mapping.size();
@@ -175,7 +175,7 @@ fn pixel_across_rad(viewport: &Viewport, direction: DVec3) -> f64 {
     across.unwrap_or_else(|| viewport.projection.middle_pixel_rad())
 }
 
-/// What every body gives to an eye and scatters in it: it depends on neither where the eye looks nor on the picture.
+/// Light of every body at an eye, and its sources of glare. Independent of the eye's orientation and picture.
 #[derive(Clone, Debug)]
 struct LightsAt {
     eye_m: DVec3,
@@ -183,25 +183,25 @@ struct LightsAt {
     glare: Vec<Source>,
 }
 
-/// What bodies give to eyes, kept while the objects are the same: it takes longer than the rest of a plan.
+/// Light of bodies at the eyes of the last plans, kept while the objects are the same, since it takes most of the time of a plan.
 #[derive(Clone, Debug, Default)]
 pub struct HeldLights {
-    of: Weak<SceneObjects>,
+    objects: Weak<SceneObjects>,
     eyes: Vec<LightsAt>,
 }
 
 impl HeldLights {
-    fn at(&mut self, objects: &Arc<SceneObjects>, suns: &[Sun], eye_m: DVec3) -> &LightsAt {
-        if !self.of.upgrade().is_some_and(|of| Arc::ptr_eq(&of, objects)) {
-            *self = Self { of: Arc::downgrade(objects), eyes: Vec::new() };
+    fn at_eye(&mut self, objects: &Arc<SceneObjects>, suns: &[Sun], eye_m: DVec3) -> &LightsAt {
+        if !self.objects.upgrade().is_some_and(|held| Arc::ptr_eq(&held, objects)) {
+            *self = Self { objects: Arc::downgrade(objects), eyes: Vec::new() };
         }
         let held = self.eyes.iter().position(|held| held.eye_m == eye_m);
         let index = held.unwrap_or_else(|| {
             if self.eyes.len() >= MAX_VIEWPORTS {
-                // A camera that moves leaves its eyes behind.
+                // The eyes of a moving camera are not used again.
                 self.eyes.clear();
             }
-            let light = |of: &Arc<Body>| illuminance_of(of, eye_m, suns, objects.time_s);
+            let light = |body: &Arc<Body>| illuminance_of(body, eye_m, suns, objects.time_s);
             let lights: Vec<(usize, [f64; 3])> = objects.bodies.iter().map(light).enumerate().collect();
             let glare = body_sources(objects, eye_m, &lights, suns);
             self.eyes.push(LightsAt { eye_m, lights, glare });
@@ -211,7 +211,8 @@ impl HeldLights {
     }
 }
 
-/// Plans the bodies, lit by `suns` (those of the scene), for a camera at `camera_m`, world axes; points reach `margin_px` over the border of a picture.
+/// Plans the bodies, lit by `suns` (those of the scene), for a camera at `camera_m`, world axes. Points reach `margin_px` beyond the border of
+/// a picture.
 pub fn plan_bodies(
     objects: &Arc<SceneObjects>,
     suns: &[Sun],
@@ -222,8 +223,9 @@ pub fn plan_bodies(
 ) -> BodyPlan {
     let mut plan = BodyPlan::default();
     for (index, viewport) in viewports.iter().enumerate() {
+        // Bodies that may be visible in the viewport.
         let eye_m = camera_m + viewport.eye_offset_m;
-        let LightsAt { lights, glare, .. } = held.at(objects, suns, eye_m).clone();
+        let LightsAt { lights, glare, .. } = held.at_eye(objects, suns, eye_m).clone();
         let mut candidates: Vec<Candidate<'_>> = Vec::new();
         let mut in_view_of: Vec<(usize, [f64; 3])> = Vec::new();
         let cone = viewport.projection.mapping().bounding_cone(margin_px);
@@ -231,12 +233,12 @@ pub fn plan_bodies(
             let offset_m = body.position_m - eye_m;
             let distance_m = offset_m.length();
             let largest_m = body.radii_m.max_element();
-            // From inside nothing of it is seen.
+            // From inside, a body is not visible.
             let unit_from_world = unit_from_world(body, objects.time_s);
             if unit_from_world.mul_vec3(offset_m).length() <= 1.0 {
                 continue;
             }
-            // Through the air it is seen elsewhere, and pressed together.
+            // Air changes the apparent direction and flattens the body.
             let radius_rad = (largest_m / distance_m).min(1.0).asin();
             let seen_from_place = match &objects.local_sky {
                 Some(sky) => sky.seen_body(offset_m, radius_rad),
@@ -244,16 +246,16 @@ pub fn plan_bodies(
             };
             let seen_m = seen_from_place * offset_m;
             let in_view = viewport.world_from_view.conjugate().mul_vec3(seen_m);
-            // Who stands within rings or a corona has them on all sides.
+            // From within rings or a corona, these are all around.
             let wide_rad = |radii: f64| {
                 let wide_m = radii * largest_m;
                 if wide_m < distance_m { (wide_m / distance_m).asin() } else { PI }
             };
-            // A corona has next to none of the light.
+            // A corona has a negligible fraction of the light.
             let lit_rad = wide_rad(if has_rings(body) { rings::OUTER } else { 1.0 });
             let has_corona = body.emission.is_some_and(|emission| emission.corona);
             let widest_rad = if has_corona { wide_rad(corona::OUTER) } else { lit_rad };
-            // Between where the middle of the viewing circle sees it and where an eye on the circle does.
+            // Parallax between the centre of the viewing circle and an eye on the circle.
             let parallax_rad = (viewport.viewing_circle_m.abs() / distance_m).min(1.0).asin();
             let beside_rad = in_view.angle_between(cone.axis) - cone.half_angle_rad - parallax_rad;
             if beside_rad > widest_rad {
@@ -276,6 +278,7 @@ pub fn plan_bodies(
                 place: Seen { eye_m, seen_from_place, unit_from_world },
             });
         }
+        // Divide the light of each between a disc and a point.
         let rounds: Vec<Round> = candidates.iter().map(|candidate| candidate.seen).collect();
         let alone: Vec<f64> = rounds.iter().map(|round| disc_part(round.diameter_px)).collect();
         let mut seen: Vec<BodyDisc> = Vec::new();
@@ -303,19 +306,20 @@ pub fn plan_bodies(
     plan
 }
 
-/// A body that may be seen in a picture.
+/// A body that may be visible in a picture.
 struct Candidate<'a> {
     body: &'a Body,
     light: (usize, [f64; 3]),
     seen: Round,
-    /// Where it is seen, relative to the eye, world axes.
+    /// Apparent position relative to the eye, world axes.
     seen_m: DVec3,
     /// See [`BodyDisc::reach_rad`].
     reach_rad: f64,
     place: Seen,
 }
 
-/// How far the middles of pixels that show a limb may be from it, rad: the half of their diagonal by which shaders go, where the middle pixel is the largest one.
+/// Greatest distance between a limb and the centre of a pixel that shows it, rad. Shaders use half the diagonal of the pixel. This is an upper
+/// bound if the central pixel is the largest.
 fn limb_rad(projection: &Projection) -> f64 {
     let middle_is_largest = match projection {
         Projection::Perspective(_) | Projection::CubeFace(_) | Projection::Equirectangular(_) => true,
@@ -324,7 +328,7 @@ fn limb_rad(projection: &Projection) -> f64 {
         }
         Projection::Tabulated(_) => false,
     };
-    // Beside round pictures, whose middles have no image, as far as anything is.
+    // Round pictures: centres outside the circle have no direction, so the reach is unlimited.
     if middle_is_largest { 1.5 * projection.middle_pixel_rad() } else { PI }
 }
 
@@ -333,7 +337,8 @@ fn has_rings(body: &Body) -> bool {
     body.surface.phase_curve == Some(SolarBody::Saturn)
 }
 
-/// Divides the light of a body with rings, which is that of both together, between its globe, whose suns give less, and its rings: what these reflect of one unit, cd/m^2. `None`: they have none.
+/// Divides the light of a body with rings between globe and rings: reduces the light of the suns on the globe, and returns the luminance of the
+/// rings divided by their reflectance, cd/m^2. `None`: the body has no rings.
 fn lit_rings(body: &Body, eye_m: DVec3, light_lx: [f64; 3], suns: &mut [Light]) -> Option<[f64; 3]> {
     let sun = suns.first().filter(|_| has_rings(body))?;
     let to_eye_m = eye_m - body.position_m;
@@ -349,24 +354,24 @@ fn lit_rings(body: &Body, eye_m: DVec3, light_lx: [f64; 3], suns: &mut [Light]) 
     for sun in suns {
         sun.illuminance_lx = sun.illuminance_lx.map(|lx| lx * (1.0 - share));
     }
-    // Without the air before it, which takes its part of all that is drawn.
+    // Without the air in between, whose transmission is applied to everything that is drawn.
     Some([0, 1, 2].map(|c| light_lx[c] * share / unit / body.seen_through[c].max(1e-9)))
 }
 
-/// From world axes, m, to the body's axes, in semi-axes.
+/// Transforms world axes, m, to the axes of the body, in semi-axes.
 fn unit_from_world(body: &Body, time_s: f64) -> DMat3 {
     DMat3::from_diagonal(body.radii_m.recip()) * DMat3::from_quat(body.world_from_body(time_s).conjugate())
 }
 
-/// Distance of the nearest that a seen body can have, m.
+/// Least distance of any part of the body, m.
 fn surface_m(objects: &SceneObjects, seen: &BodyDisc) -> f64 {
     seen.distance_m * seen.centre.length() - objects.bodies[seen.body].radii_m.max_element()
 }
 
-/// Where an eye stands, and how it sees a body.
+/// An eye and its view of a body.
 struct Seen {
     eye_m: DVec3,
-    /// From places relative to the eye to where they are seen, world axes.
+    /// Transforms positions relative to the eye to apparent positions, world axes.
     seen_from_place: DMat3,
     /// See [`unit_from_world`].
     unit_from_world: DMat3,
@@ -390,7 +395,7 @@ fn body_disc(
         if on_plane { (in_view / -in_view.z, -in_view.z) } else { (in_view / distance_m, distance_m) };
     let mut suns = lights_on(body, suns, eye_m);
     let around = match body.emission.and_then(|emission| emission.corona_cd_m2()) {
-        // It comes and goes with the disc.
+        // Fades with the disc.
         Some(disc_cd_m2) => Around::Corona(disc_cd_m2.map(|channel| channel * part)),
         None => lit_rings(body, eye_m, light_lx, &mut suns).map_or(Around::Nothing, Around::Rings),
     };

@@ -1,16 +1,18 @@
-//! What bodies and asteroids in the light of a sun ask of the exposure: their surfaces are 17 stops brighter than a night sky, and
-//! what of their light scatters in the eye covers the whole picture.
+//! Lower bound of the exposure from sunlit bodies and asteroids: their surfaces are 17 stops brighter than a night sky, and
+//! the light that they scatter in the eye covers the whole picture.
 //!
-//! It is found on the CPU from what the plan knows of them, not metered from the picture. A meter reads stars with the rest, so the
-//! exposure would depend on the catalogue again; it knows means alone, and not how bright the surfaces are that cover a thousandth of
-//! the picture; and every frame that it has to wait for is written twice.
+//! The bound is computed on the CPU from the plan, not metered from the picture. A meter would include the stars, so the
+//! exposure would depend on the catalogue. It measures means only, not the brightness of surfaces that cover a thousandth of
+//! the picture. And a frame that waits for a meter has to be written twice.
 //!
-//! - **Surfaces.** White is as bright as lit surfaces, and the corona of a sun, that cover [`SURFACE_SHARE`] of all pictures; smaller ones may be brighter.
-//!   Towards that share it rises with the fourth power of what they cover, so that nothing jumps as a planet comes closer.
-//! - **Sky.** The mean of a sky with air, the hemisphere's whatever the views show of it, is at most a share of white that grows with it, as eyes see dim light dim
-//!   ([`key_of`]); so a sky at dusk is darker than by day, and that of the night asks for nothing.
+//! - **Surfaces.** White is as bright as the lit surfaces, including the corona of a sun, that cover [`SURFACE_SHARE`] of all pictures;
+//!   smaller ones may be brighter. Below that share, white rises with the fourth power of the covered share, so that the exposure is
+//!   continuous when a planet approaches.
+//! - **Sky.** The mean luminance of the sky's hemisphere, whatever the views show of it, is at most a fraction of white that grows with the
+//!   luminance, as dim light appears dim to the eye ([`key_of`]). So the sky is darker at dusk than by day, and the night sky imposes no
+//!   bound.
 //! - **Background.** The veil of glare of all bodies and fields, in the picture or not, is at most [`BACKGROUND_SHARE`] of white in the
-//!   half of the pictures where it is darkest: the halo next to a sun may be brighter.
+//!   darker half of the pictures: the halo next to a sun may be brighter.
 
 use glam::{DMat3, DVec3};
 
@@ -28,40 +30,40 @@ use crate::{
     view::Viewport,
 };
 
-/// Share of the solid angle of all pictures that lit surfaces brighter than white cover at most.
+/// Greatest share of the solid angle of all pictures that lit surfaces brighter than white may cover.
 pub const SURFACE_SHARE: f64 = 1e-3;
-/// The background is at most this of white.
+/// Greatest luminance of the background, relative to white.
 pub const BACKGROUND_SHARE: f64 = 0.18;
-/// How white rises with the share of the pictures, below [`SURFACE_SHARE`].
+/// Exponent of white as a function of the covered share, below [`SURFACE_SHARE`].
 const GROWTH: i32 = 4;
 /// Points on a disc.
 const DISC_POINTS: usize = 256;
-/// Rings of a corona, each so much wider than the one before, and points of each.
+/// Number of rings of a corona, and ratio of the radii of consecutive rings.
 const CORONA_RINGS: (usize, f64) = (16, 1.22);
-/// See [`CORONA_RINGS`].
+/// Number of points of a ring.
 const RING_POINTS: usize = 16;
-/// Of so many directions one tells the background.
+/// Step through the directions at which the background is evaluated.
 const VEIL_STEP: usize = 3;
 
-/// What is lit.
+/// Lit objects.
 pub struct Lit<'a> {
     /// Bodies and fields.
     pub objects: &'a SceneObjects,
-    /// What gives light.
+    /// Light sources.
     pub suns: &'a [Sun],
-    /// The camera's place, m.
+    /// Position of the camera, m.
     pub camera_m: DVec3,
     /// Every image of every view.
     pub viewports: &'a [Viewport],
-    /// The bodies that they see.
+    /// Bodies in these images.
     pub bodies: &'a BodyPlan,
     /// Fields of asteroids as each viewport's eye sees them; empty without fields.
     pub clouds: &'a [Vec<Cloud>],
-    /// Kernel of glare and the share of the light that it scatters; `None`: none.
+    /// Kernel of glare, and fraction of the light that it scatters; `None`: no glare.
     pub glare: Option<(&'a dyn GlareKernel, f64)>,
 }
 
-/// The least luminance of display white that what is lit asks for, cd/m^2; 0: any.
+/// The least luminance of display white for lit objects, cd/m^2; 0: any.
 pub fn white_for_lit_cd_m2(lit: &Lit<'_>, pictures: &[Picture]) -> f64 {
     let of_sky = lit.objects.local_sky.as_ref().map_or(0.0, |sky| sky.mean_cd_m2 / key_of(sky.mean_cd_m2));
     white_for_surfaces_cd_m2(lit, pictures).max(background_cd_m2(lit, pictures) / BACKGROUND_SHARE).max(of_sky)
@@ -88,10 +90,10 @@ fn white_for_surfaces_cd_m2(lit: &Lit<'_>, pictures: &[Picture]) -> f64 {
     white
 }
 
-/// The lit pieces of the bodies' discs in a picture.
+/// Adds the lit pieces of the bodies' discs in a picture.
 fn discs(lit: &Lit<'_>, index: usize, viewport: &Viewport, picture: &Picture, pieces: &mut Vec<[f64; 2]>) {
     let eye_m = lit.camera_m + viewport.eye_offset_m;
-    // Nearest first: what is before a body stands before it in the list.
+    // The list is sorted by distance, so a body can only be hidden by earlier ones.
     let mut before: Vec<SeenBody<'_>> = Vec::new();
     for disc in &lit.bodies.seen[index] {
         let body = &lit.objects.bodies[disc.body];
@@ -109,6 +111,7 @@ fn discs(lit: &Lit<'_>, index: usize, viewport: &Viewport, picture: &Picture, pi
                 pieces.push([surface_cd_m2, disc.part * solid_angle_sr]);
             }
         };
+        // Sample the disc, or the picture if the disc is larger.
         if cap_sr < picture.pixel_sums[0] {
             for direction in directions_of_cap(offset_m.normalize(), radius_rad) {
                 if is_in_picture(viewport, seen_from_place * direction) {
@@ -120,6 +123,7 @@ fn discs(lit: &Lit<'_>, index: usize, viewport: &Viewport, picture: &Picture, pi
                 take((place_from_seen * (viewport.world_from_view * *direction)).normalize(), *solid_angle_sr);
             }
         }
+        // Sample the corona.
         if let Around::Corona(disc_cd_m2) = disc.around {
             let unit_cd_m2 = luminance([0, 1, 2].map(|c| disc_cd_m2[c] * body.seen_through[c]));
             for (direction, distance, solid_angle_sr) in points_of_corona(offset_m.normalize(), radius_rad) {
@@ -135,7 +139,7 @@ fn discs(lit: &Lit<'_>, index: usize, viewport: &Viewport, picture: &Picture, pi
     }
 }
 
-/// Points of a corona around a sun: direction, distance from its middle in radii, and the solid angle that each stands for, sr.
+/// Points of a corona around a sun: direction, distance from its centre in radii, and solid angle that the point represents, sr.
 fn points_of_corona(axis: DVec3, radius_rad: f64) -> impl Iterator<Item = (DVec3, f64, f64)> {
     let (right, up) = axis.any_orthonormal_pair();
     let (rings, wider) = CORONA_RINGS;
@@ -151,7 +155,7 @@ fn points_of_corona(axis: DVec3, radius_rad: f64) -> impl Iterator<Item = (DVec3
     })
 }
 
-/// Directions spread evenly over a cap: a spiral of equal parts.
+/// Directions evenly distributed over a cap: a spiral of equal parts.
 fn directions_of_cap(axis: DVec3, radius_rad: f64) -> impl Iterator<Item = DVec3> {
     let (right, up) = axis.any_orthonormal_pair();
     let golden_angle = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
@@ -174,7 +178,7 @@ fn is_in_picture(viewport: &Viewport, direction: DVec3) -> bool {
     })
 }
 
-/// Median over the pictures, by solid angle, of the veil of everything that is no star, cd/m^2.
+/// Median over the pictures, by solid angle, of the veil of everything except the stars, cd/m^2.
 fn background_cd_m2(lit: &Lit<'_>, pictures: &[Picture]) -> f64 {
     let Some((kernel, fraction)) = lit.glare else { return 0.0 };
     let mut veils: Vec<[f64; 2]> = Vec::new();

@@ -1,13 +1,18 @@
-//! The exposure that follows from the plan alone: stars of the limiting magnitude are just seen, unless bodies or asteroids in the
-//! light of a sun ask for a higher one ([`guard`]).
+//! The exposure that follows from the plan alone: stars of the limiting magnitude are just visible, unless sunlit bodies or asteroids
+//! require a higher one ([`guard`]).
 //!
-//! It depends on the pixels of the first view, on the tone mapping and on what is lit, and not on the catalogue, on where the camera
-//! looks among the stars, or on their glare. So it is known before a pixel is drawn: the resolve pass writes the display image at
-//! once, and the same plan has the same exposure on every adapter.
+//! It depends on the pixels of the first view, on the tone mapping and on lit objects, but not on the catalogue, the
+//! orientation of the camera, or the glare of stars. So it is known before a pixel is drawn: the resolve pass writes the display image
+//! directly, and the same plan has the same exposure on every adapter.
 
 pub mod guard;
+pub mod origin;
 pub mod pictures;
 pub mod settings;
+mod technique;
+
+pub(super) use technique::{Exposure, exposure_of_views};
+pub use technique::{ExposurePlan, MeteringPlan};
 
 use self::{
     guard::{Lit, white_for_lit_cd_m2},
@@ -20,24 +25,24 @@ use crate::{
     view::Viewport,
 };
 
-/// Code of 255 that is just seen in a dark room: a star of the limiting magnitude peaks at it.
+/// Display code (of 255) that is just visible in a dark room: the peak of a star of the limiting magnitude.
 pub const JUST_SEEN_CODE: f64 = 20.0;
 
-/// Which stars the views of a frame show.
+/// Limits of the stars that are visible in the views of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct ShownStars {
+pub struct DisplayedStars {
     /// Mean solid angle of each view's pixels, weighted by solid angle, sr.
     pub pixels_sr: Vec<f64>,
-    /// Peak of a star that is just seen, over display white.
+    /// Peak of a star that is just visible, relative to display white.
     pub just_seen: f64,
-    /// The exposure value of display white, where the tone mapping does not go by the exposure.
+    /// Exposure value of display white, if the tone mapping does not use the exposure.
     pub white_ev100: Option<f64>,
-    /// Whether stars are drawn with their own light in kernels of pixels; of other methods no limit is known.
+    /// Whether stars are drawn with their physical light in kernels of pixels; other methods have no known limit.
     pub are_physical: bool,
 }
 
-impl ShownStars {
-    /// Which stars views show whose pictures are given, viewport by viewport.
+impl DisplayedStars {
+    /// Limits for views whose viewports have the given pictures.
     pub fn new(settings: &RenderSettings, viewports: &[Viewport], pictures: &[Picture]) -> Self {
         let views = viewports.iter().map(|viewport| viewport.view + 1).max().unwrap_or(0);
         let mut sums = vec![[0.0; 2]; views];
@@ -54,26 +59,26 @@ impl ShownStars {
         }
     }
 
-    /// The magnitude of the stars that a view just shows where the frame has an exposure; `None`: no limit is known.
+    /// Magnitude of the faintest visible stars of a view at a given exposure; `None`: no limit is known.
     pub fn limiting_magnitude(&self, view: usize, ev100: f64) -> Option<f64> {
         let pixel_sr = self.pixels_sr.get(view).filter(|_| self.are_physical)?;
         let lx = limiting_illuminance_lx(self.white_ev100.unwrap_or(ev100), *pixel_sr, self.just_seen);
         Some(magnitude_from_illuminance_lx(lx)).filter(|magnitude| magnitude.is_finite())
     }
 
-    /// The exposure at which the first view just shows stars of a magnitude.
+    /// The exposure at which stars of a magnitude are just visible in the first view.
     fn ev100_for(&self, magnitude: f64) -> Option<f64> {
         let pixel_sr = *self.pixels_sr.first()?;
         Some(limiting_ev100(illuminance_lx_from_magnitude(magnitude), pixel_sr, self.just_seen))
     }
 }
 
-/// The exposure that the plan alone gives; `None` where it is manual or follows from the picture's light.
+/// The exposure from the plan alone; `None`: it is manual or metered.
 ///
-/// A calibrated display has an exposure of its own.
+/// With a calibrated display, the exposure is that of the display.
 pub fn planned_ev100(
     settings: &RenderSettings,
-    stars: &ShownStars,
+    stars: &DisplayedStars,
     pictures: &[Picture],
     lit: Option<&Lit<'_>>,
 ) -> Option<f64> {
@@ -88,7 +93,7 @@ pub fn planned_ev100(
     }
     let dark = stars.ev100_for(*limiting_magnitude)?;
     let white_cd_m2 = lit.map_or(0.0, |lit| white_for_lit_cd_m2(lit, pictures));
-    // Without anything lit: minus infinity.
+    // Without lit objects: minus infinity.
     let bright = (white_cd_m2 / WHITE_LUMINANCE_AT_EV0_CD_M2).log2();
     Some((dark.max(bright) + auto.compensation_ev).clamp(auto.min_ev100, auto.max_ev100))
 }

@@ -1,4 +1,4 @@
-//! What the exposure has to know of pictures: the sizes of their pixels, and directions spread over them.
+//! Properties of pictures for the exposure: the sizes of their pixels, and directions distributed over them.
 
 use glam::DVec3;
 
@@ -7,7 +7,7 @@ use crate::view::{
     projection::{Projection, pixel_centre},
 };
 
-/// Pixels along a side of a picture at most that its mean pixel is taken over: with 128 it is right to 1e-3.
+/// Maximum number of samples along a side of a picture for its mean pixel: with 128 it is accurate to 1e-3.
 const PIXEL_GRID: u32 = 128;
 /// Directions along a side of a picture.
 const DIRECTION_GRID: u32 = 16;
@@ -17,7 +17,7 @@ const DIRECTION_GRID: u32 = 16;
 pub struct Picture {
     /// Sum of the solid angles of its pixels, sr, and sum of their squares.
     pub pixel_sums: [f64; 2],
-    /// Directions, view axes, and the solid angle that each stands for, sr.
+    /// Directions, view axes, and the solid angle that each represents, sr.
     pub directions: Vec<(DVec3, f64)>,
 }
 
@@ -39,7 +39,7 @@ impl Picture {
                 squares += pixel_sr * pixel_sr;
             }
         }
-        // A picture of few pixels may have no centre of one inside.
+        // A picture with few pixels may have no sampled centre inside.
         let pixel_sums = if sum > 0.0 { [whole_sr, squares * whole_sr / sum] } else { [whole_sr, whole_sr * whole_sr] };
         let mut directions = Vec::new();
         for y in grid(height, DIRECTION_GRID) {
@@ -57,15 +57,15 @@ impl Picture {
     }
 }
 
-/// Pictures by their projections, which seldom change from frame to frame.
+/// Pictures by projection, which seldom changes from frame to frame.
 #[derive(Default)]
 pub struct Pictures {
     held: Vec<(Projection, Picture)>,
 }
 
 impl Pictures {
-    /// The pictures of all viewports; those of other viewports are forgotten.
-    pub fn of(&mut self, viewports: &[Viewport]) -> Vec<Picture> {
+    /// Pictures of all viewports; those of other viewports are removed.
+    pub fn for_viewports(&mut self, viewports: &[Viewport]) -> Vec<Picture> {
         self.held.retain(|(projection, _)| viewports.iter().any(|viewport| viewport.projection == *projection));
         viewports
             .iter()

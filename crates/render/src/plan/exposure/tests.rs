@@ -36,23 +36,23 @@ fn rig(kinds: &[ViewKind]) -> Rig {
     Rig::new(kinds.iter().enumerate().map(view).collect()).unwrap()
 }
 
-/// Mean pixel of the first view, exposure and shown stars without anything lit.
-fn of_night(kinds: &[ViewKind], settings: &RenderSettings) -> (ShownStars, Option<f64>) {
+/// Mean pixel of the first view, exposure, and displayed stars without lit objects.
+fn of_night(kinds: &[ViewKind], settings: &RenderSettings) -> (DisplayedStars, Option<f64>) {
     let viewports = rig(kinds).viewports(DQuat::IDENTITY);
-    let pictures = pictures::Pictures::default().of(&viewports);
-    let stars = ShownStars::new(settings, &viewports, &pictures);
+    let pictures = pictures::Pictures::default().for_viewports(&viewports);
+    let stars = DisplayedStars::new(settings, &viewports, &pictures);
     let ev100 = planned_ev100(settings, &stars, &pictures, None);
     (stars, ev100)
 }
 
-/// Bodies around a camera at the origin: what the plan of a frame makes of them.
+/// Planned exposure of bodies around a camera at the origin.
 fn planned(bodies: Vec<Body>, kinds: &[ViewKind], settings: &RenderSettings) -> f64 {
     let objects = SceneObjects { bodies: bodies.into_iter().map(Arc::new).collect(), ..Default::default() };
     let scene = SceneSnapshot { objects: Arc::new(objects), ..SceneSnapshot::of_stars(StarSet::default()) };
     let outputs = PlanOutputs::new(Output::Display);
     let plan = Planner::new().plan(&scene, &rig(kinds), settings, None, outputs, &Limits::default()).unwrap();
-    assert_eq!(plan.known_ev100, plan.planned_ev100);
-    plan.known_ev100.unwrap()
+    assert_eq!(plan.exposure.known_ev100, plan.exposure.planned_ev100);
+    plan.exposure.known_ev100.unwrap()
 }
 
 #[test]
@@ -79,14 +79,14 @@ fn the_mean_pixel_is_that_of_all_pixels_weighted_by_solid_angle() {
         println!("{kind:?}: mean pixel {:.4e} sr, {error:+.1e} of it too large", stars.pixels_sr[0]);
         assert!(error.abs() < 2e-3, "{kind:?}: {error}");
     }
-    // By hand: an equidistant dome's pixels have (pi / n)^2 sin(theta) / theta, 0.824 of the middle one in this mean.
+    // By hand: an equidistant dome's pixels have (pi / n)^2 sin(theta) / theta, which is 0.824 of the central one in this mean.
     let (stars, _) = of_night(&[dome(1024)], &RenderSettings::default());
     assert!((stars.pixels_sr[0] / 7.756e-6 - 1.0).abs() < 2e-3, "{:e}", stars.pixels_sr[0]);
     assert!(of_night(&[dome(1)], &RenderSettings::default()).0.pixels_sr[0] > 6.0);
 }
 
 #[test]
-fn magnitudes_are_told_apart_and_bright_stars_keep_their_colours_in_domes_of_every_size() {
+fn magnitudes_are_distinct_and_bright_stars_keep_their_colours_in_domes_of_every_size() {
     let settings = RenderSettings::default();
     for size in [1024, 4096] {
         let (stars, ev100) = of_night(&[dome(size)], &settings);
@@ -110,12 +110,12 @@ fn magnitudes_are_told_apart_and_bright_stars_keep_their_colours_in_domes_of_eve
         for (code, expected) in white.iter().zip(expected) {
             assert!((code - expected).abs() < 0.6, "{white:?}");
         }
-        // The cores of the brightest stars: what is orange stays orange, what is blue stays blue.
+        // The cores of the brightest stars keep their hue: orange stays orange, blue stays blue.
         let [red, green, blue] = codes(0.0, 3000.0, BSPLINE_PEAK);
         assert!(red > green + 10.0 && green > blue + 10.0, "{red} {green} {blue}");
         let [red, green, blue] = codes(0.0, 20_000.0, BSPLINE_PEAK);
         assert!(blue > green + 10.0 && green > red + 2.0, "{red} {green} {blue}");
-        // At the exposure that the mean of a sky asks for the same stars are hardly told apart: 254 and 243, 255 and 254.
+        // At the exposure from the mean luminance of the sky, the same stars are hardly distinguishable: 254 and 243, 255 and 254.
         let at_the_mean = [3.0, 6.0].map(|magnitude| {
             let peak = illuminance_lx_from_magnitude(magnitude) * BSPLINE_PEAK / stars.pixels_sr[0];
             settings.tone_map.display_rgb([peak; 3], white_luminance_cd_m2(-13.0))[1] * 255.0
@@ -125,7 +125,7 @@ fn magnitudes_are_told_apart_and_bright_stars_keep_their_colours_in_domes_of_eve
 }
 
 #[test]
-fn each_view_has_a_limit_of_its_own_and_the_first_one_that_of_the_settings() {
+fn each_view_has_a_separate_limit_and_the_first_one_that_of_the_settings() {
     let mut settings = RenderSettings::default();
     settings.exposure = ExposureValues { limiting_magnitude: 5.0, ..Default::default() }.into();
     let kinds = [dome(1024), dome(2048), flat([1920, 1080], 60.0)];
@@ -138,18 +138,18 @@ fn each_view_has_a_limit_of_its_own_and_the_first_one_that_of_the_settings() {
     }
     // A quarter of the pixel: 1.505 magnitudes.
     assert!((limits[1] - 6.505).abs() < 5e-3, "{limits:?}");
-    // A compensation by a stop is 0.75 mag.
+    // A compensation by one stop is 0.75 mag.
     settings.exposure = ExposureValues { limiting_magnitude: 5.0, compensation_ev: 1.0, ..Default::default() }.into();
     let (stars, brighter) = of_night(&kinds, &settings);
     assert!((brighter.unwrap() - ev100.unwrap() - 1.0).abs() < 1e-12);
     assert!((stars.limiting_magnitude(0, brighter.unwrap()).unwrap() - 5.0 + 0.7526).abs() < 1e-3);
-    // Methods of their own brightness have no limit that is known.
+    // Methods with relative brightness have no known limit.
     settings.stars.method = StarMethod::CellSky;
     assert_eq!(of_night(&kinds, &settings).0.limiting_magnitude(0, -5.0), None);
 }
 
 #[test]
-fn a_calibrated_display_and_other_ways_to_the_exposure_take_no_notice() {
+fn calibrated_displays_and_other_exposure_modes_ignore_the_plan() {
     let mut settings = RenderSettings::default();
     settings.tone_map.operator = ToneMapOperator::Calibrated;
     let (stars, ev100) = of_night(&[dome(1024)], &settings);
@@ -158,14 +158,14 @@ fn a_calibrated_display_and_other_ways_to_the_exposure_take_no_notice() {
     let limit = stars.limiting_magnitude(0, -99.0).unwrap();
     let light = 0.006_995 * 100.0 * stars.pixels_sr[0] / BSPLINE_PEAK;
     assert!((limit - magnitude_from_illuminance_lx(light)).abs() < 1e-3, "{limit}");
-    let of = |exposure: ExposureValues| {
+    let planned_with = |exposure: ExposureValues| {
         of_night(&[dome(64)], &RenderSettings { exposure: exposure.into(), ..RenderSettings::default() }).1
     };
     let base = ExposureValues::default();
-    assert_eq!(of(ExposureValues { metering: Metering::Mean, ..base }), None);
-    assert_eq!(of(ExposureValues { mode: ExposureMode::Manual, ..base }), None);
-    assert_eq!(of(ExposureValues { max_ev100: -15.0, ..base }), Some(-15.0));
-    assert_eq!(of(ExposureValues { min_ev100: 5.0, ..base }), Some(5.0));
+    assert_eq!(planned_with(ExposureValues { metering: Metering::Mean, ..base }), None);
+    assert_eq!(planned_with(ExposureValues { mode: ExposureMode::Manual, ..base }), None);
+    assert_eq!(planned_with(ExposureValues { max_ev100: -15.0, ..base }), Some(-15.0));
+    assert_eq!(planned_with(ExposureValues { min_ev100: 5.0, ..base }), Some(5.0));
 }
 
 fn planet(distance_radii: f64, sun_behind: bool) -> Vec<Body> {
@@ -178,7 +178,7 @@ fn planet(distance_radii: f64, sun_behind: bool) -> Vec<Body> {
 }
 
 #[test]
-fn sunlit_surfaces_are_below_white_once_they_cover_a_thousandth_and_nothing_jumps_before() {
+fn sunlit_surfaces_over_a_thousandth_are_below_white_and_smaller_ones_approach_continuously() {
     let mut settings = RenderSettings::default();
     settings.glare.method = GlareMethod::None;
     let view = [flat([1000, 1000], 60.0)];
@@ -202,7 +202,7 @@ fn sunlit_surfaces_are_below_white_once_they_cover_a_thousandth_and_nothing_jump
         let share = PI / (distance * distance) / 1.0;
         if share > 2e-3 {
             let over = white_luminance_cd_m2(ev100) / white;
-            // Towards the limb Lommel and Seeliger's law gives a near eye up to twice as much.
+            // Near the limb, Lommel and Seeliger's law gives a near eye up to twice the luminance.
             assert!((0.97..2.0).contains(&over), "at {distance}: white is {over} of the surface");
         } else if share < 2e-6 {
             assert!((ev100 - night).abs() < 1e-6, "at {distance}: {ev100} instead of {night}");
@@ -213,7 +213,7 @@ fn sunlit_surfaces_are_below_white_once_they_cover_a_thousandth_and_nothing_jump
     println!("night {night:.2}, full disc {previous:.2}, largest step of 3.7 % in distance {largest_step:.2} EV");
     assert!(previous - night > 14.0, "a sunlit body is 17 stops brighter: {night} to {previous}");
     assert!(largest_step < 0.6, "{largest_step}");
-    // The night side, and a body out of the picture, ask for nothing.
+    // The night side, and a body outside the picture, impose no bound.
     let mut eclipse = planet(20.0, true);
     assert!((planned(eclipse.clone(), &view, &settings) - night).abs() < 1e-6);
     eclipse[0].position_m = DVec3::Z * 1e8;
@@ -229,7 +229,7 @@ fn sunlit_surfaces_are_below_white_once_they_cover_a_thousandth_and_nothing_jump
 }
 
 #[test]
-fn a_picture_within_a_disc_is_exposed_for_it_and_what_is_hidden_is_not() {
+fn a_picture_within_a_disc_is_exposed_for_it_and_hidden_discs_do_not_count() {
     let mut settings = RenderSettings::default();
     settings.glare.method = GlareMethod::None;
     let view = [flat([400, 400], 20.0)];
@@ -237,9 +237,9 @@ fn a_picture_within_a_disc_is_exposed_for_it_and_what_is_hidden_is_not() {
     // So near that the disc is wider than the picture.
     let within = planned(planet(1.2, false), &view, &settings);
     let whole = planned(planet(8.0, false), &view, &settings);
-    // 5000 cd/m^2, and the brighter limb of the disc that is seen whole.
+    // 5000 cd/m^2, and the brighter limb if the whole disc is visible.
     assert!((within - 12.0).abs() < 0.1 && (within..within + 1.0).contains(&whole), "{night} {within} {whole}");
-    // A dark body before it.
+    // With a dark body in front.
     let mut hidden = planet(20.0, false);
     let mut screen = Body::preset(SolarBody::Moon, "screen", DVec3::NEG_Z * 2e7);
     screen.radii_m = DVec3::splat(1.5e7);
@@ -249,22 +249,23 @@ fn a_picture_within_a_disc_is_exposed_for_it_and_what_is_hidden_is_not() {
 }
 
 #[test]
-fn the_veil_of_the_sun_is_a_background_below_a_fifth_of_white_wherever_the_sun_stands() {
+fn the_veil_of_the_sun_is_below_a_fifth_of_white_at_any_position_of_the_sun() {
     let settings = RenderSettings::default();
     let view = [dome(512)];
     let night = of_night(&view, &settings).1.unwrap();
     // The dome looks along +y of the camera's axes; the Sun overhead, on the horizon, and below it.
-    let at = |direction: DVec3| planned(vec![Body::preset(SolarBody::Sun, "sun", direction * AU_M)], &view, &settings);
+    let with_sun_at =
+        |direction: DVec3| planned(vec![Body::preset(SolarBody::Sun, "sun", direction * AU_M)], &view, &settings);
     let viewports = rig(&view).viewports(DQuat::IDENTITY);
     let zenith = viewports[0].world_from_view * DVec3::NEG_Z;
     let side = viewports[0].world_from_view * DVec3::X;
-    let [overhead, horizon, below] = [at(zenith), at(side), at(-zenith)];
+    let [overhead, horizon, below] = [with_sun_at(zenith), with_sun_at(side), with_sun_at(-zenith)];
     println!("night {night:.2}, Sun overhead {overhead:.2}, on the horizon {horizon:.2}, below {below:.2}");
     // By hand: 0.1 of 1.26e5 lx, 0.02166 / theta^2 per sr; half of a dome lies beyond 60 degrees of its zenith.
     let veil = 0.1 * 1.26e5 * 0.02166 / 60f64.to_radians().powi(2);
     assert!((white_luminance_cd_m2(overhead) / (veil / 0.18) - 1.0).abs() < 0.1, "{overhead}");
     assert!(overhead > horizon && horizon > below && below > night + 5.0);
-    // The ground hides it.
+    // The ground hides the Sun.
     let mut ground = Body::preset(SolarBody::Earth, "ground", -zenith * 6.4e6);
     ground.radii_m = DVec3::splat(6.399e6);
     let sunset = planned(vec![ground, Body::preset(SolarBody::Sun, "sun", -zenith * AU_M)], &view, &settings);

@@ -1,8 +1,8 @@
-//! The light of bodies, as glare scatters it: a few sources for each eye, which sees them where they are and as far as nothing
-//! stands before them.
+//! Light of bodies as sources of glare: a few sources for each eye, at the apparent position, without the parts that
+//! are hidden.
 //!
-//! A body wider than the inner angle of glare is so many sources as its disc and its light are worth. All that a pixel costs grows with
-//! their number, so there are at most [`MOST_SOURCES`] of them.
+//! A body wider than the inner angle of glare has as many sources as its disc and its light require. Every pixel evaluates all of them, so
+//! there are at most [`MOST_SOURCES`].
 
 use glam::{DMat3, DVec3};
 
@@ -14,38 +14,38 @@ use crate::{
     },
 };
 
-/// Sources of an eye at most, with their parts.
+/// Maximum number of sources of an eye, including parts.
 pub const MOST_SOURCES: usize = 256;
-/// Parts of a disc at least, if it has any, and at most.
+/// Minimum and maximum number of parts of a disc that has parts.
 const LEAST_PARTS: usize = 12;
 const MOST_PARTS: usize = 48;
-/// Parts of it that are lit at least; a crescent has more and smaller parts, up to so many of the whole disc.
+/// Minimum number of lit parts; a crescent has more and smaller parts, up to the second number for the whole disc.
 const LEAST_LIT: usize = 6;
 const MOST_OF_CRESCENT: usize = 2048;
-/// Half width of a part over the root of its share of the disc, in radii: so wide that a disc of parts is smooth.
+/// Half width of a part in disc radii, times the root of the number of parts: wide enough that a disc of parts is smooth.
 const SOFTNESS: f64 = 2.0;
-/// Distance between the parts of a disc, rad: two thirds of the inner angle that glare has if nothing else is asked for.
+/// Distance between the parts of a disc, rad: two thirds of the default inner angle of glare.
 const SPACING_RAD: f64 = 1.2e-3;
-/// A body of a smaller radius is one source, rad.
+/// A body with a smaller radius is one source, rad.
 const SMALL_RAD: f64 = 3e-4;
-/// So many radii from a body it counts as one source: where the kernel falls with the square of the angle the error is then 1 %.
+/// Distance in radii from which a body counts as one source: for a kernel that falls with the square of the angle, the error is then 1 %.
 const FAR_RADII: f64 = 10.0;
 
-/// A point of light: unit vector, world axes, and linear Rec. 709, lx.
+/// A point of light: unit vector in world axes, and linear Rec. 709, lx.
 pub type PointOfLight = (DVec3, [f64; 3]);
 
-/// What scatters in an eye.
+/// A source of glare for one eye.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Source {
-    /// All of it in one point.
+    /// All of its light in one point.
     pub whole: PointOfLight,
-    /// Angle from `whole` within which the parts are to be taken in its place, rad.
+    /// Angle from `whole` within which the parts replace it, rad.
     pub reach_rad: f64,
-    /// Its parts; empty for what is small.
+    /// Its parts; empty for a small source.
     pub parts: Vec<PointOfLight>,
-    /// Half width of a part, rad: its kernel is that of the root of the sum of the squares of the angle and of this.
+    /// Half width of a part, rad: the kernel is evaluated at the root of the sum of the squares of the angle and this width.
     pub soft_rad: f64,
-    /// Number of the body.
+    /// Index of the body.
     pub body: usize,
 }
 
@@ -55,9 +55,9 @@ impl Source {
         Self { whole: (direction, light), reach_rad: 0.0, parts: Vec::new(), soft_rad: 0.0, body }
     }
 
-    /// Factor on the luminance of its body, as it stands in a picture that then gives `fraction` of it away to be scattered. The
-    /// softened kernels of its parts leave out what of their light falls on themselves: the share that `kernel` has within their half
-    /// width. On the disc of the body that light is where it came from, so the body keeps it.
+    /// Factor on the luminance of the body in a picture from which `fraction` is then subtracted as scattered light. The softened kernels of its
+    /// parts omit the light that falls on the parts themselves: the fraction of `kernel` within their half width. That light stays on the
+    /// disc, so the body keeps it.
     pub fn kept(&self, kernel: &dyn GlareKernel, fraction: f64) -> f64 {
         if self.parts.is_empty() || fraction >= 1.0 {
             return 1.0;
@@ -66,14 +66,14 @@ impl Source {
     }
 }
 
-/// Light from all over a part of the sky, such as many small sources: glare falls on the dark between them.
+/// Light from an extended area of the sky, such as many small sources. Glare also covers the dark parts between them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExtendedSource {
-    /// Its middle: unit vector, world axes.
+    /// Centre: unit vector, world axes.
     pub direction: DVec3,
     /// Linear Rec. 709, lx.
     pub light: [f64; 3],
-    /// Its radius, rad.
+    /// Radius, rad.
     pub radius_rad: f64,
 }
 
@@ -81,12 +81,12 @@ fn sum_of(lights: impl Iterator<Item = [f64; 3]>) -> [f64; 3] {
     lights.fold([0.0; 3], |sum, light| [0, 1, 2].map(|channel| sum[channel] + light[channel]))
 }
 
-/// What scatters in an eye at `eye_m`, world axes, of the bodies' `lights`: numbers of bodies and what they give, lx.
+/// Sources of glare at an eye at `eye_m`, world axes. `lights`: indices of the bodies, and their illuminances, lx.
 pub fn body_sources(objects: &SceneObjects, eye_m: DVec3, lights: &[(usize, [f64; 3])], suns: &[Sun]) -> Vec<Source> {
     let mut brightest: Vec<&(usize, [f64; 3])> = lights.iter().filter(|(_, light)| luminance(*light) > 0.0).collect();
     brightest.sort_by(|(_, a), (_, b)| luminance(*b).total_cmp(&luminance(*a)));
     brightest.truncate(MOST_SOURCES);
-    // Every one has its whole; the parts go to the brightest.
+    // Every body has its whole; the brightest ones have parts.
     let mut left = MOST_SOURCES - brightest.len();
     let mut sources = Vec::new();
     for (number, light) in brightest {
@@ -100,7 +100,7 @@ pub fn body_sources(objects: &SceneObjects, eye_m: DVec3, lights: &[(usize, [f64
     sources
 }
 
-/// One body, but for what others hide of it; `None`: all of it.
+/// The share of a body that others do not hide; `None`: all of it.
 fn of_body(objects: &SceneObjects, eye_m: DVec3, number: usize, light: [f64; 3], suns: &[Sun]) -> Option<Source> {
     let body = &objects.bodies[number];
     let offset_m = body.position_m - eye_m;
@@ -109,19 +109,22 @@ fn of_body(objects: &SceneObjects, eye_m: DVec3, number: usize, light: [f64; 3],
     let radius_rad = body.angular_radius_rad(eye_m);
     let local_sky = objects.local_sky.as_deref();
     let seen_from_place = local_sky.map_or(DMat3::IDENTITY, |sky| sky.seen_body(offset_m, radius_rad));
-    let shown = |direction: DVec3| (seen_from_place * direction).normalize();
+    let apparent = |direction: DVec3| (seen_from_place * direction).normalize();
     let is_open = |direction: DVec3, distance_m: f64| {
-        !local_sky.is_some_and(|sky| sky.hides(shown(direction)))
+        !local_sky.is_some_and(|sky| sky.hides(apparent(direction)))
             && objects.bodies.iter().enumerate().all(|(other, of)| {
                 other == number
                     || (of.position_m - eye_m).length() > distance_m
                     || !hides(of, eye_m, direction, objects.time_s)
             })
     };
-    let one = |direction: DVec3| is_open(direction, distance_m).then(|| Source::point(number, shown(direction), light));
+    // A small body is one point.
+    let one =
+        |direction: DVec3| is_open(direction, distance_m).then(|| Source::point(number, apparent(direction), light));
     if radius_rad < SMALL_RAD {
         return one(axis);
     }
+    // Lit parts of the disc.
     let mut count = ((radius_rad / SPACING_RAD).powi(2).ceil() as usize).clamp(LEAST_PARTS, MOST_PARTS);
     let lights = lights_on(body, suns, eye_m);
     let seen = SeenBody::new(body, eye_m, &lights, objects.time_s);
@@ -145,17 +148,18 @@ fn of_body(objects: &SceneObjects, eye_m: DVec3, number: usize, light: [f64; 3],
         points = lit(count);
     }
     if points.is_empty() {
-        // A crescent between the points: at the limb, towards the sun.
+        // A crescent that falls between the points: place it at the limb, towards the sun.
         let towards = lights.iter().max_by(|a, b| luminance(a.illuminance_lx).total_cmp(&luminance(b.illuminance_lx)));
         let aside = towards.and_then(|towards| towards.direction.reject_from_normalized(axis).try_normalize());
         return one(aside.map_or(axis, |aside| axis * radius_rad.cos() + aside * radius_rad.sin()));
     }
+    // Divide the light among the parts that are not hidden.
     let total = sum_of(points.iter().map(|(_, own, _)| *own));
     let share = |own: &[f64; 3]| [0, 1, 2].map(|c| if total[c] > 0.0 { light[c] * own[c] / total[c] } else { 0.0 });
     let parts: Vec<PointOfLight> = points
         .iter()
         .filter(|(direction, _, distance_m)| is_open(*direction, *distance_m))
-        .map(|(direction, own, _)| (shown(*direction), share(own)))
+        .map(|(direction, own, _)| (apparent(*direction), share(own)))
         .collect();
     let middle: DVec3 = parts.iter().map(|(direction, light)| *direction * luminance(*light)).sum();
     let whole = (middle.try_normalize()?, sum_of(parts.iter().map(|(_, light)| *light)));
@@ -205,10 +209,10 @@ mod tests {
         assert!((light_of(&sources) / expected - 1.0).abs() < 1e-9);
     }
 
-    /// Every body has at least one source, the brightest have parts, and all together keep the bound.
+    /// Every body has at least one source, the brightest have parts, and the total is within the bound.
     #[test]
     #[ignore = "long: make test-all"]
-    fn many_bodies_keep_the_bound() {
+    fn many_bodies_stay_within_the_bound() {
         let moons = (0..200).map(|i| {
             let angle = f64::from(i) * 0.1;
             Body::preset(
@@ -224,9 +228,9 @@ mod tests {
         assert!(!sources[0].parts.is_empty() && sources.last().unwrap().parts.is_empty());
     }
 
-    /// The Moon covers the Sun: nothing scatters. Half of it: about half.
+    /// If the Moon covers the Sun, nothing scatters; if it covers half, about half does.
     #[test]
-    fn what_is_hidden_does_not_scatter() {
+    fn hidden_light_does_not_scatter() {
         let share = |aside: f64| {
             let sun = Body::preset(SolarBody::Sun, "sun", DVec3::X * AU_M);
             let moon = Body::preset(SolarBody::Moon, "moon", DVec3::new(3.5e8, aside * 3.5e8 * 4.65e-3, 0.0));

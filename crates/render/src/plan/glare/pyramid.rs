@@ -1,11 +1,11 @@
-//! The numbers of the published glare pyramids: sizes and weights of the levels, and the blur that makes one from another.
+//! Parameters of the published glare pyramids: sizes and weights of the levels, and the blur between levels.
 //!
-//! Level 0 has half the picture's resolution, every level half of that before. A level is the one before, averaged over two by two
-//! texels and blurred by a Gaussian of [`SIGMA_TEXELS`] of its own texels along one axis and then the other. So the widths of what
-//! arrives double from level to level, and the weighted sum over the levels is the published sum of Gaussians.
+//! Level 0 has half the picture's resolution, every level half that of the previous one. A level is the previous one, averaged over two by two
+//! texels and blurred by a Gaussian of [`SIGMA_TEXELS`] of its own texels along both axes. So the width
+//! of the blur doubles from level to level, and the weighted sum over the levels is the published sum of Gaussians.
 //!
-//! A blurred image is normalised to the light it holds, so level i alone has a peak of 1/(2 pi sigma_i^2): equal weights make
-//! the inverse square of the distance, and the published halved weights the inverse cube (a test measures -2.0 and -3.0).
+//! A blurred image is normalised to the light it contains, so level i alone has a peak of 1/(2 pi sigma_i^2): equal weights result in
+//! the inverse square of the distance, and the published halved weights in the inverse cube (a test measures -2.0 and -3.0).
 //!
 //! Source: "Smaller than Pixels", section 5. Units: pixels of the picture, texels of a level.
 
@@ -16,28 +16,28 @@ use crate::plan::settings::{GlareMethod, PyramidWeights};
 /// Standard deviation of the blur that makes a level, texels of the level.
 pub const SIGMA_TEXELS: f64 = 1.0;
 
-/// Taps on either side of the middle one.
+/// Taps on either side of the central one.
 pub const TAPS_ASIDE: usize = 3;
 
-/// No level has a side shorter than this, except level 0.
+/// Minimum side of a level, except of level 0.
 const FEWEST_TEXELS: u32 = 4;
 
-/// Variance of what a level shows of a point, in squares of its texels: the cubic B-spline of the lookup (1/3), and of every level up to
-/// this one the blur and the average over two texels before it (1/16), a quarter as much for every level earlier.
+/// Variance of the image of a point in a level, in squares of its texels: the cubic B-spline of the lookup (1/3), and for every level up to
+/// this one, the blur and the preceding average over two texels (1/16); each earlier level contributes a quarter of the next.
 const LEVEL_VARIANCE: f64 = SIGMA_TEXELS * SIGMA_TEXELS * 4.0 / 3.0 + 1.0 / 3.0 + 1.0 / 12.0;
 
-/// Along which axes the levels are blurred.
+/// Axes along which the levels are blurred.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PyramidAxes {
     /// The rows of the picture, then its columns.
     Screen,
-    /// Two great circles of view space at right angles.
+    /// Two orthogonal great circles of view space.
     View,
 }
 
 impl PyramidAxes {
-    /// The axes of a method; `None` if it is not one of the pyramids.
-    pub fn of(method: GlareMethod) -> Option<Self> {
+    /// The axes of a method; `None`: it is not a pyramid.
+    pub fn for_method(method: GlareMethod) -> Option<Self> {
         match method {
             GlareMethod::ScreenPyramid => Some(Self::Screen),
             GlareMethod::ViewPyramid => Some(Self::View),
@@ -46,7 +46,7 @@ impl PyramidAxes {
     }
 }
 
-/// The levels of one picture.
+/// Levels of a picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PyramidPlan {
     /// Width and height of every level, texels.
@@ -54,8 +54,8 @@ pub struct PyramidPlan {
 }
 
 impl PyramidPlan {
-    /// The levels of a picture of that size, pixels: down to a few texels along the shorter side. Where a side is odd, the last
-    /// texel of level 0 repeats the border, and later levels have half the texels rounded down, as mipmaps do: each is a little
+    /// The levels of a picture of that size, pixels, down to a few texels along the shorter side. If a side is odd, the last
+    /// texel of level 0 repeats the border, and later levels round half the number of texels down, as mipmaps do: each texel is slightly
     /// larger.
     pub fn new(picture: [u32; 2]) -> Self {
         let mut size = picture.map(|side| side.div_ceil(2));
@@ -75,7 +75,7 @@ impl PyramidPlan {
         unscaled.into_iter().map(|weight| weight / sum).collect()
     }
 
-    /// Share of a point's light that falls on a pixel at that distance, on a picture without borders and without the averages of
+    /// Fraction of a point's light that falls on a pixel at that distance, for a picture without borders and without the averages of
     /// single pixels: a sum of Gaussians.
     pub fn per_px2(&self, weights: PyramidWeights, distance_px: f64) -> f64 {
         let gaussian = |(level, weight): (usize, f64)| {
@@ -86,7 +86,7 @@ impl PyramidPlan {
     }
 }
 
-/// Weight of every level relative to the one before.
+/// Weight of every level relative to the previous one.
 pub fn level_ratio(weights: PyramidWeights) -> f64 {
     match weights {
         PyramidWeights::Halved => 0.5,
@@ -94,18 +94,18 @@ pub fn level_ratio(weights: PyramidWeights) -> f64 {
     }
 }
 
-/// Texels of a level are as many pixels of the picture wide.
+/// Width of a texel of a level, pixels of the picture.
 pub fn texel_px(level: usize) -> f64 {
     2.0_f64.powi(level as i32 + 1)
 }
 
-/// Standard deviation of what a level shows of a point, pixels of the picture in the middle of it: the limit that levels far from
-/// the first come to.
+/// Standard deviation of the image of a point in a level, in pixels at the centre of the picture: the limit for levels far from
+/// the first.
 pub fn level_sigma_px(level: usize) -> f64 {
     LEVEL_VARIANCE.sqrt() * texel_px(level)
 }
 
-/// Weights of the taps of a blur, texels apart: the middle one, then those on one side. Both sides together sum to 1.
+/// Weights of the taps of a blur: the central one, then those on one side. Both sides together sum to 1.
 pub fn tap_weights() -> [f64; TAPS_ASIDE + 1] {
     let gaussian = |k: usize| (-(k as f64 / SIGMA_TEXELS).powi(2) / 2.0).exp();
     let sum = gaussian(0) + 2.0 * (1..=TAPS_ASIDE).map(gaussian).sum::<f64>();
@@ -126,11 +126,11 @@ mod tests {
     }
 
     #[test]
-    fn taps_and_levels_share_the_light() {
+    fn weights_of_taps_and_levels_sum_to_one() {
         let [middle, aside @ ..] = tap_weights();
         assert!((middle + 2.0 * aside.iter().sum::<f64>() - 1.0).abs() < 1e-15);
         let variance: f64 = aside.iter().zip(1..).map(|(weight, k)| 2.0 * weight * f64::from(k * k)).sum();
-        // What is cut off beyond the last tap is missing.
+        // The light beyond the last tap is missing.
         assert!(variance < 1.0 && variance > 0.99, "{variance}");
         let plan = PyramidPlan::new([256, 256]);
         assert!((plan.level_weights(PyramidWeights::Halved)[1] * 63.0 - 16.0).abs() < 1e-12);
@@ -139,12 +139,12 @@ mod tests {
 
     /// Slope of the logarithm over two octaves far from the narrowest and the widest level.
     fn slope(plan: &PyramidPlan, weights: PyramidWeights) -> f64 {
-        let at = |distance_px: f64| plan.per_px2(weights, distance_px).ln();
-        (at(128.0) - at(32.0)) / 4.0_f64.ln()
+        let ln_light = |distance_px: f64| plan.per_px2(weights, distance_px).ln();
+        (ln_light(128.0) - ln_light(32.0)) / 4.0_f64.ln()
     }
 
     #[test]
-    fn equal_weights_make_the_inverse_square_and_halved_ones_the_inverse_cube() {
+    fn equal_weights_give_the_inverse_square_and_halved_ones_the_inverse_cube() {
         let plan = PyramidPlan { sizes: vec![[1, 1]; 12] };
         let (equal, halved) = (slope(&plan, PyramidWeights::Equal), slope(&plan, PyramidWeights::Halved));
         assert!((equal + 2.0).abs() < 0.02, "{equal}");

@@ -1,4 +1,4 @@
-//! The `[glare]` settings: which method, which kernel, how much light.
+//! The `[glare]` settings: method, kernel, and scattered fraction.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -42,7 +42,7 @@ impl GlareMethod {
     /// Every method that draws glare.
     pub const DRAWING: [Self; 3] = [Self::SkyCube, Self::ScreenPyramid, Self::ViewPyramid];
 
-    /// Where the method comes from.
+    /// Publication of the method.
     pub fn source(self) -> MethodSource {
         match self {
             Self::Auto | Self::None | Self::SkyCube => MethodSource::Steradian,
@@ -67,7 +67,7 @@ settings! {
     pub struct GlareSettings, GlareKeys {
         /// Glare method, see [glare-methods.md](glare-methods.md).
         pub method: GlareMethod = GlareMethod::Auto,
-        /// Kernel of `sky_cube`; the pyramids have kernels of their own.
+        /// Kernel of `sky_cube`; the pyramids have fixed kernels.
         pub kernel: GlareKernelName = GlareKernelName::InverseSquare,
         /// Angle below which the kernel is constant; minimum width of the `gaussians`.
         #[schemars(range(max = 180.0), extend("exclusiveMinimum" = 0.0, "x-unit" = "degrees"))]
@@ -80,7 +80,7 @@ settings! {
         pub age_years: f64 = 35.0,
         /// `cie`: colour of the iris.
         pub eye_colour: EyeColour = EyeColour::default(),
-        /// `cie`: whether the formula gives the scattered fraction, instead of `fraction` (0.39 at 35 years); it must be at most 1.
+        /// `cie`: whether the formula determines the scattered fraction, instead of `fraction` (0.39 at 35 years); it must be at most 1.
         pub absolute: bool = false,
         /// Weights of the levels of the pyramids.
         pub weights: PyramidWeights = PyramidWeights::Equal,
@@ -101,10 +101,10 @@ impl GlareSettings {
         Cie::new(self.inner_deg.to_radians(), self.age_years, self.eye_colour)
     }
 
-    /// The kernel, its integral over the sphere 1. That of `psf` is read from its file.
+    /// The kernel, normalised to an integral of 1 over the sphere. That of `psf` is read from its file.
     ///
     /// # Errors
-    /// [`GlareKernelError`] where the file of `psf` is missing or not usable; the other kernels have none for settings in
+    /// [`GlareKernelError`] if the file of `psf` is missing or invalid; the other kernels have no errors for settings in
     /// their ranges.
     pub fn kernel(&self) -> Result<Arc<dyn GlareKernel>, GlareKernelError> {
         let inner_rad = self.inner_deg.to_radians();
@@ -120,21 +120,21 @@ impl GlareSettings {
         })
     }
 
-    /// Share of the light that is scattered: `fraction`, or what the kernel itself tells.
+    /// Fraction of the light that is scattered: `fraction`, or that of the kernel itself.
     pub fn fraction_scattered(&self) -> f64 {
         if self.is_absolute() { self.cie().scattered_share() } else { self.fraction }
     }
 
-    /// Whether the kernel itself tells what share is scattered.
+    /// Whether the kernel itself determines the scattered fraction.
     fn is_absolute(&self) -> bool {
         self.absolute && self.kernel == GlareKernelName::Cie
     }
 
-    /// The method that draws a frame whose stars are drawn by `stars`. `sky_cube` reads the catalogue; where no star of it is
-    /// drawn the image alone tells what glares.
+    /// The method of a frame with the given star method. `sky_cube` reads the catalogue; if no star of it is
+    /// drawn, glare can only be computed from the image.
     pub fn chosen(&self, stars: StarMethod) -> GlareMethod {
         match self.method {
-            // An eye that tells its own share scatters some.
+            // A kernel with its own fraction scatters light whatever `fraction` is.
             _ if self.fraction == 0.0 && !self.is_absolute() => GlareMethod::None,
             GlareMethod::Auto if stars.draws_catalogue() => GlareMethod::SkyCube,
             GlareMethod::Auto => GlareMethod::ViewPyramid,
@@ -173,14 +173,14 @@ mod tests {
         let relative = GlareSettings { kernel: GlareKernelName::Cie, fraction: 0.25, ..GlareSettings::default() };
         assert_eq!(relative.fraction_scattered(), 0.25);
         let absolute = GlareSettings { absolute: true, ..relative };
-        // 28 per cent between 0.1 and 100 degrees, and what the formula adds below and beyond.
+        // 28 per cent between 0.1 and 100 degrees, and the formula's light below and beyond.
         let share = absolute.fraction_scattered();
         assert!((share - 0.39).abs() < 2e-3, "{share}");
         let old = GlareSettings { age_years: 80.0, ..absolute.clone() };
         assert!(old.fraction_scattered() > 1.2 * share);
         let light = GlareSettings { eye_colour: EyeColour::Light, ..absolute.clone() };
         assert!(light.fraction_scattered() > share);
-        // Nothing scattered needs no method, whatever the unused fraction says.
+        // The unused fraction has no effect.
         assert_eq!(GlareSettings { fraction: 0.0, ..absolute.clone() }.fraction_scattered(), share);
     }
 }

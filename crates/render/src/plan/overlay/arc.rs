@@ -1,4 +1,4 @@
-//! Arcs on the sphere of directions around an eye: parts of circles, with the distance of what is drawn.
+//! Arcs on the sphere of directions around an eye: parts of circles, with their distances.
 
 use std::f64::consts::{PI, TAU};
 
@@ -15,14 +15,14 @@ pub struct Arc {
     v: DVec3,
     /// First and last angle, rad.
     pub angles: [f64; 2],
-    /// 1 over the distance: `nearness[0] cos(phi) + nearness[1] sin(phi)`, 1/m. That is exact for straight lines.
+    /// Inverse distance: `nearness[0] cos(phi) + nearness[1] sin(phi)`, 1/m. This is exact for straight lines.
     nearness: [f64; 2],
     before_all: bool,
 }
 
 impl Arc {
-    /// A whole circle at infinity, all of whose points are `radius_rad` from `axis`. Its angle begins at `u`; `u`, `v`, `axis` are unit
-    /// vectors at right angles.
+    /// A whole circle at infinity, with all points `radius_rad` from `axis`. Its angle begins at `u`; `u`, `v`, `axis` are orthogonal
+    /// unit vectors.
     pub fn circle(axis: DVec3, u: DVec3, v: DVec3, radius_rad: f64) -> Self {
         let (sin, cos) = radius_rad.sin_cos();
         let nearness = [AT_INFINITY; 2];
@@ -30,18 +30,18 @@ impl Arc {
     }
 
     /// The part of a great circle at infinity from `-reach_rad` to `reach_rad` around the unit vector `middle`, towards the unit vector
-    /// `v` at a right angle to it.
+    /// `v` orthogonal to it.
     pub fn half_circle(middle: DVec3, v: DVec3, reach_rad: f64) -> Self {
         let angles = [-reach_rad, reach_rad];
         Self { centre: DVec3::ZERO, u: middle, v, angles, nearness: [AT_INFINITY; 2], before_all: false }
     }
 
-    /// The same arc before everything else.
+    /// The same arc in front of everything.
     pub fn before_all(self) -> Self {
         Self { before_all: true, ..self }
     }
 
-    /// A straight line between two points relative to the eye, m; `None` where the eye lies on it.
+    /// A straight line between two points relative to the eye, m; `None`: the eye is on it.
     pub fn straight_line(from_m: DVec3, to_m: DVec3) -> Option<Self> {
         let [near_from, near_to] = [from_m, to_m].map(|point| 1.0 / point.length());
         if !(near_from.is_finite() && near_to.is_finite()) {
@@ -51,7 +51,7 @@ impl Arc {
         let angle = u.cross(end).length().atan2(u.dot(end));
         // A line that points at the eye is a point, and has no plane with it.
         let v = (end - u * u.dot(end)).try_normalize().filter(|_| angle > 1e-12 && angle < PI - 1e-9)?;
-        // 1 over the distance at `angle` must be `near_to`; 1 - cos without cancellation.
+        // The inverse distance at `angle` must be `near_to`; 1 - cos without cancellation.
         let rise = near_to - near_from + near_from * 2.0 * (angle / 2.0).sin().powi(2);
         let nearness = [near_from, rise / angle.sin()];
         Some(Self { centre: DVec3::ZERO, u, v, angles: [0.0, angle], nearness, before_all: false })
@@ -68,7 +68,7 @@ impl Arc {
         self.centre + self.u * cos + self.v * sin
     }
 
-    /// 1 over the distance at an angle, 1/m.
+    /// Inverse distance at an angle, 1/m.
     pub fn nearness(&self, angle: f64) -> f64 {
         if self.before_all {
             return BEFORE_ALL;

@@ -1,4 +1,4 @@
-//! Items by blocks of pixels, so that each pixel looks at few of them.
+//! Items by blocks of pixels, so that each pixel evaluates few of them.
 
 use super::{Item, Shape};
 use crate::view::Viewport;
@@ -6,26 +6,26 @@ use crate::view::Viewport;
 /// Side of a block, pixels.
 pub const BLOCK_PX: u32 = 16;
 
-/// A block of pixels of an image with the items that may touch it.
+/// A block of pixels of an image with the items that may cover part of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Block {
     /// Index of the viewport.
     pub viewport: u32,
     /// Column and row of its first pixel: multiples of [`BLOCK_PX`].
     pub corner: [u32; 2],
-    /// First of its entries.
+    /// Index of its first entry.
     pub first_entry: u32,
     /// Number of its entries.
     pub entries: u32,
 }
 
-/// Blocks that have items, viewport by viewport and row by row, and the items of each in their order.
+/// Blocks with items, viewport by viewport and row by row, and the items of each in order.
 pub fn sort_into_blocks(items: &[Item], first_items: &[usize], viewports: &[Viewport]) -> (Vec<Block>, Vec<u32>) {
     let (mut blocks, mut entries) = (Vec::new(), Vec::new());
     for (number, viewport) in viewports.iter().enumerate() {
         let [columns, rows] = viewport.size().map(|side| side.div_ceil(BLOCK_PX));
         let range = first_items[number]..first_items[number + 1];
-        // Counted first, then placed.
+        // First count, then place.
         let mut counts = vec![0_u32; (columns * rows) as usize];
         for item in &items[range.clone()] {
             touched(&item.shape, [columns, rows], &mut |block| counts[block] += 1);
@@ -50,7 +50,7 @@ pub fn sort_into_blocks(items: &[Item], first_items: &[usize], viewports: &[View
     (blocks, entries)
 }
 
-/// Calls `visit` with each block that a shape may cover, none twice.
+/// Calls `visit` once for each block that a shape may cover.
 fn touched(shape: &Shape, [columns, rows]: [u32; 2], visit: &mut dyn FnMut(usize)) {
     let side = f64::from(BLOCK_PX);
     let block = |pixel: f64, count: u32| (pixel / side).floor().clamp(-1.0, f64::from(count)) as i64;
@@ -61,19 +61,20 @@ fn touched(shape: &Shape, [columns, rows]: [u32; 2], visit: &mut dyn FnMut(usize
     };
     match *shape {
         Shape::Line { from, to, half_width_px, .. } => {
-            // A little more than the coverage reaches, for what f32 rounds.
+            // A margin over the reach of the coverage, for f32 rounding.
             let reach = half_width_px + 0.6;
             let (top, bottom) = if from.y <= to.y { (from, to) } else { (to, from) };
             let [first, last] = [top.y - reach, bottom.y + reach].map(|y| block(y, rows));
             for row in first.max(0)..=last.min(i64::from(rows) - 1) {
                 let band = [row as f64 * side - reach, (row + 1) as f64 * side + reach];
-                // Where the line enters and leaves the rows of the block.
-                let at = |y: f64| {
+                // The section of the line within the rows of the block.
+                let column_at = |y: f64| {
                     let height = bottom.y - top.y;
                     let part = if height > 0.0 { ((y - top.y) / height).clamp(0.0, 1.0) } else { 0.0 };
                     top.x + (bottom.x - top.x) * part
                 };
-                let ends = if bottom.y - top.y > 1e-9 { [at(band[0]), at(band[1])] } else { [top.x, bottom.x] };
+                let ends =
+                    if bottom.y - top.y > 1e-9 { [column_at(band[0]), column_at(band[1])] } else { [top.x, bottom.x] };
                 run(row, ends[0].min(ends[1]) - reach, ends[0].max(ends[1]) + reach);
             }
         }

@@ -19,8 +19,8 @@ use crate::{
 /// Height of the numbers, pixels.
 const NUMBER_PX: f64 = 13.0;
 
-/// Directions of longitude 0, of longitude 90 degrees and of the pole: what the eye sees, in view axes, is `Eye::seen` of them, but for the
-/// camera's own axes, which no motion moves.
+/// Directions of longitude 0, of longitude 90 degrees and of the pole: apparent directions in view axes (see `Eye::seen`), except for the
+/// camera's own axes, which motion does not change.
 fn axes(kind: GridKind, eye: &Eye<'_>) -> DMat3 {
     match kind {
         GridKind::Equatorial => DMat3::IDENTITY,
@@ -51,7 +51,7 @@ pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid) -> Res
         let from_pole = FRAC_PI_2 - number as f64 * step;
         Arc::circle(axes.z_axis, axes.x_axis, axes.y_axis, from_pole)
     });
-    // Every fourth of the circle goes up to the poles; the others would crowd there.
+    // Every fourth meridian continues to the poles, where all of them would be too dense.
     let meridians = (0..4 * divisions).map(|number| {
         let reach = if number % divisions == 0 { FRAC_PI_2 } else { FRAC_PI_2 - step };
         Arc::half_circle(direction(&axes, number as f64 * step, 0.0), axes.z_axis, reach)
@@ -62,7 +62,7 @@ pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid) -> Res
         let turned = arcs.map(|arc| arc.turned(&eye.view_from_world));
         drawing.view_lines(eye, &grid.style, turned)?;
     } else {
-        // Altitudes are those that are seen.
+        // Altitudes are apparent.
         drawing.lines(eye, &grid.style, arcs, grid.kind != GridKind::Horizon)?;
     }
     Ok(())
@@ -80,7 +80,7 @@ fn border_arc(axes: &DMat3, Border { ra_rad: [from, to], dec_rad: [south, north]
     circle
 }
 
-/// Numbers of the circles.
+/// Draws the numbers of the circles.
 pub(super) fn draw_numbers(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid) -> Result<(), OverlayPlanError> {
     if !grid.numbers {
         return Ok(());
@@ -92,8 +92,8 @@ pub(super) fn draw_numbers(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid
     let mut number = |text: &str, direction: DVec3| {
         let direction = match grid.kind {
             GridKind::Altitude => eye.view_from_world * direction,
-            GridKind::Horizon => eye.seen_near(direction),
-            _ => eye.seen(direction),
+            GridKind::Horizon => eye.apparent_without_air(direction),
+            _ => eye.apparent(direction),
         };
         let place = Place::Beside { gap_px: grid.style.width_px / 2.0 + 2.0 };
         drawing.text_at(
@@ -120,13 +120,13 @@ pub(super) fn draw_numbers(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid
     Ok(())
 }
 
-/// At most three decimals, and none that are 0.
+/// With at most three decimals, without trailing zeros.
 fn trimmed(value: f64) -> String {
     let text = format!("{value:.3}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// Hours and minutes of right ascension, degrees of the others.
+/// Hours and minutes of right ascension, otherwise degrees.
 fn longitude_text(kind: GridKind, longitude: f64) -> String {
     if kind != GridKind::Equatorial {
         return format!("{}°", trimmed(longitude.to_degrees()));

@@ -1,4 +1,4 @@
-//! Labels beside directions and points.
+//! Labels next to directions and points.
 
 use glam::DVec3;
 
@@ -15,21 +15,21 @@ pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, objects: &SceneObje
             Anchor::Point(point_m) => (point_m - eye.position_m, nearness(eye, objects, point_m)),
         };
         if direction.length_squared() == 0.0 {
-            // The eye stands on the point.
+            // The eye is at the point.
             continue;
         }
         let ink = Ink { colour: label.colour, opacity: label.opacity };
         let place = Place::Beside { gap_px: 0.3 * label.size_px };
         let run = Run { text: &label.text, size_px: label.size_px, ink, nearness, place, edged: true };
         let is_near = direction.length() <= BEYOND_AIR_M && matches!(label.anchor, Anchor::Point(_));
-        let seen = if is_near { eye.seen_near(direction) } else { eye.seen(direction) };
+        let seen = if is_near { eye.apparent_without_air(direction) } else { eye.apparent(direction) };
         drawing.text_at(eye, seen, &run)?;
     }
     Ok(())
 }
 
-/// 1 over the distance at which a label counts, 1/m. A label at a point inside of a body names that body: it stands before it, and behind all
-/// that is nearer.
+/// Inverse distance of a label, 1/m. A label at a point inside a body is in front of that body, which it names, and behind
+/// all nearer surfaces.
 fn nearness(eye: &Eye<'_>, objects: &SceneObjects, point_m: DVec3) -> f64 {
     let own = objects.bodies.iter().filter_map(|body| {
         let radius_m = body.radii_m.max_element();

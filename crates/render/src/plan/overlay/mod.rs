@@ -1,18 +1,19 @@
-//! What overlays draw into each image, in pixels: f64 and plain data.
+//! Lines and text of overlays in each image, in pixels: f64 and plain data.
 //!
-//! Every line is a circle on the sphere of directions around an eye, or a part of one: grids and test patterns by themselves, and straight
-//! lines in space because a straight line and the eye lie in one plane. [`arc`] has these, [`trace`] takes them through a projection
-//! and cuts them into straight pieces that stay within a twentieth of a pixel of the curve. Text becomes one bitmap per glyph
-//! ([`text`]). What there is to draw is then sorted into blocks of pixels ([`blocks`]).
+//! Every line is a circle, or an arc of one, on the sphere of directions around an eye: grids and test patterns are defined that way, and a
+//! straight line in space lies in one plane with the eye. [`arc`] contains these arcs, [`trace`] projects them and cuts them into straight
+//! pieces within a twentieth of a pixel of the curve. Text becomes one bitmap per glyph ([`text`]). The resulting items are sorted into blocks
+//! of pixels ([`blocks`]).
 //!
-//! Items are drawn in their order. Those of one stroke are drawn as one thing: where they overlap, the largest coverage counts, so that
-//! half-transparent lines have no beads at their joints.
+//! Items are drawn in order. The items of a stroke count as one shape: overlaps take the largest coverage, so that translucent lines show no
+//! beads at their joints.
 
 pub mod arc;
 pub mod blocks;
 mod grid;
 mod labels;
 mod pattern;
+mod technique;
 pub mod text;
 pub mod trace;
 
@@ -37,18 +38,18 @@ use crate::{
     view::Viewport,
 };
 
-/// Most items of a frame: 64 bytes each on the adapter.
+/// Maximum number of items of a frame: 64 bytes each on the adapter.
 pub const MOST_ITEMS: usize = 1 << 20;
 
-/// More than what two ends of a line are moved by in dense air.
+/// Upper bound of the displacement of the ends of a line by dense air.
 const MOST_BENT_RAD: f64 = 0.04;
 
-/// Nearness of what nothing hides.
+/// Nearness of items that no surface hides.
 pub const BEFORE_ALL: f64 = f64::INFINITY;
-/// Nearness of what is at infinity.
+/// Nearness of items at infinity.
 pub const AT_INFINITY: f64 = 0.0;
 
-/// Why an overlay cannot be drawn.
+/// Error of an overlay that cannot be drawn.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OverlayPlanError {
@@ -68,10 +69,10 @@ pub struct Ink {
     pub opacity: f64,
 }
 
-/// What an item covers of the image, in continuous pixel coordinates.
+/// Area that an item covers, in continuous pixel coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
-    /// A straight line with round ends. A pixel whose centre is `d` from it is covered by `half_width_px + 0.5 - d`, from 0 to 1.
+    /// A straight line with round ends. The coverage of a pixel whose centre is at distance `d` is `half_width_px + 0.5 - d`, from 0 to 1.
     Line {
         /// One end.
         from: DVec2,
@@ -79,19 +80,19 @@ pub enum Shape {
         to: DVec2,
         /// Half its width.
         half_width_px: f64,
-        /// 1 over the distance of both ends, 1/m; between them it changes evenly along the line.
+        /// Inverse distance of both ends, 1/m; linear along the line.
         nearness: [f64; 2],
     },
-    /// Whole pixels, or every other one of them.
+    /// Whole pixels, or every second one in a checkerboard.
     Box {
         /// First column and row.
         from: [i32; 2],
-        /// The column and row after the last.
+        /// One past the last column and row.
         to: [i32; 2],
-        /// Whether only pixels count whose column and row have an even sum.
+        /// Whether to fill only pixels whose column and row have an even sum.
         checkered: bool,
     },
-    /// Pixels with a coverage of their own.
+    /// A bitmap of coverage.
     Glyph {
         /// First column and row.
         from: [i32; 2],
@@ -99,39 +100,39 @@ pub enum Shape {
         size: [u32; 2],
         /// Coverage of the first pixel: index into [`OverlayPlan::texels`]; the others follow row by row.
         first_texel: u32,
-        /// 1 over its distance, 1/m.
+        /// Inverse distance, 1/m.
         nearness: f64,
     },
 }
 
-/// Something to draw.
+/// An item.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Item {
-    /// Items of one stroke are drawn as one thing.
+    /// Number of the stroke, whose items count as one shape.
     pub stroke: u32,
-    /// The stroke's.
+    /// Colour and opacity of the stroke.
     pub ink: Ink,
-    /// Where.
+    /// Covered area.
     pub shape: Shape,
 }
 
-/// What overlays draw in a frame.
+/// Overlay of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OverlayPlan {
     /// All items, viewport by viewport, in the order in which they are drawn.
     pub items: Vec<Item>,
-    /// First item of each viewport; and one entry more, the number of items.
+    /// First item of each viewport, and finally the number of items.
     pub first_items: Vec<usize>,
-    /// Coverage of the pixels of glyphs, in parts of 255.
+    /// Coverage of the pixels of glyphs, 0 to 255.
     pub texels: Vec<u8>,
-    /// Blocks of pixels that have items, viewport by viewport.
+    /// Blocks of pixels with items, viewport by viewport.
     pub blocks: Vec<Block>,
     /// Items of the blocks.
     pub entries: Vec<u32>,
 }
 
 impl OverlayPlan {
-    /// Whether nothing is drawn.
+    /// Whether there are no items.
     pub fn is_empty(&self) -> bool {
         self.blocks.is_empty()
     }
@@ -142,10 +143,10 @@ impl OverlayPlan {
     }
 }
 
-/// What a plan is made of.
+/// Inputs of a plan.
 #[derive(Clone, Copy, Debug)]
 pub struct OverlayInputs<'a> {
-    /// The overlay, and the bodies that labels may belong to.
+    /// Contains the overlay, and the bodies that are labelled.
     pub objects: &'a SceneObjects,
     /// The camera.
     pub camera: &'a Camera,
@@ -155,14 +156,14 @@ pub struct OverlayInputs<'a> {
     pub views: &'a [String],
 }
 
-/// Makes plans. Keeps the last one, for frames in which nothing moves, and bitmaps of glyphs; plans do not depend on what is kept.
+/// Plans overlays. Keeps the last plan, for frames without motion, and glyph bitmaps; these do not change plans.
 #[derive(Debug, Default)]
 pub struct OverlayPlanner {
     glyphs: GlyphCache,
     last: Option<LastPlan>,
 }
 
-/// What a plan was made of.
+/// The last plan and its inputs.
 #[derive(Debug)]
 struct LastPlan {
     overlay: Arc<Overlay>,
@@ -170,12 +171,12 @@ struct LastPlan {
     camera: Camera,
     viewports: Vec<Viewport>,
     views: Vec<String>,
-    /// Its moment, if that matters.
+    /// Time of the scene, if the plan depends on it.
     horizon_s: Option<f64>,
     plan: Arc<OverlayPlan>,
 }
 
-/// The moment of objects with a grid of the horizon or with air that bends light, which turn with the Earth.
+/// Time of objects with a horizon grid or with refracting air, which turn with the Earth.
 fn horizon_s(objects: &SceneObjects) -> Option<f64> {
     let has_grid = objects.overlay.grids.iter().any(|grid| grid.kind == GridKind::Horizon);
     let bends = objects.surroundings.as_ref().is_some_and(|around| around.refraction.is_some());
@@ -198,11 +199,11 @@ impl LastPlan {
 }
 
 impl OverlayPlanner {
-    /// Plans a frame. `None`: nothing is drawn over any image. A frame like the last one has the same plan, in the same place.
+    /// Plans a frame; `None`: no image has an overlay. A frame with the same inputs as the last one gets the same plan, without a copy.
     ///
     /// # Errors
     ///
-    /// There is more to draw than one frame can hold.
+    /// The frame would have too many items.
     pub fn plan(&mut self, inputs: &OverlayInputs<'_>) -> Result<Option<Arc<OverlayPlan>>, OverlayPlanError> {
         if inputs.objects.overlay.is_empty() {
             *self = Self::default();
@@ -260,17 +261,17 @@ impl OverlayPlanner {
     }
 }
 
-/// An image, and the eye that sees it.
+/// An image and the eye that sees it.
 struct Eye<'a> {
     viewport: &'a Viewport,
     view_from_world: DMat3,
     /// The camera's upward axis, in view axes.
     up: DVec3,
     camera: &'a Camera,
-    /// Where it stands, m.
+    /// Position, m.
     position_m: DVec3,
     motion: Option<Motion>,
-    /// Of the air, in view axes.
+    /// Refraction by air, in view axes.
     refraction: Option<Refraction>,
     /// North, east and zenith of the scene's observer.
     horizon: Option<DMat3>,
@@ -302,25 +303,25 @@ impl<'a> Eye<'a> {
         }
     }
 
-    /// Where the eye sees what lies far away in a direction of the world (of any length but 0): view axes, any length.
-    fn seen(&self, direction: DVec3) -> DVec3 {
-        let seen = self.seen_near(direction);
+    /// Apparent direction of a distant object, in view axes. `direction` is in world axes. Both may have any length but 0.
+    fn apparent(&self, direction: DVec3) -> DVec3 {
+        let seen = self.apparent_without_air(direction);
         self.refraction.map_or(seen, |refraction| refraction.seen(seen))
     }
 
-    /// The same of what no air bends.
-    fn seen_near(&self, direction: DVec3) -> DVec3 {
+    /// The same, without refraction.
+    fn apparent_without_air(&self, direction: DVec3) -> DVec3 {
         let seen = self.motion.map_or(direction, |motion| motion.seen(direction));
         self.view_from_world * seen
     }
 
-    /// A straight line between two points; `None` where it cannot be seen because the eye lies on it.
+    /// A straight line between two points; `None` if the eye is on the line, so that it is not visible.
     fn straight_line(&self, from_m: DVec3, to_m: DVec3) -> Option<arc::Arc> {
         arc::Arc::straight_line(from_m - self.position_m, to_m - self.position_m)
     }
 }
 
-/// A plan in the making.
+/// Plan under construction.
 struct Drawing<'a> {
     items: Vec<Item>,
     stroke: u32,
@@ -329,7 +330,7 @@ struct Drawing<'a> {
 }
 
 impl Drawing<'_> {
-    /// What is added from now on is another stroke.
+    /// Begins a new stroke.
     fn next_stroke(&mut self) {
         self.stroke += 1;
     }
@@ -342,7 +343,7 @@ impl Drawing<'_> {
         Ok(())
     }
 
-    /// Lines in the axes of the world, as one stroke; `bent` by the air, where there is some.
+    /// Draws lines in world axes, as one stroke; `bent`: refracted by air, if there is any.
     fn lines(
         &mut self,
         eye: &Eye<'_>,
@@ -351,7 +352,7 @@ impl Drawing<'_> {
         bent: bool,
     ) -> Result<(), OverlayPlanError> {
         if let Some(motion) = eye.motion {
-            // Aberration bends circles into other circles, unevenly: the whole map is traced.
+            // Aberration maps circles to circles, but not uniformly, so the complete mapping is traced.
             let map = |direction: DVec3| eye.view_from_world * motion.seen(direction);
             return self.traced(eye, style, arcs, &map, None);
         }
@@ -362,7 +363,7 @@ impl Drawing<'_> {
         self.traced(eye, style, turned, &|direction| direction, Some(0.0))
     }
 
-    /// Lines in the axes of the view, as one stroke.
+    /// Draws lines in view axes, as one stroke.
     fn view_lines(
         &mut self,
         eye: &Eye<'_>,

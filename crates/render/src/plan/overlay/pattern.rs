@@ -1,7 +1,8 @@
-//! The test pattern of an image, for aligning projectors and judging them.
+//! The test pattern of an image, for aligning and assessing projectors.
 //!
-//! In the picture's geometry: circles every 10 degrees around the axis of the view, and a cross through it; of a projector circles around the apex of the dome, and a star of
-//! twelve rays from it, which go on from projector to projector. In pixels, whatever the projection: a frame of the outermost pixels, lines every [`GRID_PX`] pixels, patches of single pixels, bars of colours and of greys, and the name.
+//! In the picture's geometry: circles every 10 degrees around the axis of the view, and a cross through it. For a projector: circles around the
+//! apex of the dome, and a star of twelve rays from it, which continue from projector to projector. In pixels, whatever the projection: a
+//! frame of the outermost pixels, lines every [`GRID_PX`] pixels, patches of single pixels, bars of colours and of greys, and the name.
 
 use std::f64::consts::PI;
 
@@ -17,7 +18,7 @@ use crate::{
     view::projection::Projection,
 };
 
-/// Distance of the lines of the pixel grid, pixels.
+/// Spacing of the pixel grid, pixels.
 pub const GRID_PX: u32 = 64;
 
 const WHITE: Colour = Colour([255; 3]);
@@ -36,7 +37,7 @@ const BARS: [Colour; 8] = [
     Colour([0, 0, 255]),
     Colour([0; 3]),
 ];
-/// Steps of grey, black and white included.
+/// Number of grey levels, including black and white.
 const GREYS: usize = 11;
 
 fn opaque(colour: Colour) -> Ink {
@@ -45,11 +46,11 @@ fn opaque(colour: Colour) -> Ink {
 
 pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, name: &str) -> Result<(), OverlayPlanError> {
     pixel_grid(drawing, eye.viewport.size())?;
-    let centre = Centre::of(eye);
+    let centre = Centre::new(eye);
     let [u, v] = centre.across;
     let circles = (1..18).map(|tens| Arc::circle(centre.axis, u, v, f64::from(tens) * PI / 18.0).before_all());
     drawing.view_lines(eye, &CIRCLES, circles)?;
-    // Great circles through the axis, from it to both sides.
+    // Great circles through the axis, to both sides.
     let cross = (0..centre.rays / 2).map(|ray| Arc::half_circle(centre.axis, centre.towards(ray), PI).before_all());
     drawing.view_lines(eye, &CROSS, cross)?;
     numbers(drawing, eye, &centre)?;
@@ -58,16 +59,16 @@ pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, name: &str) -> Resu
     frame(drawing, eye.viewport.size())
 }
 
-/// What the circles go around.
+/// Axis of the circles.
 struct Centre {
     axis: DVec3,
-    /// At right angles to it and to each other.
+    /// Orthogonal to it and to each other.
     across: [DVec3; 2],
     rays: u32,
 }
 
 impl Centre {
-    fn of(eye: &Eye<'_>) -> Self {
+    fn new(eye: &Eye<'_>) -> Self {
         match &eye.viewport.projection {
             // The axes of a projector's view are those of the dome.
             Projection::Tabulated(_) => Self { axis: DVec3::Y, across: [DVec3::NEG_Z, DVec3::X], rays: 12 },
@@ -75,7 +76,7 @@ impl Centre {
         }
     }
 
-    /// Unit vector from the axis along a ray.
+    /// Unit vector at an angle from the axis along a ray.
     fn towards(&self, ray: u32) -> DVec3 {
         let (sin, cos) = (f64::from(ray) * 2.0 * PI / f64::from(self.rays)).sin_cos();
         self.across[0] * cos + self.across[1] * sin
@@ -89,7 +90,7 @@ fn boxed(drawing: &mut Drawing<'_>, ink: Ink, [x0, y0]: [i32; 2], [x1, y1]: [i32
 fn pixel_grid(drawing: &mut Drawing<'_>, size: [u32; 2]) -> Result<(), OverlayPlanError> {
     let [width, height] = size.map(|side| side as i32);
     drawing.next_stroke();
-    // From the middle, so that the grid is the same on both sides.
+    // From the centre, so that the grid is symmetric.
     let lines = |side: i32| (side / 2 % GRID_PX as i32..side).step_by(GRID_PX as usize);
     for x in lines(width) {
         boxed(drawing, opaque(LINES.colour), [x, 0], [x + 1, height])?;
@@ -100,7 +101,7 @@ fn pixel_grid(drawing: &mut Drawing<'_>, size: [u32; 2]) -> Result<(), OverlayPl
     Ok(())
 }
 
-/// The outermost pixels, over everything else: they say whether the whole picture is seen.
+/// The outermost pixels, over everything else: they show whether the whole picture is visible.
 fn frame(drawing: &mut Drawing<'_>, size: [u32; 2]) -> Result<(), OverlayPlanError> {
     let [width, height] = size.map(|side| side as i32);
     drawing.next_stroke();
@@ -115,15 +116,15 @@ fn frame(drawing: &mut Drawing<'_>, size: [u32; 2]) -> Result<(), OverlayPlanErr
     Ok(())
 }
 
-/// Bars below the middle, and patches of single pixels above it.
+/// Bars below the centre, and patches of single pixels above it.
 fn patches(drawing: &mut Drawing<'_>, size: [u32; 2]) -> Result<(), OverlayPlanError> {
     let [width, height] = size.map(f64::from);
-    let at = |x: f64, y: f64| [(x * width).round() as i32, (y * height).round() as i32];
+    let position = |x: f64, y: f64| [(x * width).round() as i32, (y * height).round() as i32];
     let mut band = |count: usize, [top, bottom]: [f64; 2], colour: &dyn Fn(usize) -> Colour| {
         for index in 0..count {
             let [left, right] = [index, index + 1].map(|step| 0.25 + 0.5 * step as f64 / count as f64);
             drawing.next_stroke();
-            boxed(drawing, opaque(colour(index)), at(left, top), at(right, bottom))?;
+            boxed(drawing, opaque(colour(index)), position(left, top), position(right, bottom))?;
         }
         Ok(())
     };
@@ -131,7 +132,7 @@ fn patches(drawing: &mut Drawing<'_>, size: [u32; 2]) -> Result<(), OverlayPlanE
     band(GREYS, [0.72, 0.76], &|index| Colour([(255 * index / (GREYS - 1)) as u8; 3]))?;
     let side = (width.min(height) / 24.0).round().clamp(2.0, 32.0) as i32;
     for x in [0.3, 0.7] {
-        let [x, y] = at(x, 0.36);
+        let [x, y] = position(x, 0.36);
         let (from, to) = ([x - side / 2, y - side / 2], [x - side / 2 + side, y - side / 2 + side]);
         drawing.next_stroke();
         boxed(drawing, opaque(Colour([0; 3])), from, to)?;
@@ -141,7 +142,7 @@ fn patches(drawing: &mut Drawing<'_>, size: [u32; 2]) -> Result<(), OverlayPlanE
     Ok(())
 }
 
-/// Degrees beside the circles, along the cross, as far as there is room for them.
+/// Degrees next to the circles, along the cross, if there is space for them.
 fn numbers(drawing: &mut Drawing<'_>, eye: &Eye<'_>, centre: &Centre) -> Result<(), OverlayPlanError> {
     let size_px = 13.0;
     let mapping = eye.viewport.projection.mapping();
@@ -182,13 +183,14 @@ fn names(drawing: &mut Drawing<'_>, eye: &Eye<'_>, name: &str) -> Result<(), Ove
     ] {
         let run =
             Run { text: &text, size_px, ink: opaque(WHITE), nearness: BEFORE_ALL, place: Place::Centred, edged: false };
-        // On a plate, so that it can be read before the lines.
+        // On a plate, so that it is readable over the lines.
         let half = [super::text::width_px(&text, size_px) / 2.0 + size_px / 3.0, size_px * 0.6];
-        let at = middle(y);
-        let corner = |side: f64| [(at.x + side * half[0]).round() as i32, (at.y + side * half[1]).round() as i32];
+        let anchor = middle(y);
+        let corner =
+            |side: f64| [(anchor.x + side * half[0]).round() as i32, (anchor.y + side * half[1]).round() as i32];
         drawing.next_stroke();
         boxed(drawing, opaque(Colour([0; 3])), corner(-1.0), corner(1.0))?;
-        drawing.text(eye, at, 0.0, &run)?;
+        drawing.text(eye, anchor, 0.0, &run)?;
     }
     Ok(())
 }

@@ -1,7 +1,8 @@
 //! Text: glyphs as bitmaps of exact coverage.
 //!
-//! The outline of a glyph is placed, turned, and filled by area, once for each quarter of a pixel and each 1024th of a turn; the bitmap then
-//! lies on whole pixels. Text beside lines has a dark edge, drawn first, so that it can be read before anything. Text beside a direction stands upright towards the camera's +y axis, so that it can be read all around a dome.
+//! The outline of a glyph is placed, rotated and filled by area, for each quarter of a pixel and each 1024th of a turn; the bitmap is then
+//! placed on whole pixels. Text next to lines has a dark edge, drawn first, so that it is readable on any background. Text next to a direction
+//! is upright towards the camera's +y axis, so that it is readable all around a dome.
 
 use std::{collections::HashMap, f64::consts::TAU};
 
@@ -15,44 +16,44 @@ use crate::{
     view::projection::Projection,
 };
 
-/// Steps of a turn.
+/// Steps per turn.
 const TURNS: f64 = 1024.0;
-/// Places of a glyph in a pixel, each way.
+/// Sub-pixel positions of a glyph, along each axis.
 const PLACES: f64 = 4.0;
-/// Bitmaps that are kept from frame to frame.
+/// Maximum number of bitmaps that are kept from frame to frame.
 const MOST_KEPT: usize = 8192;
-/// Width of the dark edge, in parts of the font's height and at least, pixels.
+/// Width of the dark edge as a fraction of the font's height, and its minimum, pixels.
 const EDGE: f64 = 0.1;
 const LEAST_EDGE_PX: f64 = 1.5;
-/// Opacity of the dark edge, in parts of the text's.
+/// Opacity of the dark edge, as a fraction of the text's.
 const EDGE_OPACITY: f64 = 0.75;
-/// Step along the upward direction by which its image is found, rad.
+/// Step along the upward direction for finding its image, rad.
 const UP_STEP_RAD: f64 = 1e-4;
 
-/// Where text stands.
+/// Position of text relative to its anchor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Place {
-    /// To the right of a point and above it, by a gap.
+    /// Above and to the right of the anchor.
     Beside {
-        /// Along both axes of the text, pixels.
+        /// Gap along both axes of the text, pixels.
         gap_px: f64,
     },
-    /// With its middle on the point.
+    /// Centred on the anchor.
     Centred,
 }
 
 /// A line of text.
 #[derive(Clone, Copy, Debug)]
 pub struct Run<'a> {
-    /// What is written.
+    /// Characters.
     pub text: &'a str,
     /// Height of the font, pixels.
     pub size_px: f64,
     /// Colour and opacity.
     pub ink: Ink,
-    /// 1 over its distance, 1/m.
+    /// Inverse distance, 1/m.
     pub nearness: f64,
-    /// Where it stands beside its anchor.
+    /// Position relative to its anchor.
     pub place: Place,
     /// Whether it has a dark edge.
     pub edged: bool,
@@ -65,24 +66,24 @@ struct Key {
     size: u64,
     turn: u16,
     place: [u8; 2],
-    /// Whether it is the dark edge, which lies under the glyph.
+    /// Whether it is the dark edge under the glyph.
     edge: bool,
 }
 
-/// A glyph's coverage.
+/// Coverage of a glyph.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Bitmap {
-    /// First column and row, from the pixel that the pen stands in.
+    /// First column and row, relative to the pixel of the pen.
     from: [i32; 2],
     size: [u32; 2],
     coverage: Vec<u8>,
 }
 
-/// Bitmaps of glyphs.
+/// Cached bitmaps of glyphs.
 #[derive(Debug, Default)]
 pub struct GlyphCache {
     bitmaps: HashMap<Key, Bitmap>,
-    /// First texel in the plan that is made.
+    /// First texel in the plan under construction.
     first_texels: HashMap<Key, u32>,
 }
 
@@ -96,13 +97,13 @@ impl GlyphCache {
     }
 }
 
-/// Axes of text that is turned by an angle from upright, clockwise: to the right and up.
+/// Right and up axes of text that is rotated clockwise from upright by an angle.
 fn text_axes(turn_rad: f64) -> [DVec2; 2] {
     let (sin, cos) = turn_rad.sin_cos();
     [DVec2::new(cos, sin), DVec2::new(sin, -cos)]
 }
 
-/// A bitmap that reaches farther than another by `reach_px`, all around.
+/// Widens a bitmap by `reach_px` on all sides.
 fn widened(inner: &Bitmap, reach_px: f64) -> Bitmap {
     let margin = reach_px.ceil() as i32;
     let size = inner.size.map(|side| side + 2 * margin as u32);
@@ -112,8 +113,8 @@ fn widened(inner: &Bitmap, reach_px: f64) -> Bitmap {
         for dy in -margin..=margin {
             for dx in -margin..=margin {
                 let share = (reach_px + 0.5 - f64::from(dx).hypot(f64::from(dy))).clamp(0.0, 1.0);
-                let at = (y + margin + dy) as usize * size[0] as usize + (x + margin + dx) as usize;
-                coverage[at] = coverage[at].max((f64::from(covered) * share).round() as u8);
+                let index = (y + margin + dy) as usize * size[0] as usize + (x + margin + dx) as usize;
+                coverage[index] = coverage[index].max((f64::from(covered) * share).round() as u8);
             }
         }
     }
@@ -167,14 +168,14 @@ pub fn width_px(text: &str, size_px: f64) -> f64 {
     units * size_px / f64::from(font.units_per_em().unwrap_or(1000.0))
 }
 
-/// A line of upright text by itself, without an image that it lies in.
+/// A line of upright text, independent of an image.
 #[derive(Clone, Debug)]
 pub struct Line {
     glyphs: Vec<(i32, Bitmap)>,
 }
 
 impl Line {
-    /// The line, in letters of a height in pixels. Characters that the font lacks are its box.
+    /// The line with the given height, pixels. Characters that the font lacks become its box.
     pub fn new(text: &str, size_px: f64) -> Self {
         let font = font();
         let scale = size_px / f64::from(font.units_per_em().unwrap_or(1000.0));
@@ -191,7 +192,7 @@ impl Line {
         Self { glyphs }
     }
 
-    /// Columns and rows from where it begins on its baseline, and the coverage of each pixel in parts of 255.
+    /// Columns and rows from its start on the baseline, and the coverage of each pixel, 0 to 255.
     pub fn pixels(&self) -> impl Iterator<Item = (i32, i32, u8)> {
         self.glyphs.iter().flat_map(|(pen, bitmap)| {
             let width = bitmap.size[0].max(1) as usize;
@@ -204,11 +205,11 @@ impl Line {
     }
 }
 
-/// Height of capitals, in parts of the font's.
+/// Height of capitals as a fraction of the font's height.
 const CAPITALS: f64 = 0.73;
 
 impl Drawing<'_> {
-    /// Text beside what the eye sees in a direction in view axes (of any length but 0).
+    /// Draws text next to an apparent direction in view axes (of any length but 0).
     pub(super) fn text_at(&mut self, eye: &Eye<'_>, direction: DVec3, run: &Run<'_>) -> Result<(), OverlayPlanError> {
         let mapping = eye.viewport.projection.mapping();
         let direction = direction.normalize();
@@ -216,13 +217,13 @@ impl Drawing<'_> {
         let up = eye.up - direction * eye.up.dot(direction);
         let above = mapping.pixel_from_direction((direction + up.normalize_or_zero() * UP_STEP_RAD).normalize());
         let upward = above.map_or(DVec2::ZERO, |above| above - anchor);
-        // At the zenith no direction is up: there that of the image.
+        // At the zenith no direction is up: use that of the image.
         let turn_rad =
             if up.length() < 1e-6 || upward.length_squared() == 0.0 { 0.0 } else { upward.x.atan2(-upward.y) };
         self.text(eye, anchor, turn_rad, run)
     }
 
-    /// Text beside a place of the image, turned clockwise.
+    /// Draws text next to a position in the image, rotated clockwise.
     pub(super) fn text(
         &mut self,
         eye: &Eye<'_>,
@@ -245,7 +246,7 @@ impl Drawing<'_> {
                 Place::Beside { gap_px } => (right + up) * gap_px,
                 Place::Centred => right * (-length_px / 2.0) - up * (CAPITALS / 2.0 * run.size_px),
             };
-        // What goes over the side of an image that has none comes in at the other.
+        // In an image without left and right borders, text continues at the opposite side.
         let wraps = matches!(eye.viewport.projection, Projection::Equirectangular(_));
         for edge in [true, false] {
             if edge && !run.edged {

@@ -1,9 +1,9 @@
 //! Arcs through a projection: straight pieces in the image that follow the curve.
 //!
-//! An arc is halved until its image lies within [`TOLERANCE_PX`] of a chord, at three points between the ends that stand about where they
-//! should along it. A jump of the projection (behind a flat picture, at the rim of a whole sphere, at a pole) never does: there the halving ends at
-//! [`LEAST_SPAN_RAD`], and that piece is left out. An equirectangular image goes on over its left and right borders, so that its seam is
-//! no jump: a piece that touches a border is drawn on both sides.
+//! An arc is halved until its image lies within [`TOLERANCE_PX`] of a chord, at three points between the ends that are at about the expected
+//! positions along it. This never holds at a jump of the projection (behind a flat picture, at the rim of a whole sphere, at a pole): there
+//! halving ends at [`LEAST_SPAN_RAD`], and that piece is left out. An equirectangular image continues across its left and right borders, so its seam is
+//! not a jump: a piece that touches a border is drawn on both sides.
 
 use std::f64::consts::PI;
 
@@ -12,15 +12,15 @@ use glam::{DVec2, DVec3};
 use super::arc::Arc;
 use crate::view::projection::{BoundingCone, PlaneMapping, Projection};
 
-/// How far a piece may be from its curve.
+/// Greatest distance of a piece from its curve.
 pub const TOLERANCE_PX: f64 = 0.05;
-/// Arcs are cut into pieces of at most this, so that no bend hides between the points that are looked at.
+/// Greatest length of a piece, so that no bend is missed between the tested points.
 const MOST_SPAN_RAD: f64 = PI / 32.0;
-/// Pieces of an arc to begin with.
+/// Initial number of pieces of an arc.
 const FIRST_SPAN_RAD: f64 = PI / 4.0;
-/// Pieces that are shorter are not cut.
+/// Shorter pieces are not halved.
 const LEAST_SPAN_RAD: f64 = 1e-8;
-/// How far lines go on where nobody sees them, pixels.
+/// Distance beyond the border up to which lines are kept, pixels.
 const BORDER_PX: f64 = 16.0;
 /// The shortest piece that may be a jump, pixels.
 const JUMP_PX: f64 = 1.0;
@@ -30,7 +30,7 @@ const JUMP_PX: f64 = 1.0;
 pub struct Piece {
     /// Both ends, continuous pixel coordinates.
     pub ends: [DVec2; 2],
-    /// 1 over the distance at both ends, 1/m.
+    /// Inverse distance at both ends, 1/m.
     pub nearness: [f64; 2],
 }
 
@@ -46,19 +46,20 @@ struct Sample {
 /// Traces arcs into one image.
 pub struct Tracer<'a> {
     mapping: &'a dyn PlaneMapping,
-    /// From the arcs' axes to view axes.
+    /// Maps the arcs' axes to view axes.
     map: &'a dyn Fn(DVec3) -> DVec3,
     size: DVec2,
-    /// Width of an image that goes on at its sides, pixels.
+    /// Width of an image that continues at its sides, pixels.
     wrap_px: Option<f64>,
     margin_px: f64,
-    /// What may be seen, with what the map changes angles by; only if that is little.
+    /// Visible cone, and greatest change of angles by the map; `None` if that is large.
     cone: Option<BoundingCone>,
     pieces: Vec<Piece>,
 }
 
 impl<'a> Tracer<'a> {
-    /// A tracer. What is farther than `margin_px` from the image is left out. `map` takes arcs to view axes, and changes angles by `bends_rad` at most: 0 for a rotation, `None` for any amount.
+    /// Creates a tracer. Lines farther than `margin_px` from the image are left out. `map` maps arcs to view axes, and changes angles by at most
+    /// `bends_rad`: 0 for a rotation, `None` for any amount.
     pub fn new(
         projection: &'a Projection,
         margin_px: f64,
@@ -81,12 +82,12 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// The pieces of an arc.
+    /// Pieces of an arc.
     pub fn trace(&mut self, arc: &Arc) -> Vec<Piece> {
         let [from, to] = arc.angles;
         let count = ((to - from) / FIRST_SPAN_RAD).ceil().max(1.0);
-        let at = |index: f64| self.sample(arc, from + (to - from) * index / count);
-        let ends: Vec<Sample> = (0..=count as usize).map(|index| at(index as f64)).collect();
+        let sample_at = |index: f64| self.sample(arc, from + (to - from) * index / count);
+        let ends: Vec<Sample> = (0..=count as usize).map(|index| sample_at(index as f64)).collect();
         for ends in ends.windows(2) {
             self.halve(arc, ends[0], ends[1]);
         }
@@ -98,7 +99,7 @@ impl<'a> Tracer<'a> {
         Sample { angle, direction, pixel: self.mapping.pixel_from_direction(direction) }
     }
 
-    /// The pixel, on the turn of the image that is nearest to `to`.
+    /// The pixel, in the copy of the image that is nearest to `to`.
     fn near(&self, pixel: DVec2, to: DVec2) -> DVec2 {
         match self.wrap_px {
             Some(width) => DVec2::new(pixel.x - width * ((pixel.x - to.x) / width).round(), pixel.y),
@@ -106,7 +107,7 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// Whether the image of a piece with these points, which may bulge by `bulge_px` more, is outside of the picture.
+    /// Whether the image of a piece with these points, which may bulge by `bulge_px` more, is outside the picture.
     fn is_outside(&self, points: &[DVec2], bulge_px: f64) -> bool {
         let margin = DVec2::splat(self.margin_px + bulge_px);
         let least = points.iter().copied().fold(DVec2::INFINITY, DVec2::min) - margin;
@@ -172,7 +173,7 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// Adds what of a piece lies within [`BORDER_PX`] of where it may be seen, so that no coordinate is too large for f32.
+    /// Adds the part of a piece within [`BORDER_PX`] of the visible area, so that all coordinates are in range of f32.
     fn push(&mut self, [start, end]: [DVec2; 2], nearness: [f64; 2]) {
         let margin = DVec2::splat(self.margin_px + BORDER_PX);
         let (least, most) = (-margin, self.size + margin);
@@ -206,7 +207,7 @@ fn distance_to_chord(point: DVec2, start: DVec2, end: DVec2) -> f64 {
     point.distance(start + chord * part.clamp(0.0, 1.0))
 }
 
-/// Whether a point of a curve is near its chord, and about `part` of the way along it.
+/// Whether a point of a curve is near its chord, and at about the fraction `part` of the way along it.
 fn is_on_chord(point: DVec2, start: DVec2, end: DVec2, part: f64) -> bool {
     let chord = end - start;
     let along = (point - start).dot(chord) / chord.length_squared().max(1e-300);

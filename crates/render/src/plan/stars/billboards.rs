@@ -1,8 +1,8 @@
-//! The numbers of the star methods that blend, from the settings and the exposure. What they mean, method by method, stands
+//! Parameters of the star methods that blend, from the settings and the exposure. They are explained, method by method,
 //! in `docs/star-methods.md`.
 //!
-//! Methods of relative brightness draw in units of the display's white. A frame with automatic exposure is metered on what
-//! they draw, so their unit must not follow the meter: it is the white of the configured `ev100`, whatever the mode.
+//! Methods of relative brightness use units of the display's white. A frame with automatic exposure is metered on their
+//! output, so their unit must not follow the meter: it is the white of the configured `ev100`, whatever the mode.
 
 use std::f64::consts::PI;
 
@@ -21,13 +21,13 @@ pub const THRESHOLD_BRIGHTNESS: f64 = 1.0 / 512.0;
 /// Base of the magnitude scale as published: a rounded 100^(1/5).
 pub const PUBLISHED_POGSON: f64 = 2.512;
 
-/// Greatest relative brightness of a Gaussian: its exponent as published leaves the range of f32 a few magnitudes below zero.
+/// Greatest relative brightness of a Gaussian: the exponent as published leaves the range of f32 a few magnitudes below zero.
 pub const GREATEST_BRIGHTNESS: f64 = 1e20;
 
-/// Diameters of `scaled_disc` at the brightest and the faintest magnitude over the configured one.
+/// Diameters of `scaled_disc` at the brightest and the faintest magnitude, relative to the configured one.
 pub const SCALED_DISC_RANGE: [f64; 2] = [3.0, 0.3];
 
-/// The point-spread function of `psf_texture`, as it is drawn with.
+/// The point-spread function of `psf_texture`, prepared for drawing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrawnPsf {
     /// The function.
@@ -37,14 +37,14 @@ pub struct DrawnPsf {
 }
 
 impl DrawnPsf {
-    /// A texture, made ready.
+    /// Prepares a texture.
     pub fn new(psf: &Psf) -> Self {
         let form = InverseSquare::holding_light(psf);
         Self { largest: form.largest(), form }
     }
 }
 
-/// Everything that a method that blends takes besides the stars and the plane.
+/// Parameters of a method that blends, except the stars and the plane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BillboardPlan {
     /// The method.
@@ -63,20 +63,20 @@ pub struct BillboardPlan {
     pub gaussian: GaussianPsfSettings,
     /// Luminance of relative brightness 1, cd/m^2.
     pub white_cd_m2: f64,
-    /// `psf_texture`: half of the angle of a star of 1 lx, rad; that of another goes with the root of its illuminance.
+    /// `psf_texture`: half angle of a star of 1 lx, rad; that of other stars is proportional to the root of their illuminance.
     pub crop_rad: f64,
 }
 
 impl BillboardPlan {
-    /// The plan of `stars`. `configured_ev100` gives the unit of relative methods, `shown_ev100` is the exposure that the
-    /// frame will be shown with, as far as it is known: `psf_texture` crops where that shows nothing more.
+    /// Parameters for `stars`. `configured_ev100` determines the unit of relative methods. `shown_ev100` is the exposure that the
+    /// frame will be shown with, or an estimate: `psf_texture` is cropped where it is invisible at that exposure.
     pub fn new(stars: &StarSettings, configured_ev100: f64, shown_ev100: f64, psf: Option<&DrawnPsf>) -> Self {
         let radius_rad = (stars.billboard.diameter_arcmin / 120.0).to_radians();
         let gaussian = stars.gaussian_psf;
         let limit_lx = illuminance_lx_from_magnitude(stars.magnitude_limit);
         let faintest_lx = match stars.method {
             StarMethod::GaussianPsf | StarMethod::GaussianPsfIntegrated => {
-                // Beyond this neither Gaussian reaches the threshold, and the published point size is that of no point.
+                // Beyond this, neither Gaussian reaches the threshold, and the published point size is 0.
                 let steps = (gaussian.glare_brightness.max(1.0) / THRESHOLD_BRIGHTNESS).ln() / PUBLISHED_POGSON.ln();
                 let of_saturation = gaussian.limiting_magnitude - gaussian.saturation_magnitude;
                 limit_lx.max(illuminance_lx_from_magnitude(gaussian.saturation_magnitude + steps / of_saturation))
@@ -97,8 +97,8 @@ impl BillboardPlan {
         }
     }
 
-    /// The least half angle that `psf_texture` is cropped to: two texels, and a pixel of the middle of the plane, so that a
-    /// faint star is not lost between pixels more often than the texture makes it.
+    /// The least half angle that `psf_texture` is cropped to: two texels, and a pixel at the centre of the plane, so that a
+    /// faint star is not lost between pixels more often than the texture causes.
     pub fn least_crop_rad(psf: &DrawnPsf, pixel_rad: f64) -> f64 {
         (2.0 * psf.form.pixel_rad).max(pixel_rad).min(psf.form.half_width_rad())
     }
@@ -116,8 +116,8 @@ mod tests {
         let magnitude = magnitude_from_illuminance_lx(plan.faintest_lx);
         let brightness = PUBLISHED_POGSON.powf((7.0 - 1.0) * (1.0 - magnitude));
         assert!((brightness / THRESHOLD_BRIGHTNESS - 1.0).abs() < 1e-9, "{magnitude} {brightness}");
-        // The exponent as published multiplies two spans of magnitudes: six times too steep here, so that a star of
-        // magnitude 2.13 is the last one seen, though 7 is the limit.
+        // The exponent as published multiplies two ranges of magnitudes: six times too steep here, so that a star of
+        // magnitude 2.13 is the faintest visible one, although the limit is 7.
         assert!((magnitude - 2.129).abs() < 1e-3, "{magnitude}");
         let disc = StarSettings { method: StarMethod::Disc, magnitude_limit: 6.0, ..StarSettings::default() };
         let plan = BillboardPlan::new(&disc, 0.0, 0.0, None);

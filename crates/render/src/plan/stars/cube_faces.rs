@@ -1,29 +1,29 @@
-//! How methods that were published for a flat image plane reach the other projections: through the six faces of a cube
-//! around the view's axes, which are drawn as planes of their own and then looked up by direction.
+//! Projections other than flat planes for methods that were published for a flat image plane: they draw the six faces of a cube
+//! around the view's axes as planes, and the picture reads them by direction.
 //!
-//! Luminance is what is looked up, with bilinear interpolation, so a footprint of a few pixels keeps its light only as far
-//! as its pixels and those of the picture are of a size; a point is at the mercy of where it falls. That is what such an
-//! intermediate step costs, and it is not mended here.
+//! The picture reads luminance with bilinear interpolation, so a footprint of a few pixels keeps its light only if
+//! its pixels and those of the picture have a similar size; the light of a point depends on its sub-pixel position. This error is inherent in the
+//! intermediate step and is not corrected here.
 
 use std::f64::consts::{FRAC_PI_4, PI};
 
 use crate::view::projection::{Face, Perspective, PlaneMapping, Projection};
 
-/// Texels by which every face is drawn larger on each side: interpolation reaches one texel beyond the edge.
+/// Guard texels on each side of a face: interpolation reaches one texel beyond the edge.
 pub const GUARD_PX: u32 = 2;
 
-/// The cube that a picture is drawn through.
+/// The cube of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CubeFaces {
     /// Texels along an edge of the cube.
     pub edge_px: u32,
-    /// For each face of [`Face::ALL`], whether the picture shows any of it.
+    /// For each face of [`Face::ALL`], whether it is visible in the picture.
     pub needed: [bool; 6],
 }
 
 impl CubeFaces {
     /// The cube for a projection; `None` for flat planes. Its texels have on average the solid angle of the picture's pixels,
-    /// as far as `max_side_px` allows.
+    /// limited by `max_side_px`.
     pub fn for_projection(projection: &Projection, max_side_px: u32) -> Option<Self> {
         let [width, height] = projection.mapping().size();
         let (pixels, reach_rad) = match projection {
@@ -49,18 +49,18 @@ impl CubeFaces {
         Some(Self { edge_px, needed })
     }
 
-    /// Layers of an array of the faces in the order of [`Face::ALL`] that ends with the last one needed: of a narrow picture one,
+    /// Number of array layers of the faces in the order of [`Face::ALL`], up to the last one needed: a narrow picture needs one,
     /// and its face is large.
     pub fn layers(&self) -> usize {
         self.needed.iter().rposition(|needed| *needed).map_or(1, |last| last + 1)
     }
 
-    /// Texels along a side of a face, guard included.
+    /// Texels along a side of a face, including the guard.
     pub fn side_px(&self) -> u32 {
         self.edge_px + 2 * GUARD_PX
     }
 
-    /// The plane of a face, guard included.
+    /// The plane of a face, including the guard.
     pub fn plane(&self) -> Perspective {
         let edge = 1.0 + 2.0 * f64::from(GUARD_PX) / f64::from(self.edge_px);
         Perspective::from_tangents([self.side_px(); 2], [-edge, edge, -edge, edge])
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn faces_that_a_fisheye_does_not_show_are_left_out() {
+    fn invisible_faces_of_a_fisheye_are_left_out() {
         let needed = |degrees: f64| {
             let lens = Fisheye::new([256, 256], FisheyeMapping::Equidistant, degrees.to_radians()).unwrap();
             CubeFaces::for_projection(&Projection::Fisheye(lens), 4096).unwrap().needed
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn the_guard_is_whole_texels_of_the_same_grid() {
+    fn the_guard_continues_the_grid_of_texels() {
         let cube = CubeFaces { edge_px: 100, needed: [true; 6] };
         let face = CubeFace::new(Face::Front, 100).unwrap();
         for direction in [DVec3::new(0.3, -0.2, -1.0), DVec3::new(-0.99, 0.99, -1.0)] {

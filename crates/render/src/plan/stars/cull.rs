@@ -1,9 +1,9 @@
-//! Which chunks of stars each viewport may see, how bright their stars can be, and which of them are so near that f32
-//! offsets from the camera are not good enough.
+//! Selects the chunks of stars that each viewport may see, bounds the light of their stars, and marks chunks so near that f32
+//! offsets from the camera are not accurate enough.
 //!
 //! Bounds are three-dimensional: a sphere around the chunk and, while the camera is nearer to the barycentre than the
-//! chunk is, the chunk's cone widened by the parallax. Both hold, so the narrower one counts. A moving camera sees the
-//! cones elsewhere and of another size (`crate::relativity`), and the light of their stars changed (`travel`).
+//! chunk is, the chunk's cone widened by the parallax. Both are valid, so the narrower one counts. For a moving camera, the
+//! cones are transformed (`crate::relativity`), and the light of the stars changes (`travel`).
 
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
@@ -20,20 +20,20 @@ use crate::{
     view::{Viewport, projection::Projection},
 };
 
-/// Kernels reach 1.5 px over an edge; half a pixel more covers f32 rounding.
+/// Kernels reach 1.5 px beyond an edge; half a pixel more covers f32 rounding.
 pub const SPLAT_MARGIN_PX: f64 = 2.0;
 
-/// A chunk is near where the rounding of its origin to f32 would turn a star's direction by more than 5e-7 rad (0.1").
+/// A chunk is near if rounding its origin to f32 would change a star's direction by more than 5e-7 rad (0.1").
 const NEAR_SHARE: f64 = 0.12;
 
-/// Ratio of a chunk's greatest Doppler factor to its smallest from which on its light is summed star by star.
+/// Ratio of a chunk's greatest Doppler factor to its smallest from which its light is summed star by star.
 const WIDE_IN_FLIGHT: f64 = 1.5;
 
-/// Viewports that one frame may have: a chunk names those that see it in 64 bits.
+/// Maximum number of viewports of a frame: a chunk has a bit set of 64 bits.
 pub const MAX_VIEWPORTS: usize = 64;
 
-/// Inward unit normals, in view axes, of the planes through the eye and the edges of a flat picture (left, right, lower, upper), the
-/// picture widened by `margin_px`; none for pictures that are not flat.
+/// Inward unit normals, in view axes, of the planes through the eye and the edges of a flat picture (left, right, lower, upper). The
+/// picture is widened by `margin_px`. Empty for pictures that are not flat.
 pub(crate) fn edge_planes(projection: &Projection, margin_px: f64) -> Vec<DVec3> {
     let tangents = match projection {
         Projection::Perspective(plane) => Some(plane.edge_tangents(margin_px)),
@@ -52,7 +52,7 @@ pub(crate) fn edge_planes(projection: &Projection, margin_px: f64) -> Vec<DVec3>
     })
 }
 
-/// What a viewport can see, in world axes.
+/// Field of a viewport, in world axes.
 #[derive(Clone, Debug)]
 struct Field {
     eye_pc: DVec3,
@@ -60,9 +60,9 @@ struct Field {
     half_angle_rad: f64,
     /// Inward normals of planes through the eye.
     planes: Vec<DVec3>,
-    /// The field is what the moving observer sees; chunks are where stars rest.
+    /// The field is in the frame of the moving observer, the chunks are in that of the stars.
     motion: Option<Motion>,
-    /// And what is seen through air.
+    /// The field is also seen through air.
     refraction: Option<Refraction>,
 }
 
@@ -81,7 +81,7 @@ impl Field {
         }
     }
 
-    /// Whether a cone of directions, in the stars' frame, touches the field.
+    /// Whether a cone of directions, in the stars' frame, intersects the field.
     fn touches_cone(&self, Cone { axis, half_angle_rad }: Cone) -> bool {
         let (axis, half_angle_rad) =
             self.motion.map_or((axis, half_angle_rad), |motion| motion.seen_cone(axis, half_angle_rad));
@@ -102,9 +102,9 @@ struct Cone {
     half_angle_rad: f64,
 }
 
-/// The cones in which an eye at `eye_pc` from the camera has the stars of a chunk: all of them hold. None: any direction.
+/// Cones that contain the stars of a chunk for an eye at `eye_pc` from the camera: all of them are valid. Empty: any direction.
 fn cones_of(chunk: &Chunk, camera_pc: DVec3, origin_pc: DVec3, eye_pc: DVec3) -> impl Iterator<Item = Cone> {
-    // The cone from the barycentre, widened by how far a star's direction can turn between there and the eye.
+    // The cone from the barycentre, widened by the greatest change of a star's direction between there and the eye.
     let travelled_pc = (camera_pc + eye_pc).length();
     let turned_rad = if chunk.at_infinity {
         Some(0.0)
@@ -123,41 +123,41 @@ fn cones_of(chunk: &Chunk, camera_pc: DVec3, origin_pc: DVec3, eye_pc: DVec3) ->
     from_barycentre.into_iter().chain(sphere)
 }
 
-/// A chunk that some viewport may see.
+/// A chunk that a viewport may see.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VisibleChunk {
     /// Index of the chunk.
     pub chunk: usize,
     /// Chunk origin minus camera, pc.
     pub origin_pc: DVec3,
-    /// Bit i: viewport i may see it.
+    /// Bit i: visible in viewport i.
     pub viewports: u64,
-    /// Number of stars, from the brightest on, that can reach the faintest illuminance drawn.
+    /// Number of stars, in order of decreasing brightness, that can reach the faintest drawn illuminance.
     pub count: u32,
-    /// Whether its stars need f64 one by one.
+    /// Whether the positions of its stars need f64.
     pub near: bool,
-    /// Bound of the illuminance of its brightest star and of all its stars together, lx.
+    /// Upper bounds of the illuminance of its brightest star and of all its stars together, lx.
     pub brightest_lx: f64,
     /// See `brightest_lx`.
     pub total_lx: f64,
 }
 
-/// Settings of culling.
+/// Parameters of culling.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CullSettings {
     /// Stars fainter than this are not drawn, lx.
     pub faintest_lx: f64,
-    /// How far over a picture's border a star may stand and still touch it, pixels: at least [`SPLAT_MARGIN_PX`].
+    /// Distance beyond the border of a picture from which a star may reach into it, pixels: at least [`SPLAT_MARGIN_PX`].
     pub margin_px: f64,
-    /// False: every chunk goes to every viewport, to measure what culling saves.
+    /// False: every chunk is visible in every viewport, to measure the benefit of culling.
     pub enabled: bool,
-    /// How the camera moves; `None`: not at all.
+    /// Motion of the camera; `None`: it is at rest.
     pub motion: Option<Motion>,
-    /// What bends light around the camera; `None`: nothing.
+    /// Refraction around the camera; `None`: there is none.
     pub refraction: Option<Refraction>,
 }
 
-/// The chunks that the viewports may see from `camera_pc`.
+/// Selects the chunks that the viewports may see from `camera_pc`.
 pub fn visible_chunks(
     set: &StarSet,
     camera_pc: DVec3,
@@ -184,25 +184,26 @@ fn look_at(
 ) -> Option<VisibleChunk> {
     let origin_pc = if chunk.at_infinity { DVec3::ZERO } else { chunk.origin_pc - camera_pc };
     let farthest_eye_pc = eyes_pc.iter().map(|eye| eye.length()).fold(0.0, f64::max);
-    // The smallest distance of a star from any eye; at infinity the light is what it is.
+    // The least distance of a star from any eye; at infinity the light is constant.
     let nearest_pc = if chunk.at_infinity {
         1.0
     } else {
         (origin_pc.length() - chunk.radius_pc).max(chunk.nearest_pc - camera_pc.length()) - farthest_eye_pc
     };
     let near = !chunk.at_infinity && nearest_pc < NEAR_SHARE * origin_pc.length() + 1e-12;
+    // Viewports that may see the chunk.
     let viewports: u64 = (0..fields.len())
         .filter(|&i| !settings.enabled || may_see(&fields[i], chunk, camera_pc, origin_pc))
         .fold(0, |set, i| set | 1 << i);
     if viewports == 0 {
         return None;
     }
-    // In flight a star can be brighter than its distance says, or fainter.
+    // For a moving camera, a star can be brighter or fainter than its distance implies.
     let boost = settings.motion.map(|motion| {
         let dopplers = doppler_range(&motion, chunk, camera_pc, origin_pc, eyes_pc);
         (travel::boost(&set.spectra()[index], chunk.brightest_lx, dopplers), dopplers)
     });
-    // Not 0, which would make a needed light of 0 no number.
+    // Not 0: division by a necessary light of 0 would give NaN.
     let of_a_star = boost.map_or(1.0, |(boost, _)| boost.of_a_star.max(f64::MIN_POSITIVE));
     let needed_lx = settings.faintest_lx * nearest_pc * nearest_pc * (1.0 - 1e-6) / of_a_star;
     let count = if near || chunk.faintest_lx >= needed_lx {
@@ -213,16 +214,16 @@ fn look_at(
     if count == 0 {
         return None;
     }
-    // A chunk that is wide, as the motion goes, has no bound worth having but the sum of its stars.
+    // For a chunk with a wide range of Doppler factors, only the sum over its stars is a useful bound.
     let wide = boost.is_some_and(|(_, [lowest, highest])| highest > WIDE_IN_FLIGHT * lowest);
     let (brightest_lx, total_lx) = if near || wide {
-        // At infinity the place is a direction, the same for every eye.
+        // At infinity the position is a direction, the same for every eye.
         let eyes_pc = if chunk.at_infinity { &[DVec3::ZERO] } else { eyes_pc };
         let lights =
             near_stars(set, chunk, origin_pc).map(|(place, star)| most_light(place, star, eyes_pc, settings.motion));
         lights.fold((0.0_f64, 0.0), |(most, sum), lx| (most.max(lx), sum + lx))
     } else {
-        // The bounds of the chunk come from f64 places, its stars are f32 offsets: allow for the rounding.
+        // The bounds of the chunk are from f64 positions, its stars are f32 offsets: include a margin for rounding.
         let spread = (1.0 + 1e-5) / (nearest_pc * nearest_pc);
         let (brightest_lx, of_all) =
             boost.map_or((chunk.brightest_lx, 1.0), |(boost, _)| (boost.brightest_lx, boost.of_all));
@@ -235,7 +236,7 @@ fn may_see(field: &Field, chunk: &Chunk, camera_pc: DVec3, origin_pc: DVec3) -> 
     cones_of(chunk, camera_pc, origin_pc, field.eye_pc).all(|cone| field.touches_cone(cone))
 }
 
-/// The Doppler factors that a chunk's stars can have for any of the eyes.
+/// The range of Doppler factors of a chunk's stars for any of the eyes.
 fn doppler_range(motion: &Motion, chunk: &Chunk, camera_pc: DVec3, origin_pc: DVec3, eyes_pc: &[DVec3]) -> [f64; 2] {
     let all = [motion.doppler_behind(), 1.0 / motion.doppler_behind()];
     let for_eye = |eye_pc: DVec3| {
@@ -243,14 +244,14 @@ fn doppler_range(motion: &Motion, chunk: &Chunk, camera_pc: DVec3, origin_pc: DV
             .map(|cone| motion.doppler_range(cone.axis, cone.half_angle_rad))
             .fold(all, |[lowest, highest], [low, high]| [lowest.max(low), highest.min(high)])
     };
-    // Both cones hold the stars, so that the ranges overlap, but for rounding.
+    // Both cones contain the stars, so that the ranges overlap, except for rounding.
     let ranges = eyes_pc.iter().map(|eye| for_eye(*eye));
     let [lowest, highest] = ranges
         .fold([f64::INFINITY, 0.0], |[lowest, highest]: [f64; 2], [low, high]| [lowest.min(low), highest.max(high)]);
     [lowest.min(highest), highest.max(lowest)]
 }
 
-/// The stars of a chunk with their places relative to the camera in f64, pc.
+/// Stars of a chunk with their f64 positions relative to the camera, pc.
 pub fn near_stars<'a>(
     set: &'a StarSet,
     chunk: &Chunk,
@@ -259,7 +260,7 @@ pub fn near_stars<'a>(
     set.stars_of(chunk).iter().map(move |star| (origin_pc + Vec3::from_array(star.offset_pc).as_dvec3(), star))
 }
 
-/// The different places of the viewports' eyes relative to the camera, pc.
+/// The distinct positions of the viewports' eyes relative to the camera, pc.
 pub fn distinct_eyes_pc(viewports: &[Viewport]) -> Vec<DVec3> {
     let mut eyes: Vec<DVec3> = Vec::new();
     for eye in viewports.iter().map(|viewport| viewport.eye_offset_m / PARSEC_M) {
@@ -270,12 +271,12 @@ pub fn distinct_eyes_pc(viewports: &[Viewport]) -> Vec<DVec3> {
     eyes
 }
 
-/// The most that a star at `place` (pc from the camera) gives to any of the eyes, lx.
+/// Greatest illuminance of a star at `place` (pc from the camera) at any of the eyes, lx.
 pub fn most_light(place: DVec3, star: &PackedStar, eyes_pc: &[DVec3], motion: Option<Motion>) -> f64 {
     eyes_pc.iter().map(|eye| light_at(place - *eye, star, motion)).fold(0.0, f64::max)
 }
 
-/// Illuminance of a star at `place` (pc from the eye), lx; 0 for a star at the eye's very place, which has no direction.
+/// Illuminance of a star at `place` (pc from the eye), lx; 0 for a star at the eye itself, where it has no direction.
 pub fn light_at(place: DVec3, star: &PackedStar, motion: Option<Motion>) -> f64 {
     let distance_squared = place.length_squared();
     if distance_squared > 0.0 {
@@ -342,7 +343,7 @@ mod tests {
             .map(Motion::new)
     }
 
-    /// Every star that touches a pixel of a viewport must be in a chunk that the viewport sees: from the barycentre, from
+    /// Every star that touches a pixel of a viewport must be in a chunk that is visible there: from the barycentre, from
     /// among the stars and from outside.
     #[test]
     fn no_star_in_view_is_culled() {
@@ -350,7 +351,7 @@ mod tests {
         let viewports = viewports();
         let places =
             [DVec3::ZERO, DVec3::new(0.5, 0.2, 0.0), DVec3::new(30.0, -20.0, 10.0), DVec3::new(0.0, 400.0, 0.0)];
-        // Thick air, under which much stands near the horizon.
+        // Dense air, which raises many stars near the horizon.
         let air = Refraction { zenith: DVec3::new(0.6, 0.64, 0.48), density: 1.2 };
         let eyes = motions().map(|motion| (motion, None)).into_iter().chain([(None, Some(air))]);
         let eyes: Vec<(Option<Motion>, Option<Refraction>)> = eyes.collect();

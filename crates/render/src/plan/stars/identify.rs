@@ -1,4 +1,4 @@
-//! Which stars stand where somebody points.
+//! Stars near a direction, such as that of a pointer.
 
 use glam::{DQuat, DVec3};
 
@@ -18,27 +18,28 @@ use crate::{
     },
 };
 
-/// Largest radius that is looked through, rad.
+/// Maximum search radius, rad.
 pub const MOST_RADIUS_RAD: f64 = 0.2;
 
 /// A star as a camera sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SeenStar {
-    /// Unit vector to where it is seen, ICRS axes.
+    /// Unit vector of the apparent direction, ICRS axes.
     pub direction: DVec3,
-    /// From where was pointed to, rad.
+    /// Angle from the search direction, rad.
     pub separation_rad: f64,
-    /// lx.
+    /// Illuminance, lx.
     pub illuminance_lx: f64,
-    /// K, at rest.
+    /// Temperature at rest, K.
     pub temperature_k: f64,
-    /// Where it is: from the Solar System's barycentre, pc; a unit vector for a star of unknown distance.
+    /// Position relative to the Solar System's barycentre, pc; a unit vector for a star of unknown distance.
     pub position: DVec3,
-    /// From the camera, pc; `None`: not known.
+    /// Distance from the camera, pc; `None`: not known.
     pub distance_pc: Option<f64>,
 }
 
-/// The brightest `most` stars of at least `faintest_lx` within an angle (rad, at most [`MOST_RADIUS_RAD`]) of a unit direction, the brightest first.
+/// The brightest `most` stars of at least `faintest_lx` within an angle (rad, at most [`MOST_RADIUS_RAD`]) of a unit direction, in order of
+/// decreasing brightness.
 pub fn stars_near(
     set: &StarSet,
     (camera, refraction): (&Camera, Option<Refraction>),
@@ -49,8 +50,8 @@ pub fn stars_near(
 ) -> Vec<SeenStar> {
     let radius_rad = radius_rad.min(MOST_RADIUS_RAD);
     let motion = Motion::new(camera.velocity_c);
-    // A square picture that holds the circle; what it shows is judged star by star.
-    let plane = Perspective::symmetric([8, 8], 2.0 * radius_rad.max(1e-6)).expect("a narrow square picture is allowed");
+    // A square picture that contains the circle; the stars in it are tested individually.
+    let plane = Perspective::symmetric([8, 8], 2.0 * radius_rad.max(1e-6)).expect("a narrow square picture is valid");
     let everything = Viewport {
         view: 0,
         part: Part::Whole,
@@ -68,7 +69,7 @@ pub fn stars_near(
             let illuminance_lx = light_at(place_pc, star, motion);
             let seen = motion.map_or(place_pc, |motion| motion.seen(place_pc)).try_normalize()?;
             let seen = refraction.map_or(seen, |refraction| refraction.seen(seen));
-            // Of small angles the sine is exact, where the cosine is 1.
+            // For small angles, the sine is accurate, while the cosine is 1.
             let separation_rad = seen.cross(direction).length().atan2(seen.dot(direction));
             (illuminance_lx >= faintest_lx && separation_rad <= radius_rad).then(|| SeenStar {
                 direction: seen,
@@ -80,7 +81,7 @@ pub fn stars_near(
             })
         };
         found.extend(near_stars(set, chunk, visible.origin_pc).take(visible.count as usize).filter_map(seen));
-        // No more are held than may be asked for, and the same ones in whatever order chunks come.
+        // The result has at most the requested number of stars and does not depend on the order of the chunks.
         found.sort_by(|a, b| b.illuminance_lx.total_cmp(&a.illuminance_lx));
         found.truncate(most);
     }
@@ -88,7 +89,7 @@ pub fn stars_near(
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
     use crate::{
@@ -97,7 +98,7 @@ mod tests {
     };
 
     #[test]
-    fn named_stars_stand_where_the_catalogue_says_from_anywhere() {
+    fn named_stars_are_at_their_catalogue_positions_from_anywhere() {
         let set = StarSet::from_records(bright_stars(0.0));
         let far = Camera { position_m: DVec3::new(0.5, -0.2, 0.1) * PARSEC_M, ..Camera::default() };
         let fast = Camera { velocity_c: DVec3::new(0.3, 0.2, -0.4), ..Camera::default() };
@@ -106,9 +107,9 @@ mod tests {
                 let place = named.star.position - camera.position_m / PARSEC_M;
                 let seen = Motion::new(camera.velocity_c).map_or(place, |motion| motion.seen(place)).normalize();
                 let found = stars_near(&set, (&camera, None), seen, 1e-4, 0.0, 8);
-                // Of a close pair the other one may be the brighter.
+                // In a close pair, the other star may be the brighter one.
                 let off = |star: &SeenStar| star.position.distance(named.star.position) / place.length();
-                // And of two at one place the one that is as bright.
+                // Of two stars at the same position, the one with the same brightness.
                 let apparent = |star: &SeenStar| {
                     let distance_pc = star.distance_pc.unwrap_or(1.0);
                     magnitude_from_illuminance_lx(star.illuminance_lx) - 5.0 * (distance_pc / 10.0).log10()
@@ -128,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn the_brightest_come_first_and_no_more_than_asked_for() {
+    fn the_brightest_come_first_and_at_most_the_requested_number() {
         let set = StarSet::from_records(bright_stars(0.0));
         // Orion's belt.
         let belt = DVec3::new(0.1019, 0.9946, -0.0209).normalize();

@@ -1,10 +1,10 @@
-//! Which kernel draws a star of which brightness in a viewport.
+//! Kernels that draw the stars of a viewport, by brightness.
 //!
-//! Flicker is the standard deviation over mean of what a display shows of a star while it moves through a pixel. It depends on
-//! the star's peak k over display white. The tent's grows with k at once; the B-spline's stays below 0.0113 up to k = 5 and then
-//! grows to 0.13; a Gaussian's stays small. `auto` takes for each star the cheapest of them that keeps the budget: its Gaussian lies on
-//! the image plane and takes the B-spline's place by and by, so that a star that brightens does not jump. `pixel_gaussian` draws all stars
-//! with one that is round in view space.
+//! Flicker is the standard deviation over mean of the displayed light of a star while it moves through a pixel. It depends on
+//! the ratio k of the star's peak to display white. The tent's flicker grows with k at once; the B-spline's stays below 0.0113 up to k = 5 and then
+//! grows to 0.13; a Gaussian's stays small. `auto` draws each star with the cheapest kernel that keeps the budget. Its Gaussian is defined on
+//! the image plane and gradually replaces the B-spline, so that a brightening star does not jump. `pixel_gaussian` draws all stars
+//! with a Gaussian that is round in view space.
 
 use std::f64::consts::FRAC_PI_4;
 
@@ -15,14 +15,14 @@ use crate::{
     view::{Viewport, projection::Projection},
 };
 
-/// Flicker of the tent per unit of the star's peak over display white: the standard deviation, over sub-pixel positions, of
+/// Flicker of the tent per unit of the star's peak relative to display white: the standard deviation, over sub-pixel positions, of
 /// the sum of its squared weights, sqrt((7/15)^2 - (2/3)^4). For small peaks flicker grows in proportion.
 pub const TENT_FLICKER_PER_PEAK: f64 = 0.142_4;
 
 /// Flicker of the tent for stars at display white.
 pub const TENT_FLICKER_AT_WHITE: f64 = 0.085;
 
-/// Peak over display white, and the most that the B-spline flickers up to there.
+/// Peak relative to display white, and the greatest flicker of the B-spline up to that peak.
 pub const BSPLINE_FLICKER: [(f64, f64); 13] = [
     (0.03, 0.0008),
     (0.1, 0.0024),
@@ -39,34 +39,34 @@ pub const BSPLINE_FLICKER: [(f64, f64); 13] = [
     (f64::INFINITY, 0.1365),
 ];
 
-/// The most that the Gaussian that is round in view space flickers, whatever the peak.
+/// Greatest flicker of the Gaussian that is round in view space, for any peak.
 pub const GAUSSIAN_FLICKER: f64 = 0.005;
 
-/// The most that the Gaussian on the image plane flickers, up to a million times display white; up to a thousand times 0.006.
+/// Greatest flicker of the Gaussian on the image plane, up to a million times display white; up to a thousand times: 0.006.
 pub const PLANE_GAUSSIAN_FLICKER: f64 = 0.016;
 
-/// Share of the B-spline's range of peaks up to which it is drawn alone: a little is left for the mixture with the Gaussian, which
+/// Fraction of the B-spline's range of peaks up to which it is drawn alone. The rest is a margin for the mixture with the Gaussian, which
 /// flickers most just above its beginning.
 const BSPLINE_ALONE: f64 = 0.75;
 
-/// Variance of the pixel itself, pixels^2: a Gaussian that is integrated over pixels is wider by this.
+/// Variance of the pixel itself, pixels^2, which integration over pixels adds to that of the Gaussian.
 const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
 
-/// How far the Gaussian on the image plane reaches, pixels.
+/// Reach of the Gaussian on the image plane, pixels.
 const PLANE_REACH_PX: f64 = 4.0;
 
-/// Width of a Gaussian that is round in view space: the larger of an angle and of a number of pixels' sides.
+/// Width of a Gaussian that is round in view space: the larger of an angle and a number of pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GaussianWidth {
     /// Standard deviation as an angle, rad.
     pub sigma_rad: f64,
-    /// Standard deviation in units of the longer side of the pixel at the star, the pixel's own width included.
+    /// Standard deviation in units of the longer side of the pixel at the star, including the pixel's own width.
     pub sigma_px: f64,
 }
 
 impl GaussianWidth {
-    /// The width that the settings ask for. As an angle it is held above what keeps the light the same at every sub-pixel
-    /// position.
+    /// The width from the settings. An angle is limited to the width that keeps the light constant over sub-pixel
+    /// positions.
     pub fn new(settings: &PixelGaussianSettings) -> Self {
         let in_pixels = |sigma_px: f64| (sigma_px * sigma_px + PIXEL_VARIANCE).sqrt();
         let least_px = SIGMAS_PX[0];
@@ -76,12 +76,12 @@ impl GaussianWidth {
         }
     }
 
-    /// Standard deviation at a place where the pixel's longer side covers that angle, rad.
+    /// Standard deviation at a position where the longer side of a pixel has that angle, rad.
     pub fn sigma_at_rad(&self, longer_side_rad: f64) -> f64 {
         self.sigma_rad.max(self.sigma_px * longer_side_rad)
     }
 
-    /// How far the kernel reaches at most in a picture, pixels, no farther than the picture is wide: looked for along both diagonals and both axes.
+    /// Greatest reach of the kernel in a picture, pixels, at most the size of the picture. Sampled along both diagonals and both axes.
     pub(crate) fn reach_px(&self, projection: &Projection) -> f64 {
         let mapping = projection.mapping();
         let [width, height] = mapping.size();
@@ -99,7 +99,7 @@ impl GaussianWidth {
                 for eighth in 0..8 {
                     let (sin, cos) = (f64::from(eighth) * FRAC_PI_4).sin_cos();
                     let rim = direction * cut.cos() + (right * cos + up * sin) * cut.sin();
-                    // Where the plane ends, as far as a kernel may reach.
+                    // The end of the plane, within the reach of a kernel.
                     let image = mapping.pixel_from_direction(rim);
                     most = most.max(image.map_or(side, |image| (image - centre).length()));
                 }
@@ -109,7 +109,7 @@ impl GaussianWidth {
     }
 }
 
-/// Which Gaussian draws the brightest stars.
+/// Gaussian that draws the brightest stars.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum GaussianKernel {
     /// Round in view space.
@@ -118,21 +118,21 @@ pub enum GaussianKernel {
     Plane,
 }
 
-/// The kernels of one viewport.
+/// Kernels of one viewport.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KernelPlan {
-    /// Stars below this take the tent: illuminance over the solid angle of a pixel at their place, cd/m^2.
+    /// Fainter stars are drawn with the tent: illuminance divided by the solid angle of a pixel at their position, cd/m^2.
     pub tent_below_cd_m2: f64,
-    /// Stars from this on take the Gaussian, the same; those between take the B-spline.
+    /// Brighter stars are drawn with the Gaussian, in the same unit; those in between with the B-spline.
     pub gaussian_from_cd_m2: f64,
     /// The Gaussian.
     pub gaussian: GaussianKernel,
-    /// How far it reaches, pixels.
+    /// Reach of the Gaussian, pixels.
     pub gaussian_reach_px: f64,
 }
 
 impl KernelPlan {
-    /// The B-spline alone.
+    /// Only the B-spline.
     pub fn bspline() -> Self {
         Self {
             tent_below_cd_m2: 0.0,
@@ -143,7 +143,7 @@ impl KernelPlan {
     }
 }
 
-/// The Gaussian of a viewport and its reach in pixels, for methods that may draw one.
+/// The Gaussian of a viewport and its reach in pixels; `None`: the method draws none.
 pub fn gaussian_of(settings: &RenderSettings, viewport: &Viewport) -> Option<(GaussianKernel, f64)> {
     match settings.stars.method {
         StarMethod::PixelGaussian => {
@@ -155,13 +155,19 @@ pub fn gaussian_of(settings: &RenderSettings, viewport: &Viewport) -> Option<(Ga
     }
 }
 
-/// The greatest peak over display white in [`BSPLINE_FLICKER`] up to which the B-spline keeps a budget of flicker.
+/// Distance beyond the border of a picture from which the widest kernel of these viewports reaches into it, pixels.
+pub fn margin_px(settings: &RenderSettings, viewports: &[Viewport]) -> f64 {
+    let gaussians = viewports.iter().filter_map(|viewport| gaussian_of(settings, viewport));
+    gaussians.map(|(_, reach_px)| reach_px).fold(super::cull::SPLAT_MARGIN_PX, f64::max)
+}
+
+/// The greatest peak relative to display white in [`BSPLINE_FLICKER`] up to which the B-spline keeps a budget of flicker.
 pub fn bspline_peak_within(flicker: f64) -> f64 {
     BSPLINE_FLICKER.into_iter().take_while(|(_, most)| *most <= flicker).map(|(peak, _)| peak).last().unwrap_or(0.0)
 }
 
-/// The kernels of a viewport. `expected_ev100` is the exposure that the frame will be shown with, as far as it is known before the
-/// frame is drawn; without it stars may be as bright as they like over display white.
+/// Kernels of a viewport. `expected_ev100` is the exposure that the frame will be shown with, if it is known before the
+/// frame is drawn; without it, stars may be arbitrarily brighter than display white.
 pub fn kernels_of(settings: &RenderSettings, viewport: &Viewport, expected_ev100: Option<f64>) -> KernelPlan {
     let mut kernels = KernelPlan::bspline();
     if let Some((gaussian, reach_px)) = gaussian_of(settings, viewport) {
@@ -188,7 +194,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_bspline_serves_up_to_where_its_flicker_reaches_the_budget() {
+    fn the_bspline_is_used_until_its_flicker_reaches_the_budget() {
         assert_eq!(bspline_peak_within(1.0), f64::INFINITY);
         assert_eq!(bspline_peak_within(0.0), 0.0);
         assert_eq!(bspline_peak_within(0.02), 6.5);
@@ -196,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn an_angle_takes_the_place_of_pixels_but_never_becomes_too_narrow() {
+    fn an_angle_replaces_pixels_but_is_never_too_narrow() {
         let wide = GaussianWidth::new(&PixelGaussianSettings { sigma_px: 5.0, sigma_arcmin: Some(60.0) });
         assert!((wide.sigma_at_rad(1e-3) - 1f64.to_radians()).abs() < 1e-12);
         let narrow = GaussianWidth::new(&PixelGaussianSettings { sigma_px: 5.0, sigma_arcmin: Some(1e-3) });

@@ -1,12 +1,12 @@
-//! The ways of drawing stars, by name: ours and those of the published systems, as published.
+//! Star methods, by name: the project's own and those of published systems, as published.
 //!
-//! A method is a footprint (which pixels a star reaches) times a profile (how its light is shared among them) times an
-//! accumulator (how the light of many stars adds up).
+//! A method is a footprint (the pixels that a star reaches) times a profile (the distribution of its light over them) times an
+//! accumulator (the sum of the light of many stars).
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Where a method comes from, as `chart.csv` names it.
+/// Publication of a method, as named in `chart.csv`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum MethodSource {
@@ -33,16 +33,16 @@ named!(MethodSource {
     AsteroidFieldRendering = "asteroid-field-rendering",
 });
 
-/// How the light of many stars adds up in a pixel.
+/// Sum of the light of many stars in a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Accumulator {
-    /// Whole numbers in atomics: free of order.
+    /// Atomic integer sums: independent of the order.
     FixedPoint,
-    /// Luminance and temperature as two halves of a 32-bit word, exchanged if unchanged.
+    /// Luminance and temperature as two half floats in a 32-bit word, updated by compare and exchange.
     PackedCompareExchange,
     /// Additive blending of the graphics pipeline.
     Blending,
-    /// Nothing adds up: every pixel is computed by itself.
+    /// No sum: every pixel is computed individually.
     PerPixel,
 }
 
@@ -113,7 +113,7 @@ named!(StarMethod {
 });
 
 impl StarMethod {
-    /// Where the method comes from.
+    /// Publication of the method.
     pub fn source(self) -> MethodSource {
         match self {
             Self::Auto | Self::BSpline | Self::Tent | Self::PixelGaussian => MethodSource::Steradian,
@@ -132,7 +132,7 @@ impl StarMethod {
         }
     }
 
-    /// How light adds up.
+    /// The accumulator.
     pub fn accumulator(self) -> Accumulator {
         match self {
             Self::Auto | Self::BSpline | Self::Tent | Self::PixelGaussian => Accumulator::FixedPoint,
@@ -142,27 +142,27 @@ impl StarMethod {
         }
     }
 
-    /// Whether every star of the catalogue is read, in its order and once per view, instead of those that culling leaves.
+    /// Whether every star of the catalogue is read, in its order and once per view, instead of the result of culling.
     pub fn reads_catalogue(self) -> bool {
         self == Self::PackedCas || self.accumulator() == Accumulator::Blending
     }
 
-    /// Whether the stars that culling leaves are read.
+    /// Whether the result of culling is read.
     pub fn reads_visible(self) -> bool {
         self.draws_catalogue() && !self.reads_catalogue()
     }
 
-    /// Whether the method was published for a flat image plane, and reaches other projections through cube faces.
+    /// Whether the method was published for a flat image plane, and uses cube faces for other projections.
     pub fn needs_planes(self) -> bool {
         self.accumulator() == Accumulator::Blending
     }
 
-    /// Whether brightness is relative to the display, so that scores are taken after one fitted scale.
+    /// Whether brightness is relative to the display, so that scores are computed after fitting a scale.
     pub fn is_relative(self) -> bool {
         matches!(self, Self::GaussianPsf | Self::GaussianPsfIntegrated | Self::ScreenBillboard | Self::CellSky)
     }
 
-    /// Whether the stars are those of the catalogue; the procedural sky has stars of its own.
+    /// Whether the stars are those of the catalogue and not procedural.
     pub fn draws_catalogue(self) -> bool {
         self != Self::CellSky
     }
@@ -173,7 +173,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_unique_and_the_ones_that_configurations_read() {
+    fn names_are_unique_and_match_the_configuration() {
         for (index, method) in StarMethod::ALL.into_iter().enumerate() {
             assert_eq!(StarMethod::ALL.iter().position(|other| other.name() == method.name()), Some(index));
             assert_eq!(StarMethod::from_name(method.name()), Some(method));

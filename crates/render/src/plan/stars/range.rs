@@ -1,10 +1,10 @@
-//! Choosing the fixed-point units of a frame.
+//! Choice of the fixed-point units of a frame.
 //!
-//! Every channel of a pixel holds 42 bits. The unit is such that all the light of the frame in one pixel would still fit:
-//! sums cannot overflow, whatever the scene. Nor is it finer than the faintest star needs, since light above 2^21 units costs a
-//! second atomic add: with few stars of like brightness all of them would. Where one or a few stars outshine all others together by more than 65536 times
-//! (the Sun among the stars), they go through a second set of sums with a unit of its own, so that they do not cost the
-//! others their resolution.
+//! Every channel of a pixel has 42 bits. The unit is chosen so that all light of the frame would fit into one pixel: sums
+//! cannot overflow, whatever the scene. The unit is also not finer than the faintest star needs, since light above 2^21 units costs a
+//! second atomic add, which would affect all stars of a scene with few stars of similar brightness. If one or a few stars are more than
+//! 65536 times as bright as all others together (such as the Sun among the stars), they have separate sums with a separate unit, so that
+//! the other stars keep their resolution.
 
 use glam::DVec3;
 
@@ -13,42 +13,42 @@ use crate::{catalogue::chunks::StarSet, plan::costs, relativity::Motion};
 
 /// Bits of a channel's sum.
 pub const CHANNEL_BITS: i32 = 42;
-/// Units that the faintest star has at least, if the range allows: rounding each of nine pixels without bias then errs by 2.1e-4 of
-/// its light (one standard deviation), and by less the brighter the star.
+/// Units of the faintest star, if the range permits: unbiased rounding of each of nine pixels then has an error of 2.1e-4 of
+/// its light (one standard deviation), and less for brighter stars.
 const STAR_UNITS: f64 = 4096.0;
-/// Units of what may be seen of a pixel to which many sources add, each of them rounded without bias.
+/// Units of the least visible light of a pixel that many sources add to, each with unbiased rounding.
 const PIXEL_STEP_UNITS: f64 = 32.0;
 /// Greatest channel of a colour in gamut with luminance 1: pure red, 1 / 0.2126.
 const GREATEST_CHANNEL: f64 = 4.71;
-/// How many times brighter than everything fainter together a star must be to go apart.
+/// Ratio of a star to everything fainter together from which it is summed separately.
 const OUTSHINES: f64 = 65_536.0;
-/// Chunks that are searched for outshining stars, the brightest ones.
+/// Number of chunks, the brightest ones, that are searched for such stars.
 const SEARCHED_CHUNKS: usize = 16;
 
-/// Fixed-point sums over the stars of a range of brightness.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Fixed-point sums of the stars in a brightness range.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FixedPoint {
     /// Units per lux.
     pub units_per_lx: f64,
-    /// Stars of at least this illuminance, lx.
+    /// Least illuminance, lx.
     pub faintest_lx: f64,
-    /// Stars below this illuminance, lx.
+    /// Greatest illuminance, excluded, lx.
     pub brightest_lx: f64,
 }
 
-/// The sums of a frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Sums of a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ranges {
-    /// Nearly all stars.
+    /// Sums of nearly all stars.
     pub main: FixedPoint,
-    /// The few that outshine them.
+    /// Sums of the few stars that are far brighter.
     pub bright: Option<FixedPoint>,
 }
 
 fn units_per_lx(total_lx: f64, needed: f64) -> f64 {
-    // Half of the range in reserve for rounding; without any light every unit will do.
+    // Half of the range is reserved for rounding. Without light, any unit is sufficient.
     let greatest_sum_lx = total_lx * GREATEST_CHANNEL;
-    // A power of two: exact in f32, and the same from frame to frame while the light hardly changes.
+    // A power of two: exact in f32, and constant from frame to frame while the light hardly changes.
     if greatest_sum_lx > 0.0 {
         (2f64.powi(CHANNEL_BITS - 1) / greatest_sum_lx).min(needed).min(1e30).log2().floor().exp2()
     } else {
@@ -56,8 +56,8 @@ fn units_per_lx(total_lx: f64, needed: f64) -> f64 {
     }
 }
 
-/// Bound of the light of the faintest star of the visible chunks, lx. A star can have lost as much of the light that it gives at
-/// the barycentre as the nearest one of its chunk has by the camera's and the eyes' distance from there.
+/// Lower bound of the illuminance of the faintest star of the visible chunks, lx. Distance from the barycentre reduces the light of a star at
+/// most by the factor of the nearest star of its chunk.
 fn faintest_star_lx(set: &StarSet, visible: &[VisibleChunk], eyes_pc: &[DVec3]) -> f64 {
     let farthest_eye_pc = eyes_pc.iter().map(|eye| eye.length()).fold(0.0, f64::max);
     let seen_lx = set.faintest_seen_lx();
@@ -75,29 +75,29 @@ fn faintest_star_lx(set: &StarSet, visible: &[VisibleChunk], eyes_pc: &[DVec3]) 
         .fold(f64::INFINITY, f64::min)
 }
 
-/// A star among the brightest: what it gives to the eye nearest to it, and to every eye, lx.
+/// Illuminance of one of the brightest stars: at the eye nearest to it, and at every eye, lx.
 struct Light {
     most_lx: f64,
     per_eye_lx: Vec<f64>,
 }
 
-/// Light that is no star's.
+/// Light of other sources than stars.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OtherLight {
-    /// What each point of light gives to each of the eyes, lx.
+    /// Illuminance of each point of light at each eye, lx.
     pub points_lx: Vec<Vec<f64>>,
-    /// Bound of what comes from a crowd of faint points, lx.
+    /// Upper bound of the light of a crowd of faint points, lx.
     pub crowd_lx: f64,
-    /// Light of a pixel that may be seen, to which many sources add a little each, lx; 0: stars alone add to pixels.
+    /// Least visible light of a pixel to which many sources add a little each, lx; 0: only stars add to pixels.
     pub pixel_step_lx: f64,
 }
 
-/// The most of what the eyes get.
+/// The greatest illuminance at any eye.
 fn most(per_eye_lx: &[f64]) -> f64 {
     per_eye_lx.iter().copied().fold(0.0, f64::max)
 }
 
-/// Chooses the units for the stars of `visible` not fainter than `faintest_lx`, and for `other` light, for eyes at `eyes_pc` from the
+/// Chooses the units for the stars of `visible` not fainter than `faintest_lx`, and for `other` light. Eyes are at `eyes_pc` from the
 /// camera, which may move.
 pub fn choose(
     set: &StarSet,
@@ -107,13 +107,14 @@ pub fn choose(
     motion: Option<Motion>,
     other: &OtherLight,
 ) -> Ranges {
+    // All light, and the finest unit that any of it needs.
     let total_lx: f64 = visible
         .iter()
         .map(|chunk| chunk.total_lx)
         .chain(other.points_lx.iter().map(|per_eye_lx| most(per_eye_lx)))
         .sum::<f64>()
         + other.crowd_lx;
-    // In flight the light of every star has changed by a factor of its own: then the range alone decides.
+    // Motion changes the light of every star by a different factor, so then only the range counts.
     let faintest_star_lx = match motion {
         Some(_) => 0.0,
         None => faintest_star_lx(set, visible, eyes_pc).max(faintest_lx),
@@ -125,6 +126,7 @@ pub fn choose(
         f64::INFINITY
     };
     let needed = if other.pixel_step_lx > 0.0 { needed.max(PIXEL_STEP_UNITS / other.pixel_step_lx) } else { needed };
+    // The brightest stars and points, in order of decreasing brightness.
     let mut by_brightness: Vec<&VisibleChunk> = visible.iter().collect();
     let searched = SEARCHED_CHUNKS.min(by_brightness.len());
     if searched > 0 {
@@ -135,7 +137,7 @@ pub fn choose(
         .flat_map(|visible| {
             let chunk = &set.chunks[visible.chunk];
             near_stars(set, chunk, visible.origin_pc).map(|(place, star)| {
-                // At infinity the place is a direction, the same for every eye.
+                // At infinity the position is a direction, the same for every eye.
                 let eyes: &[DVec3] = if chunk.at_infinity { &[DVec3::ZERO] } else { eyes_pc };
                 Light {
                     most_lx: most_light(place, star, eyes, motion),
@@ -149,17 +151,18 @@ pub fn choose(
     );
     lights.sort_by(|a, b| b.most_lx.total_cmp(&a.most_lx));
     let others_lx = by_brightness[searched..].iter().map(|chunk| chunk.total_lx).sum::<f64>() + other.crowd_lx;
-    // What is fainter than each star, summed from the faintest on.
+    // For each star, the sum of everything fainter.
     let mut fainter_lx = vec![others_lx; lights.len()];
     for index in (1..lights.len()).rev() {
         fainter_lx[index - 1] = fainter_lx[index] + lights[index].most_lx;
     }
+    // Separate sums for lights that are far brighter than everything fainter together.
     let outshines = |i: usize| fainter_lx[i] > 0.0 && lights[i].most_lx > OUTSHINES * fainter_lx[i];
     if let Some(last) = (0..lights.len()).find(|&i| outshines(i)) {
         let bright = &lights[..=last];
         let bright_lx: f64 = bright.iter().map(|light| light.most_lx).sum();
         let threshold_lx = lights[last].most_lx / 2.0;
-        // To an eye farther away the same star may be faint enough for the other sums.
+        // At a more distant eye, the same star may be faint enough for the main sums.
         let left_lx: f64 = bright
             .iter()
             .map(|light| light.per_eye_lx.iter().copied().filter(|lx| *lx < threshold_lx).fold(0.0, f64::max))
@@ -239,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn where_many_stars_are_drawn_the_faintest_has_its_units_and_not_twice_as_many() {
+    fn with_many_stars_the_faintest_has_its_units_and_not_twice_as_many() {
         let magnitudes: Vec<f32> =
             (0..costs::BUILT_IN.coarse_units_from_stars + 1).map(|i| if i == 0 { 12.0 } else { 9.0 }).collect();
         let faintest = illuminance_lx_from_magnitude(12.0) * ranges_of(&magnitudes).main.units_per_lx;
@@ -247,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn units_follow_the_light_in_flight() {
+    fn units_follow_the_light_for_a_moving_camera() {
         let at_rest = ranges_of(&[1.0; 64]).main.units_per_lx;
         let ahead = ranges_in_flight(&[1.0; 64], Motion::new(DVec3::X * 0.9)).main.units_per_lx;
         let behind = ranges_in_flight(&[1.0; 64], Motion::new(DVec3::X * -0.9)).main.units_per_lx;
@@ -256,19 +259,19 @@ mod tests {
     }
 
     #[test]
-    fn the_sun_goes_apart_and_sirius_does_not() {
+    fn the_sun_has_separate_sums_and_sirius_does_not() {
         let with_sun = ranges_of(&[-26.7, -1.46, 6.0, 21.0]);
         let bright = with_sun.bright.expect("the Sun outshines all others");
         assert!(with_sun.main.brightest_lx < illuminance_lx_from_magnitude(-26.7));
         assert!(with_sun.main.brightest_lx > illuminance_lx_from_magnitude(-1.46));
         assert_eq!(bright.faintest_lx, with_sun.main.brightest_lx);
-        // A star of magnitude 21 keeps more than a hundred units beside the Sun.
+        // Next to the Sun, a star of magnitude 21 keeps more than a hundred units.
         assert!(illuminance_lx_from_magnitude(21.0) * with_sun.main.units_per_lx > 100.0);
         assert_eq!(ranges_of(&[-1.46, 0.0, 0.5, 1.0, 6.0]).bright, None);
     }
 
     #[test]
-    fn no_stars_need_no_range() {
+    fn no_stars_give_finite_units() {
         assert_eq!(ranges_of(&[]).main.units_per_lx, 1.0);
     }
 }

@@ -1,4 +1,4 @@
-//! The `[stars]` settings: which method, which stars, and one table for each method that has parameters of its own.
+//! The `[stars]` settings: method, limiting magnitude, and one table for each method with parameters.
 
 use std::path::PathBuf;
 
@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::method::StarMethod;
 use crate::photometry::psf::{self, Aperture, DIAMETERS_MM, Optics, Psf, PsfError, WHITE_K};
 
-/// Range of `magnitude_limit` and of the magnitudes of the methods: beyond it an illuminance leaves the range of numbers that the
-/// planner works with.
+/// Range of `magnitude_limit` and of the magnitudes of the methods: beyond it, an illuminance is outside the planner's
+/// numerical range.
 pub const MAGNITUDES: [f64; 2] = [-100.0, 100.0];
 
 /// How stars are drawn.
@@ -47,8 +47,8 @@ impl Default for StarSettings {
     }
 }
 
-/// Standard deviations of `pixel_gaussian`, pixels. A narrower one flickers more than the certificate of a frame states; with a
-/// wider one every star covers a good part of the picture, and the time of a frame is unbounded.
+/// Standard deviations of `pixel_gaussian`, pixels. A narrower kernel flickers more than the certificate of a frame states. With a
+/// wider one, every star covers much of the picture, and the time of a frame is unbounded.
 pub const SIGMAS_PX: [f64; 2] = [0.7, 64.0];
 /// Greatest standard deviation as an angle, arcminutes.
 const MOST_SIGMA_ARCMIN: f64 = 600.0;
@@ -60,7 +60,7 @@ pub struct PixelGaussianSettings {
     /// Standard deviation in pixels; not used if `sigma_arcmin` is given.
     #[schemars(range(min = SIGMAS_PX[0], max = SIGMAS_PX[1]), extend("x-unit" = "pixels"))]
     pub sigma_px: f64,
-    /// Standard deviation as an angle on the sky, in place of `sigma_px`; at least 0.7 pixels everywhere.
+    /// Standard deviation as an angle on the sky, instead of `sigma_px`; at least 0.7 pixels everywhere.
     #[schemars(range(max = MOST_SIGMA_ARCMIN), extend("exclusiveMinimum" = 0.0, "x-unit" = "arcminutes"))]
     pub sigma_arcmin: Option<f64>,
 }
@@ -182,8 +182,8 @@ impl PsfTextureSettings {
     /// Pixels along a side of a computed texture, and its number of wavelengths.
     const COMPUTED: (u32, usize) = (512, 24);
 
-    /// The texture, balanced for stars of every colour. Computing one takes up to some seconds; a file may be unusable, and
-    /// the other settings outside of what is allowed.
+    /// The texture, balanced for stars of every colour. Computing it takes up to several seconds. Errors: the file is invalid, or
+    /// the other settings are outside their ranges.
     pub fn texture(&self) -> Result<Psf, PsfError> {
         let width_rad = (self.width_arcmin / 60.0).to_radians();
         if let Some(file) = &self.file {
@@ -192,12 +192,12 @@ impl PsfTextureSettings {
         Ok(Psf::from_aperture(&self.optics()?, |_, _| {})?.balanced_to_white())
     }
 
-    /// Whether a texture can be computed from these settings, where no file is given: all that can be told without doing it.
+    /// Checks whether a texture can be computed from these settings, if no file is given, without computing it.
     pub fn check(&self) -> Result<(), PsfError> {
         if self.file.is_some() { Ok(()) } else { self.optics()?.check() }
     }
 
-    /// What is computed where no file is given.
+    /// Parameters of the computed texture.
     fn optics(&self) -> Result<Optics, PsfError> {
         let aperture = Aperture::from_name(&self.aperture, 6).ok_or_else(|| PsfError::Parameter {
             name: "stars.psf_texture.aperture",

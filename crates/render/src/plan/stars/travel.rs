@@ -1,8 +1,8 @@
-//! What motion does to the light that a frame is planned for: bounds per chunk, and the light of single stars.
+//! Effect of motion on the light of stars: bounds per chunk, and the light of single stars.
 //!
-//! By how much a star grows or fades depends on its temperature and its Doppler factor alone (`crate::relativity`). Stars
-//! have 2048 temperatures in geometric progression, so that a Doppler factor is a number of steps, and one table of the
-//! logarithm of luminance over steps serves every speed. The shader reads the same table.
+//! The factor on a star's light depends on its temperature and its Doppler factor only (`crate::relativity`). Stars
+//! have 2048 temperatures in geometric progression, so a Doppler factor is a number of steps, and one table of the
+//! logarithm of luminance over steps is sufficient for every speed. The shader reads the same table.
 
 use std::sync::LazyLock;
 
@@ -18,13 +18,13 @@ use crate::{
     relativity::{MAX_SPEED_C, Motion, doppler_factor},
 };
 
-/// Steps that the table goes on below and above the temperatures that stars can have; [`MAX_SPEED_C`] needs 1914 of them.
+/// Steps of the table below and above the temperatures of stars; [`MAX_SPEED_C`] needs 1914 of them.
 pub const SHIFTED_STEPS: u32 = 1920;
 /// Entries of the table.
 pub const TABLE_STEPS: usize = (TEMPERATURE_STEPS + 2 * SHIFTED_STEPS) as usize;
-/// Allows for the table's interpolation and the shader's arithmetic: more than [`TABLE_ERROR`].
+/// Margin for the table's interpolation and the shader's arithmetic: more than [`TABLE_ERROR`].
 const SLACK: f64 = 1.0 + 2e-3;
-/// Bound of the relative error of a star's light, from interpolation in the table and from f32.
+/// Bound of the relative error of a star's light, from interpolation in the table and f32 arithmetic.
 pub const TABLE_ERROR: f64 = 2e-4;
 
 /// Temperature steps per unit of the natural logarithm.
@@ -32,13 +32,13 @@ pub fn steps_per_e_fold() -> f64 {
     f64::from(TEMPERATURE_STEPS - 1) / (MAX_TEMPERATURE_K / MIN_TEMPERATURE_K).ln()
 }
 
-/// Temperature in kelvin of a step from -[`SHIFTED_STEPS`] on, fractions included.
+/// Temperature in kelvin of a step from -[`SHIFTED_STEPS`], including fractions.
 pub fn temperature_of_shifted_step_k(step: f64) -> f64 {
     MIN_TEMPERATURE_K * (step / steps_per_e_fold()).exp()
 }
 
-/// Logarithm of the luminance of a black body at every step from -[`SHIFTED_STEPS`] on, and the index of the temperature
-/// whose light grows no more when it is blue-shifted (near 16000 K).
+/// Logarithm of the luminance of a black body at every step from -[`SHIFTED_STEPS`], and the index of the temperature
+/// above which a blue shift reduces the light (near 16000 K).
 struct Table {
     ln_luminance: Vec<f64>,
     turning: f64,
@@ -48,18 +48,18 @@ static TABLE: LazyLock<Table> = LazyLock::new(|| {
     let step_of = |index: usize| index as f64 - f64::from(SHIFTED_STEPS);
     let ln_luminance: Vec<f64> =
         (0..TABLE_STEPS).map(|index| ln_luminance_cd_m2(temperature_of_shifted_step_k(step_of(index)))).collect();
-    // Light in flight goes as ln Y - 2 ln T along the table.
+    // Light in motion is proportional to exp(ln Y - 2 ln T) along the table.
     let light = |index: usize| ln_luminance[index] - 2.0 * index as f64 / steps_per_e_fold();
     let turning = (0..TABLE_STEPS).max_by(|a, b| light(*a).total_cmp(&light(*b))).map_or(0.0, step_of);
     Table { ln_luminance, turning }
 });
 
-/// Colours with Y = 1 at every step from -[`SHIFTED_STEPS`] on, linear Rec. 709.
+/// Colours with Y = 1 at every step from -[`SHIFTED_STEPS`], linear Rec. 709.
 static COLOURS: LazyLock<Vec<[f32; 3]>> = LazyLock::new(|| {
     (0..TABLE_STEPS as u32)
         .map(|index| {
             let step = i64::from(index) - i64::from(SHIFTED_STEPS);
-            // Steps that stars can have, in the form that stars have them.
+            // Use the stored colours for the temperatures of stars.
             let kelvin = u32::try_from(step)
                 .ok()
                 .filter(|step| *step < TEMPERATURE_STEPS)
@@ -69,7 +69,7 @@ static COLOURS: LazyLock<Vec<[f32; 3]>> = LazyLock::new(|| {
         .collect()
 });
 
-/// Colour with Y = 1 of a step from -[`SHIFTED_STEPS`] on, linear Rec. 709; beyond the table, its end.
+/// Colour with Y = 1 of a step from -[`SHIFTED_STEPS`], linear Rec. 709; beyond the table, that of its end.
 pub fn colour_of_step(step: i32) -> [f32; 3] {
     COLOURS[(step + SHIFTED_STEPS as i32).clamp(0, TABLE_STEPS as i32 - 1) as usize]
 }
@@ -79,7 +79,7 @@ pub fn colour_of(step: u32, doppler: f64) -> [f32; 3] {
     colour_of_step(step as i32 + (doppler.ln() * steps_per_e_fold()).round() as i32)
 }
 
-/// Logarithm of the luminance at a step from -[`SHIFTED_STEPS`] on, interpolated linearly; beyond the table, its end.
+/// Logarithm of the luminance at a step from -[`SHIFTED_STEPS`], interpolated linearly; beyond the table, that of its end.
 fn ln_luminance_at(step: f64) -> f64 {
     let table = &TABLE.ln_luminance;
     let place = (step + f64::from(SHIFTED_STEPS)).clamp(0.0, (TABLE_STEPS - 1) as f64);
@@ -87,7 +87,7 @@ fn ln_luminance_at(step: f64) -> f64 {
     table[below] + (place - below as f64) * (table[below + 1] - table[below])
 }
 
-/// What a star's light is multiplied by, from its temperature step and the Doppler factor.
+/// Factor on a star's light, from its temperature step and the Doppler factor.
 pub fn light_factor(step: u32, doppler: f64) -> f64 {
     let step = f64::from(step);
     let e_folds = doppler.ln();
@@ -96,30 +96,30 @@ pub fn light_factor(step: u32, doppler: f64) -> f64 {
 
 /// The greatest factor for stars between two temperature steps and two Doppler factors.
 pub fn greatest_factor(steps: [u32; 2], dopplers: [f64; 2]) -> f64 {
-    // For a Doppler factor above 1 the coolest star gains most, below 1 the hottest loses least. For each of the two, light
-    // grows with the Doppler factor up to the turning point and falls from there.
-    let at = |step: u32| {
+    // For a Doppler factor above 1 the coolest star gains most, below 1 the hottest loses least. For both, light
+    // increases with the Doppler factor up to the turning point and decreases beyond it.
+    let greatest_at = |step: u32| {
         let turning = ((TABLE.turning - f64::from(step)) / steps_per_e_fold()).exp();
         [dopplers[0], dopplers[1], turning.clamp(dopplers[0], dopplers[1])]
             .map(|doppler| light_factor(step, doppler))
             .into_iter()
             .fold(0.0, f64::max)
     };
-    at(steps[0]).max(at(steps[1])) * SLACK
+    greatest_at(steps[0]).max(greatest_at(steps[1])) * SLACK
 }
 
-/// Bounds of the light of a chunk in flight, relative to that at rest.
+/// Bounds of the light of a chunk for a moving camera, relative to one at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Boost {
-    /// Of every single star.
+    /// Bound for every single star.
     pub of_a_star: f64,
-    /// Of all stars together.
+    /// Bound for all stars together.
     pub of_all: f64,
     /// Illuminance at 1 pc of the brightest star, boosted, lx.
     pub brightest_lx: f64,
 }
 
-/// Bounds for stars of a spectrum whose brightest gives `brightest_lx` at 1 pc, between two Doppler factors.
+/// Bounds for stars of a spectrum whose brightest star has `brightest_lx` at 1 pc, between two Doppler factors.
 pub fn boost(spectrum: &Spectrum, brightest_lx: f64, dopplers: [f64; 2]) -> Boost {
     let mut bound = Boost { of_a_star: 0.0, of_all: 0.0, brightest_lx: 0.0 };
     let (mut light_lx, mut boosted_lx) = (0.0, 0.0);
@@ -134,8 +134,8 @@ pub fn boost(spectrum: &Spectrum, brightest_lx: f64, dopplers: [f64; 2]) -> Boos
     bound
 }
 
-/// By how much the light of a star can be off because its temperature is held in steps: relative to the light in flight
-/// where that is the greater, else to the light at rest. For the coolest and the hottest star of the scene, any direction.
+/// Greatest error of a star's light from the discrete temperatures: relative to the light for the moving camera
+/// or at rest, whichever is greater. For the coolest and the hottest star of the scene, in any direction.
 pub fn temperature_step_error(steps: [u32; 2], motion: &Motion) -> f64 {
     let half_step = 0.5 / steps_per_e_fold();
     let mut worst = 0.0_f64;
@@ -143,7 +143,7 @@ pub fn temperature_step_error(steps: [u32; 2], motion: &Motion) -> f64 {
         for index in 0..=200 {
             let doppler = doppler_factor(motion.beta.min(MAX_SPEED_C), -1.0 + f64::from(index) / 100.0);
             let factor = light_factor(step, doppler);
-            // How fast ln of the factor changes with ln T.
+            // Derivative of ln of the factor by ln T.
             let slope =
                 |step: f64| (ln_luminance_at(step + 1.0) - ln_luminance_at(step - 1.0)) / 2.0 * steps_per_e_fold();
             let shifted = f64::from(step) + doppler.ln() * steps_per_e_fold();
@@ -154,7 +154,7 @@ pub fn temperature_step_error(steps: [u32; 2], motion: &Motion) -> f64 {
     worst
 }
 
-/// What motion adds to the certificate of a frame that shows `visible`.
+/// Approximations of a frame that shows `visible` with a moving camera.
 pub fn certificate(
     set: &StarSet,
     visible: &[VisibleChunk],
@@ -166,22 +166,27 @@ pub fn certificate(
     let Some(steps) = classes.map(|(steps, _)| steps).reduce(|[a, b], [c, d]: [u32; 2]| [a.min(c), b.max(d)]) else {
         return Vec::new();
     };
-    let entry = |what: &str, bound: f64, unit: &str, within_budget: Option<bool>| Approximation {
-        what: what.to_owned(),
+    let entry = |name: &str, bound: f64, unit: &str, within_budget: Option<bool>| Approximation {
+        name: name.to_owned(),
         bound,
         unit: unit.to_owned(),
         within_budget,
     };
     vec![
-        entry("a star's light in flight, from a table", TABLE_ERROR, "relative", Some(TABLE_ERROR <= budget.flux)),
         entry(
-            "a star's light in flight, from a temperature in 11 bits",
+            "a star's light for a moving camera, from a table",
+            TABLE_ERROR,
+            "relative",
+            Some(TABLE_ERROR <= budget.flux),
+        ),
+        entry(
+            "a star's light for a moving camera, from a temperature in 11 bits",
             temperature_step_error(steps, motion),
-            "relative to the greater of its light in flight and at rest",
+            "relative to the greater of its light for a moving camera and for one at rest",
             None,
         ),
-        // Directions behind are spread by the inverse of the Doppler factor, and their errors with them.
-        entry("a star's direction in flight, in f32", 1e-6 / motion.doppler_behind(), "rad", None),
+        // Directions behind the camera, and their errors, are spread by the inverse of the Doppler factor.
+        entry("a star's direction for a moving camera, in f32", 1e-6 / motion.doppler_behind(), "rad", None),
     ]
 }
 
@@ -196,7 +201,7 @@ mod tests {
     };
 
     #[test]
-    fn the_table_reaches_as_far_as_the_greatest_speed() {
+    fn the_table_covers_the_greatest_speed() {
         let greatest = Motion::new(DVec3::X * MAX_SPEED_C).unwrap().doppler_behind();
         let needed = -greatest.ln() * steps_per_e_fold();
         println!("steps needed at {MAX_SPEED_C} c: {needed:.1}");
@@ -207,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn factors_from_the_table_are_the_exact_ones() {
+    fn factors_from_the_table_are_exact_within_the_bound() {
         let mut worst = 0.0_f64;
         for step in (0..TEMPERATURE_STEPS).step_by(61) {
             for power in -100..=100 {
@@ -219,7 +224,7 @@ mod tests {
         }
         println!("light from the table against the exact one: {worst:.1e}");
         assert!(worst < TABLE_ERROR, "{worst}");
-        // A star at rest is what it was, to the last bit.
+        // For a camera at rest, the light of a star is exactly unchanged.
         assert_eq!(light_factor(1000, 1.0), 1.0);
     }
 

@@ -63,7 +63,7 @@ impl Technique for Air {
         let Some(surroundings) = &wish.objects.surroundings else { return Vec::new() };
         let has_landscape = surroundings.ground.as_ref().is_some_and(|ground| ground.landscape.is_some());
         let mut jobs = Vec::new();
-        let has_budget = wish.draws_outputs_apart();
+        let has_budget = wish.forecast.draws_outputs_apart;
         let mut add = |from_grid| {
             let form = Form { has_landscape, from_grid };
             jobs.push(PipelineJob::new("air and ground", move || self.pass.pipeline(gpu, form)));
@@ -81,7 +81,7 @@ impl Technique for Air {
     }
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, _targets: &mut Targets) {
-        let Some(sky) = &frame.plan.local_sky else { return };
+        let Some(sky) = &frame.plan.air.sky else { return };
         if self.horizon.held().is_none() || self.held != sky.horizon {
             let horizon = sky.horizon.clone();
             self.horizon.upload(gpu, &horizon.clone().unwrap_or_default().sines());
@@ -111,14 +111,14 @@ impl Technique for Air {
         let Phase::Geometry(batch, index) = phase else { return };
         let (gpu, plan) = (recording.gpu, recording.frame.plan);
         let targets = &*recording.targets;
-        let (Some(sky), Some(geometry)) = (&plan.local_sky, &targets.batches[batch].geometry) else { return };
+        let (Some(sky), Some(geometry)) = (&plan.air.sky, &targets.batches[batch].geometry) else { return };
         let held = (self.horizon.held(), self.tables.held(), self.landscape.held());
         let (Some(horizon), Some(tables), Some(landscape)) = held else { return };
-        let tile = &plan.batches[batch].tiles[index];
-        let width = plan.viewports[tile.viewport].size()[0];
-        let from_grid = plan.display_step_cd_m2.is_some();
+        let tile = &plan.views.batches[batch].tiles[index];
+        let width = plan.views.viewports[tile.viewport].size()[0];
+        let from_grid = plan.air.from_grid;
         if from_grid && (batch, index) == (0, 0) {
-            let (grids, count) = point_grids(&plan.viewports, SPACING);
+            let (grids, count) = point_grids(&plan.views.viewports, SPACING);
             let grid_buffer = gpu.frame_storage("air grids", &grids);
             let points = self.points.with_room(gpu, 16 * u64::from(count));
             let buffers = [&targets.viewports, tables, &grid_buffer, points];

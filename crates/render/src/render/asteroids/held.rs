@@ -141,9 +141,8 @@ impl Held {
         gpu: &Gpu,
         (bake, ahead): (&ImpostorBakePass, &BakedImpostors),
         pass: Option<&AsteroidImpostorPass>,
-        settings: &AsteroidSettings,
+        (settings, method): (&AsteroidSettings, ImpostorMethod),
     ) -> Result<(), RenderError> {
-        let method = settings.impostor.chosen();
         let size = [settings.tiles, settings.tile_px];
         if self.atlases.as_ref().is_some_and(|held| held.method == method && held.size == size) {
             return Ok(());

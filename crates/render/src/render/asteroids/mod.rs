@@ -48,7 +48,7 @@ use crate::{
     plan::{
         Plan, PlanError,
         asteroids::{AsteroidPlan, frame::ENTRY_BYTES, kinds::MAX_PLANES},
-        settings::{AsteroidSettings, Culling, ImpostorMethod},
+        settings::{AsteroidSettings, ImpostorMethod},
         stars::{cull::MAX_VIEWPORTS, range::FixedPoint},
     },
     scene::SceneObjects,
@@ -214,6 +214,7 @@ impl Asteroids {
         gpu: &Gpu,
         objects: &SceneObjects,
         settings: &AsteroidSettings,
+        impostors: Option<ImpostorMethod>,
     ) -> Result<(), RenderError> {
         if self.held.as_ref().is_none_or(|held| !held.holds(objects)) {
             // Drop the old buffers before their successors are made, so that both never exist at once; keep only the
@@ -221,13 +222,10 @@ impl Asteroids {
             let spare = self.held.take().map(Held::into_spare);
             self.held = Some(Held::new(gpu, objects, spare, &self.ahead));
         }
-        let method = settings.impostor.chosen();
-        if settings.finest_only || method == ImpostorMethod::None {
-            return Ok(());
-        }
+        let Some(method) = impostors else { return Ok(()) };
         self.impostors = self.passes.impostors(gpu, method);
         if let Some(held) = &mut self.held {
-            held.hold_atlases(gpu, (self.passes.bake(gpu), &self.ahead), self.impostors.as_ref(), settings)?;
+            held.hold_atlases(gpu, (self.passes.bake(gpu), &self.ahead), self.impostors.as_ref(), (settings, method))?;
         }
         Ok(())
     }
@@ -368,7 +366,7 @@ impl Asteroids {
 
 impl Technique for Asteroids {
     fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
-        let (gpu, settings, passes) = (wish.gpu, &wish.settings.asteroids, &self.passes);
+        let (gpu, forecast, passes) = (wish.gpu, wish.forecast, &self.passes);
         if wish.objects.fields.is_empty() {
             return Vec::new();
         }
@@ -380,13 +378,12 @@ impl Technique for Asteroids {
                 passes.points(gpu);
             }),
         ];
-        if settings.culling == Culling::Gpu {
+        if forecast.culls_on_gpu {
             jobs.push(PipelineJob::new("asteroid culling", move || {
                 passes.cull(gpu);
             }));
         }
-        let method = settings.impostor.chosen();
-        if !settings.finest_only && method != ImpostorMethod::None {
+        if let Some(method) = forecast.methods.impostors {
             jobs.push(match method {
                 ImpostorMethod::OctahedralSplat => PipelineJob::new("impostor splats", move || passes.splats(gpu)),
                 squares => PipelineJob::new("impostors", move || passes.impostors(gpu, squares)),
@@ -403,7 +400,7 @@ impl Technique for Asteroids {
             self.release();
             return Ok(());
         }
-        self.hold_fields(holding.gpu, &holding.scene.objects, &holding.settings.asteroids)
+        self.hold_fields(holding.gpu, &holding.scene.objects, holding.asteroids, holding.methods.impostors)
     }
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, _targets: &mut Targets) {
@@ -420,7 +417,7 @@ impl Technique for Asteroids {
         match phase {
             Phase::Cull => self.record_cull(gpu, recording.encoder, recording.timer, plan),
             Phase::Geometry(batch, tile) => {
-                let tile = &frame.plan.batches[batch].tiles[tile];
+                let tile = &frame.plan.views.batches[batch].tiles[tile];
                 if plan.draws(tile.viewport) {
                     recording.targets.layers = self.record_layers(gpu, recording.encoder, recording.timer, plan, tile);
                 }
@@ -428,8 +425,8 @@ impl Technique for Asteroids {
             Phase::Splat(batch) if plan.cut.items.iter().any(|item| item.holds_points) => {
                 let Some(sums) = recording.targets.sums(batch, false) else { return };
                 let mut pass = begin_pass(recording.encoder, recording.timer, "stars");
-                let tiles = frame.plan.batches[batch].tiles.len() as u32;
-                self.record_points(gpu, &mut pass, plan, &frame.plan.ranges.main, &sums, tiles);
+                let tiles = frame.plan.views.batches[batch].tiles.len() as u32;
+                self.record_points(gpu, &mut pass, plan, &frame.plan.stars.ranges.main, &sums, tiles);
             }
             Phase::Count => {
                 let Recording { encoder, readback, places, .. } = recording;

@@ -248,7 +248,7 @@ impl Bench {
         camera_m: DVec3,
         suns: &[Sun],
     ) -> AsteroidPlan {
-        self.asteroids.hold_fields(&self.gpu, objects, settings).unwrap();
+        self.asteroids.hold_fields(&self.gpu, objects, settings, settings.drawn_impostors()).unwrap();
         let limits = &self.gpu.limits();
         let inputs = AsteroidInputs { objects, settings, viewports, margin_px: MARGIN_PX, camera_m, suns, limits };
         let plan = AsteroidPlan::new(&inputs, &mut Tables::default()).unwrap().unwrap();

@@ -165,11 +165,11 @@ impl Bodies {
         let (gpu, plan) = (recording.gpu, recording.frame.plan);
         let targets = &*recording.targets;
         let (Some(bodies), Some(geometry)) = (&targets.bodies, &targets.batches[batch].geometry) else { return };
-        let tile = &plan.batches[batch].tiles[index];
+        let tile = &plan.views.batches[batch].tiles[index];
         if index == 0 {
-            recording.encoder.clear_buffer(geometry, 0, Some(plan.batches[batch].pixels * BYTES_PER_PIXEL));
+            recording.encoder.clear_buffer(geometry, 0, Some(plan.views.batches[batch].pixels * BYTES_PER_PIXEL));
         }
-        let viewport = &plan.viewports[tile.viewport];
+        let viewport = &plan.views.viewports[tile.viewport];
         let layers = targets.layers.as_ref();
         let seen = plan.bodies.as_ref().map_or(&[][..], |plan| &plan.seen[tile.viewport]);
         let blocks = match layers {
@@ -199,7 +199,7 @@ impl Bodies {
     fn record_points(&self, recording: &mut Recording<'_>, batch: usize) {
         let Some(points) = self.points_of(batch) else { return };
         let gpu = recording.gpu;
-        let ranges = recording.frame.plan.ranges;
+        let ranges = recording.frame.plan.stars.ranges;
         let share = recording.frame.plan.glare.share_in_sums();
         // The limit of the faintest magnitude applies to stars only.
         let main = FixedPoint { faintest_lx: 0.0, ..ranges.main };
@@ -260,7 +260,7 @@ impl Technique for Bodies {
         });
         self.suns.upload(gpu, &suns);
 
-        let batches = &frame.plan.batches;
+        let batches = &frame.plan.views.batches;
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         self.batches.resize_with(batches.len(), || GrowingBuffer::new("geometry", usage));
         self.point_buffers.resize_with(batches.len(), || GrowingBuffer::new("points", usage));

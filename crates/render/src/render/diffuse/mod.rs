@@ -17,7 +17,7 @@ use super::{
 use crate::{
     catalogue::diffuse::{DiffuseSky, TEXEL_UNIT_CD_M2},
     gpu::{Gpu, GrowingBuffer},
-    plan::Plan,
+    plan::{DiffusePlan, Plan},
 };
 
 /// Pictures on the adapter, and the sky that they show.
@@ -49,8 +49,8 @@ fn encode(sky: &DiffuseSky, plan: &Plan) -> DiffuseLight {
             side: pictures.side,
             unused_0: 0,
         },
-        velocity: plan.motion.map_or([0.0; 3], |motion| motion.direction.as_vec3().to_array()),
-        beta: plan.motion.map_or(0.0, |motion| motion.beta as f32),
+        velocity: plan.views.motion.map_or([0.0; 3], |motion| motion.direction.as_vec3().to_array()),
+        beta: plan.views.motion.map_or(0.0, |motion| motion.beta as f32),
     }
 }
 
@@ -58,11 +58,11 @@ impl Technique for Diffuse {
     fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
         let (gpu, points) = (wish.gpu, &self.points);
         let job = || PipelineJob::new("points of diffuse light", move || points.pipeline(gpu).clone());
-        wish.draws_outputs_apart().then(job).into_iter().collect()
+        wish.forecast.draws_outputs_apart.then(job).into_iter().collect()
     }
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
-        let Some(sky) = &frame.plan.diffuse else { return };
+        let Some(DiffusePlan { sky, .. }) = &frame.plan.diffuse else { return };
         if !self.held.upgrade().is_some_and(|held| Arc::ptr_eq(&held, sky)) {
             self.texels.upload(gpu, sky.texels());
             self.roughness.upload(gpu, sky.roughness_cd_m2());
@@ -76,12 +76,12 @@ impl Technique for Diffuse {
 
     fn record(&mut self, phase: Phase, recording: &mut Recording<'_>) {
         let plan = recording.frame.plan;
-        let (Phase::Splat(0), Some(sky), Some(step_cd_m2)) = (phase, &plan.diffuse, plan.diffuse_step_cd_m2) else {
+        let (Phase::Splat(0), Some(DiffusePlan { sky, step_cd_m2: Some(step_cd_m2) })) = (phase, &plan.diffuse) else {
             return;
         };
         let (Some(texels), Some(roughness)) = (self.texels.held(), self.roughness.held()) else { return };
         let Some(light) = recording.targets.diffuse.as_ref().map(|diffuse| diffuse.light) else { return };
-        let smooth = self.points.record(recording, (sky, light, step_cd_m2), [texels, roughness]);
+        let smooth = self.points.record(recording, (sky, light, *step_cd_m2), [texels, roughness]);
         if let Some(diffuse) = &mut recording.targets.diffuse {
             diffuse.smooth = Some(smooth);
         }

@@ -55,10 +55,10 @@ impl DiffusePoints {
         let roughness_spacing_rad = 2.0 * f64::from(ROUGHNESS_TEXELS) * sky.pictures().texel_rad();
         let most_rad = MOST_RAD.min(roughness_spacing_rad);
         let spacing = GridSpacing { most_rad, most_px: MOST_PX };
-        let (grids, count) = point_grids(&plan.viewports, spacing);
+        let (grids, count) = point_grids(&plan.views.viewports, spacing);
         let parameters = DiffusePointParameters {
             light,
-            air: AirAbove::from_sky(plan.local_sky.as_deref()),
+            air: AirAbove::from_sky(plan.air.sky.as_deref()),
             // Roughness grows with the square of the distance.
             most_rough: (ROUGHNESS_OF_BUDGET * step_cd_m2 * (roughness_spacing_rad / most_rad).powi(2)) as f32,
             ..Default::default()

@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use crate::render::shader::Shader;
 use crate::{
     gpu::{Gpu, bind_buffers},
-    plan::settings::ExposureSettings,
+    plan::MeteringPlan,
     render::display::layout,
 };
 
@@ -17,7 +17,7 @@ pub(crate) struct ExposurePass {
 
 /// Inputs of the exposure.
 pub(crate) struct ExposureInputs<'a> {
-    pub settings: &'a ExposureSettings,
+    pub metering: &'a MeteringPlan,
     /// Exposure to use instead of the metered one.
     pub known_ev100: Option<f64>,
     pub total_solid_angle_sr: f64,
@@ -43,14 +43,12 @@ impl ExposurePass {
         partial_sums: &wgpu::Buffer,
         exposure: &wgpu::Buffer,
     ) {
-        let ExposureInputs { settings, known_ev100, total_solid_angle_sr, partial_count } = *inputs;
-        // A fixed exposure is metered too, for statistics.
-        let auto = settings.auto_or_default();
+        let ExposureInputs { metering, known_ev100, total_solid_angle_sr, partial_count } = *inputs;
         let parameters = layout::ExposureParameters {
             total_solid_angle_sr: total_solid_angle_sr as f32,
-            min_ev100: auto.min_ev100 as f32,
-            max_ev100: auto.max_ev100 as f32,
-            offset_ev: auto.offset_ev() as f32,
+            min_ev100: metering.min_ev100 as f32,
+            max_ev100: metering.max_ev100 as f32,
+            offset_ev: metering.offset_ev as f32,
             fixed_ev100: known_ev100.unwrap_or(0.0) as f32,
             fixed: u32::from(known_ev100.is_some()),
             partial_count,

@@ -17,13 +17,10 @@ use self::{
 use super::{
     layout::AirAbove,
     presentation::{PresentSource, present_source},
-    targets::{Made, adds_up, is_scattered_after, resolves_to_display},
+    targets::Made,
     technique::{Phase, PipelineJob, Recording, Technique, Wish},
 };
-use crate::{
-    gpu::Gpu,
-    plan::settings::{Accumulator, GlareMethod},
-};
+use crate::gpu::Gpu;
 
 /// Passes of this technique.
 pub(super) struct Display {
@@ -46,19 +43,19 @@ impl Display {
     fn resolve(&mut self, recording: &mut Recording<'_>, number: usize) {
         let frame = recording.frame;
         let made = recording.targets.batches[number].made;
-        let known_ev100 = frame.plan.known_ev100;
+        let known_ev100 = frame.plan.exposure.known_ev100;
         let hdr = hdr_image(
-            is_scattered_after(&frame.plan.glare),
+            frame.plan.display.is_scattered_after,
             [made.display, made.hdr, made.hdr_stays],
             known_ev100.is_some(),
         );
         let inputs = ResolveInputs {
-            ranges: &frame.plan.ranges,
+            ranges: &frame.plan.stars.ranges,
             hdr,
             known_ev100,
-            tone_map: &frame.settings.tone_map,
-            shows: resolves_to_display(&frame) && made.display,
-            air: AirAbove::from_sky(frame.plan.local_sky.as_deref()),
+            tone_map: &frame.plan.display.tone_map,
+            shows: frame.plan.display.resolves_to_display && made.display,
+            air: AirAbove::from_sky(frame.plan.air.sky.as_deref()),
         };
         let gpu = recording.gpu;
         let mut pass = super::technique::begin_pass(recording.encoder, recording.timer, "resolve");
@@ -73,9 +70,9 @@ impl Display {
             return;
         }
         let inputs = ExposureInputs {
-            settings: &frame.settings.exposure,
-            known_ev100: frame.plan.known_ev100,
-            total_solid_angle_sr: frame.plan.total_solid_angle_sr,
+            metering: &frame.plan.exposure.metering,
+            known_ev100: frame.plan.exposure.known_ev100,
+            total_solid_angle_sr: frame.plan.views.total_solid_angle_sr,
             partial_count: recording.targets.partial_count,
         };
         let gpu = recording.gpu;
@@ -85,10 +82,10 @@ impl Display {
     }
 
     fn tone_map(&mut self, recording: &mut Recording<'_>) {
-        if resolves_to_display(&recording.frame) {
+        if recording.frame.plan.display.resolves_to_display {
             return;
         }
-        let (gpu, settings) = (recording.gpu, &recording.frame.settings.tone_map);
+        let (gpu, tone_map) = (recording.gpu, &recording.frame.plan.display.tone_map);
         for number in 0..recording.targets.batches.len() {
             let batch = &recording.targets.batches[number];
             let Some(display) = &batch.display else { continue };
@@ -97,7 +94,7 @@ impl Display {
             self.tone_map.record(
                 gpu,
                 &mut pass,
-                settings,
+                tone_map,
                 &picture,
                 (&recording.targets.exposure, display),
                 batch.grid,
@@ -125,8 +122,8 @@ impl Display {
                 occlusion_query_set: None,
                 multiview_mask: None,
             });
-            let width = frame.plan.viewports[presentation.viewport].size()[0];
-            for (batch, buffers) in frame.plan.batches.iter().zip(&targets.batches) {
+            let width = frame.plan.views.viewports[presentation.viewport].size()[0];
+            for (batch, buffers) in frame.plan.views.batches.iter().zip(&targets.batches) {
                 let pixels = match &buffers.display {
                     Some(display) if presentation.shows_codes() => display,
                     _ => &buffers.pixels,
@@ -134,7 +131,7 @@ impl Display {
                 for tile in batch.tiles.iter().filter(|tile| tile.viewport == presentation.viewport) {
                     let plane_pixels = buffers.plane_pixels;
                     let target = PresentTile { tile, width, plane_pixels, pixels, exposure: &targets.exposure };
-                    self.present.record(gpu, &mut pass, &frame.settings.tone_map, presentation.format, &target);
+                    self.present.record(gpu, &mut pass, &frame.plan.display.tone_map, presentation.format, &target);
                 }
             }
         }
@@ -157,8 +154,8 @@ impl Technique for Display {
     /// With metered exposure, the first frame is metered and later frames may use an adapted exposure. Without
     /// scattering, the resolve pass then writes the display images. So both forms are created in advance.
     fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
-        let Wish { gpu, objects, settings, made, formats, .. } = *wish;
-        let tone_map = &settings.tone_map;
+        let Wish { gpu, objects, forecast, made, formats, .. } = *wish;
+        let tone_map = &forecast.tone_map;
         let presents = |source| formats.iter().any(|format| present_source(*format) == Some(source));
         let (presents_codes, presents_light) = (presents(PresentSource::Codes), presents(PresentSource::Light));
         let exact = Made {
@@ -168,8 +165,8 @@ impl Technique for Display {
         };
         let display_only = Made { hdr: false, hdr_stays: presents_light, ..exact };
         // For each kind of frame: its outputs, and whether glare is part of the sums.
-        let veil = wish.may_have_veil_in_sums();
-        let kinds = match wish.draws_outputs_apart() {
+        let veil = forecast.may_have_veil_in_sums;
+        let kinds = match forecast.draws_outputs_apart {
             false => vec![(exact, false)],
             true if made.hdr || made.hdr_stays => {
                 vec![(display_only, veil), (exact, false), (Made { display: false, ..exact }, false)]
@@ -177,17 +174,13 @@ impl Technique for Display {
             true => vec![(display_only, veil)],
         };
         // Forms of the resolve pass, for known and unknown exposure.
-        let glare = settings.glare.chosen(settings.stars.method);
-        let adds_up = settings.stars.method.accumulator() == Accumulator::FixedPoint;
-        let may_be_metered = settings.exposure.is_metered();
-        let known: &[bool] = if may_be_metered { &[false, true] } else { &[true] };
+        let known = forecast.known_exposures();
         let mut resolves: Vec<ResolveOutputs> = Vec::new();
         let mut maps_tones = false;
         for (known, (made, veil)) in known.iter().flat_map(|&known| kinds.iter().map(move |&kind| (known, kind))) {
             let Made { display, hdr, hdr_stays } = made;
-            let is_scattered_after = glare != GlareMethod::None && !veil;
-            let resolves_to_display = known && !is_scattered_after && adds_up;
-            let hdr_made = hdr_image(is_scattered_after, [display, hdr, hdr_stays], known);
+            let resolves_to_display = forecast.resolves_to_display(known, veil);
+            let hdr_made = hdr_image(forecast.is_scattered_after(veil), [display, hdr, hdr_stays], known);
             // Two forms are created by the first frame that needs them: the form with a map, which depends on the
             // stars, and that of a moving camera.
             let outputs = ResolveOutputs {
@@ -196,7 +189,7 @@ impl Technique for Display {
                 veil,
                 ..ResolveOutputs::new(hdr_made, resolves_to_display && display)
             };
-            if adds_up && !resolves.contains(&outputs) {
+            if forecast.methods.adds_up() && !resolves.contains(&outputs) {
                 resolves.push(outputs);
             }
             maps_tones |= display && !resolves_to_display;
@@ -221,7 +214,7 @@ impl Technique for Display {
 
     fn record(&mut self, phase: Phase, recording: &mut Recording<'_>) {
         match phase {
-            Phase::Resolve(batch) if adds_up(&recording.frame) => self.resolve(recording, batch),
+            Phase::Resolve(batch) if recording.frame.plan.display.adds_up => self.resolve(recording, batch),
             Phase::Meter => self.meter(recording),
             Phase::Display => self.tone_map(recording),
             Phase::Present => self.present(recording),

@@ -30,15 +30,14 @@ impl Glare {
 
 impl Technique for Glare {
     fn warm(&mut self, holding: &Holding<'_>) {
-        let settings = holding.settings;
-        if settings.glare.chosen(settings.stars.method) == GlareMethod::SkyCube {
+        if holding.methods.glare == GlareMethod::SkyCube {
             self.sky_cube.hold_map(holding);
         }
     }
 
     fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
-        let method = wish.settings.glare.chosen(wish.settings.stars.method);
-        match PyramidAxes::of(method) {
+        let method = wish.forecast.methods.glare;
+        match PyramidAxes::for_method(method) {
             _ if method == GlareMethod::SkyCube => self.sky_cube.pipelines(wish),
             Some(axes) => self.pyramid.pipelines(wish, axes),
             None => Vec::new(),
@@ -52,7 +51,7 @@ impl Technique for Glare {
         } else {
             self.sky_cube.keep(frame.series);
         }
-        if PyramidAxes::of(method).is_none() {
+        if PyramidAxes::for_method(method).is_none() {
             self.pyramid.release();
         }
     }
@@ -66,7 +65,7 @@ impl Technique for Glare {
         let method = recording.frame.plan.glare.method;
         if method == GlareMethod::SkyCube {
             self.sky_cube.record(recording);
-        } else if let Some(axes) = PyramidAxes::of(method) {
+        } else if let Some(axes) = PyramidAxes::for_method(method) {
             self.pyramid.record(recording, axes);
         }
     }

@@ -136,7 +136,7 @@ impl Technique for Overlay {
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, _targets: &mut Targets) {
         if let Some(plan) = &frame.plan.overlay {
-            self.upload(gpu, plan, &frame.plan.batches);
+            self.upload(gpu, plan, &frame.plan.views.batches);
         }
     }
 

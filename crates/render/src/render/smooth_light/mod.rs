@@ -94,7 +94,7 @@ impl Technique for SmoothLight {
     }
 
     fn missing(&self, plan: &Plan, scene: &SceneSnapshot, series: Series) -> Vec<SkyFace> {
-        let Some(map) = plan.sky.as_ref().map(|sky| sky.map) else { return Vec::new() };
+        let Some(map) = plan.smooth_light.map.as_ref().map(|sky| sky.map) else { return Vec::new() };
         let held = self.maps.get(series.slot).and_then(|map| map.held.as_ref());
         let held = held.filter(|held| held.map == map && Arc::ptr_eq(&held.stars, &scene.stars));
         let present = held.map_or(0, |held| held.faces);
@@ -104,7 +104,7 @@ impl Technique for SmoothLight {
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
         self.maps.resize_with(frame.series.slots, SeriesMap::new);
         let own = &mut self.maps[frame.series.slot];
-        if let (Some(SkyPlan { map, .. }), Some(texels)) = (&frame.plan.sky, own.texels.held()) {
+        if let (Some(SkyPlan { map, .. }), Some(texels)) = (&frame.plan.smooth_light.map, own.texels.held()) {
             let unit_cd_m2 = map.unit_cd_m2 * frame.plan.glare.share_in_sums();
             let sky_map = SkyMapLayout {
                 unit_cd_m2: unit_cd_m2 as f32,
@@ -114,7 +114,7 @@ impl Technique for SmoothLight {
             };
             targets.sky = Some(SkyTexels { map: sky_map, texels: texels.clone() });
         }
-        let Some(SkyFace { map, number }) = frame.plan.sky_face else { return };
+        let Some(SkyFace { map, number }) = frame.plan.smooth_light.face else { return };
         let stars = &frame.scene.stars;
         if own.held.as_ref().is_none_or(|held| held.map != map || !Arc::ptr_eq(&held.stars, stars)) {
             own.texels.with_room(gpu, 4 * map.texels());
@@ -127,7 +127,7 @@ impl Technique for SmoothLight {
 
     fn record(&mut self, phase: Phase, recording: &mut Recording<'_>) {
         // Pack the picture after the resolve pass of the same phase, which comes earlier in the order of techniques.
-        if let (Phase::Resolve(batch), Some(face)) = (phase, recording.frame.plan.sky_face) {
+        if let (Phase::Resolve(batch), Some(face)) = (phase, recording.frame.plan.smooth_light.face) {
             self.pack(recording, &face, batch);
         }
     }

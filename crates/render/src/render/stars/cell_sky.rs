@@ -6,8 +6,7 @@ use std::sync::OnceLock;
 use super::luminance::{LuminanceInputs, LuminancePass, LuminanceSource};
 use crate::{
     gpu::Gpu,
-    photometry::exposure::white_luminance_cd_m2,
-    plan::settings::CellSkySettings,
+    plan::{settings::CellSkySettings, stars::cell_sky::CellSkyPlan},
     render::{
         stars::layout,
         targets::{PictureTarget, tile_grid},
@@ -35,11 +34,12 @@ impl CellSky {
     pub(super) fn record_batch(&self, recording: &mut Recording<'_>, number: usize) {
         let (gpu, frame) = (recording.gpu, recording.frame);
         let resolve = self.pass(gpu);
-        let CellSkySettings { cells, layers, radius_px, seed } = frame.settings.stars.cell_sky;
-        let scale = white_luminance_cd_m2(frame.settings.exposure.unit_ev100()) as f32;
+        let Some(CellSkyPlan { settings, unit_cd_m2 }) = frame.plan.stars.cell_sky else { return };
+        let CellSkySettings { cells, layers, radius_px, seed } = settings;
+        let scale = unit_cd_m2 as f32;
         let batch = &recording.targets.batches[number];
-        for (tile, encoded) in frame.plan.batches[number].tiles.iter().zip(&batch.encoded_tiles) {
-            let viewport = &frame.plan.viewports[tile.viewport];
+        for (tile, encoded) in frame.plan.views.batches[number].tiles.iter().zip(&batch.encoded_tiles) {
+            let viewport = &frame.plan.views.viewports[tile.viewport];
             let parameters = layout::CellSkyParameters {
                 pixel_rad: viewport.projection.middle_pixel_rad() as f32,
                 radius_px: radius_px as f32,

@@ -89,9 +89,9 @@ impl Stars {
     fn splat(&mut self, recording: &mut Recording<'_>, batch: usize) {
         let frame = recording.frame;
         let gpu = recording.gpu;
-        match frame.settings.stars.method.accumulator() {
+        match frame.plan.stars.method.accumulator() {
             Accumulator::FixedPoint => {
-                let ranges = [(Some(frame.plan.ranges.main), false), (frame.plan.ranges.bright, true)];
+                let ranges = [(Some(frame.plan.stars.ranges.main), false), (frame.plan.stars.ranges.bright, true)];
                 for (range, bright) in ranges {
                     let (Some(range), Some(sums)) = (range, recording.targets.sums(batch, bright)) else { continue };
                     let mut pass = begin_pass(recording.encoder, recording.timer, "stars");
@@ -101,13 +101,13 @@ impl Stars {
                 }
             }
             Accumulator::PackedCompareExchange => {
-                let words = self.packed.clear_words(gpu, recording.encoder, frame.plan.batches[batch].pixels);
+                let words = self.packed.clear_words(gpu, recording.encoder, frame.plan.views.batches[batch].pixels);
                 let drawn = PackedFrame {
-                    camera_pc: frame.plan.camera_pc.as_vec3().to_array(),
-                    faintest_lx: frame.plan.faintest_lx,
-                    tiles: frame.plan.batches[batch].tiles.len() as u32,
+                    camera_pc: frame.plan.views.camera_pc.as_vec3().to_array(),
+                    faintest_lx: frame.plan.stars.faintest_lx,
+                    tiles: frame.plan.views.batches[batch].tiles.len() as u32,
                     visible: &self.draws(batch),
-                    catalogue: self.catalogue.as_ref().filter(|_| frame.settings.stars.method.reads_catalogue()),
+                    catalogue: self.catalogue.as_ref().filter(|_| frame.plan.stars.method.reads_catalogue()),
                 };
                 let mut pass = begin_pass(recording.encoder, recording.timer, "stars");
                 self.packed.record(gpu, &mut pass, &drawn, &words, recording.targets, batch);
@@ -127,8 +127,8 @@ impl Stars {
 
 impl Technique for Stars {
     fn hold(&mut self, holding: &Holding<'_>) -> Result<(), RenderError> {
-        let Holding { gpu, scene, settings, catalogue_order: order, .. } = *holding;
-        let (method, set) = (settings.stars.method, &scene.stars);
+        let Holding { gpu, scene, methods, catalogue_order: order, .. } = *holding;
+        let (method, set) = (methods.stars, &scene.stars);
         if method.reads_catalogue() && self.catalogue.as_ref().is_none_or(|catalogue| !catalogue.holds(set, order)) {
             // Drop the old buffers before their successors are made, so that both never exist at once.
             self.catalogue = None;
@@ -143,7 +143,7 @@ impl Technique for Stars {
     }
 
     fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
-        let (gpu, method) = (wish.gpu, wish.settings.stars.method);
+        let (gpu, method) = (wish.gpu, wish.forecast.methods.stars);
         let has_geometry = !wish.objects.is_empty();
         match method.accumulator() {
             Accumulator::FixedPoint if !method.draws_catalogue() => Vec::new(),
@@ -161,9 +161,9 @@ impl Technique for Stars {
     }
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, _targets: &mut Targets) {
-        let method = frame.settings.stars.method;
-        self.reads_map = frame.plan.sky.is_some();
-        if let Some(SkyPlan { others, .. }) = &frame.plan.sky
+        let method = frame.plan.stars.method;
+        self.reads_map = frame.plan.smooth_light.map.is_some();
+        if let Some(SkyPlan { others, .. }) = &frame.plan.smooth_light.map
             && self.beside_map.as_ref().is_none_or(|stars| !stars.holds(others))
         {
             self.beside_map = None;
@@ -171,13 +171,15 @@ impl Technique for Stars {
         }
         let held = self.drawn().filter(|_| method.reads_visible());
         let Items { items, runs, near } = held
-            .map(|buffers| build_items(buffers, &frame.plan.visible, &frame.plan.batches, frame.catalogue_order))
+            .map(|buffers| {
+                build_items(buffers, &frame.plan.stars.visible, &frame.plan.views.batches, frame.catalogue_order)
+            })
             .unwrap_or_default();
         self.item_buffers.items.upload(gpu, &items);
         self.item_buffers.near.upload(gpu, &near);
         self.runs = runs;
-        if frame.plan.billboards.is_some() {
-            self.billboards.begin(gpu, method, frame.plan.psf.as_ref());
+        if frame.plan.stars.billboards.is_some() {
+            self.billboards.begin(gpu, method, frame.plan.stars.psf.as_ref());
         }
     }
 
@@ -185,7 +187,7 @@ impl Technique for Stars {
         match phase {
             Phase::Splat(batch) => self.splat(recording, batch),
             Phase::Count => {
-                if let (Some(plan), Some(catalogue)) = (&recording.frame.plan.billboards, &self.catalogue) {
+                if let (Some(plan), Some(catalogue)) = (&recording.frame.plan.stars.billboards, &self.catalogue) {
                     self.billboards.record_count(recording, plan, catalogue);
                 }
             }

@@ -95,8 +95,8 @@ impl StarPass {
                 brightest_lx: range.brightest_lx as f32,
                 item_count: draw.item_count,
                 items_per_row,
-                camera_motion: plan.motion.map(encode_motion).unwrap_or_default(),
-                air: AirAbove::from_sky(plan.local_sky.as_deref()),
+                camera_motion: plan.views.motion.map(encode_motion).unwrap_or_default(),
+                air: AirAbove::from_sky(plan.air.sky.as_deref()),
                 ..Default::default()
             };
             let parameters = gpu.frame_uniform("star parameters", &parameters);

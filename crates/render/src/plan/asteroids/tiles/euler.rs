@@ -1,11 +1,11 @@
 //! The published atlas: tile (i, j) of R x R shows the shape turned by a pitch of 2 pi i / R and a yaw of 2 pi j / R,
-//! and what is left, the roll, turns the square.
+//! and the square is turned by the remaining angle, the roll.
 //!
 //! The relative rotation is M_R = M_C M_A^T. M_C takes world axes to view axes; the rows of M_A are the asteroid's axes
-//! in world axes, so that M_A^T takes shape to world. What the publication calls conversion to Euler angles is here M_R
+//! in world axes, so that M_A^T takes shape to world. The publication's conversion to Euler angles is here M_R
 //! = Rz(roll) Ry(yaw) Rx(pitch): pitch acts first, on the shape, and roll last, in the image plane, where a square can
-//! be turned. With exact angles the picture of an asteroid in the middle of the view is right. The angles are singular
-//! where yaw is a quarter turn.
+//! be turned. With exact angles the picture of an asteroid at the centre of the view is right. The angles are singular
+//! if yaw is a quarter turn.
 
 use std::f64::consts::{PI, TAU};
 
@@ -16,17 +16,17 @@ use super::{AtlasTile, TileAxes};
 /// Angles of a rotation, rad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Angles {
-    /// Around x, first; all around.
+    /// Around x, first; a full turn.
     pub pitch_rad: f64,
     /// Around y, second; from -pi/2 to pi/2.
     pub yaw_rad: f64,
-    /// Around z, last; all around.
+    /// Around z, last; a full turn.
     pub roll_rad: f64,
 }
 
 impl Angles {
     /// The angles of a rotation.
-    pub fn of(view_from_shape: DMat3) -> Self {
+    pub fn from_rotation(view_from_shape: DMat3) -> Self {
         // The third row is (-sin yaw, sin pitch cos yaw, cos pitch cos yaw), the first column (cos roll cos yaw, sin
         // roll cos yaw, -sin yaw).
         let towards = view_from_shape.row(2);
@@ -38,7 +38,7 @@ impl Angles {
         }
     }
 
-    /// The rotation of the angles, `view_from_shape`.
+    /// The rotation with these angles, `view_from_shape`.
     pub fn matrix(self) -> DMat3 {
         DMat3::from_rotation_z(self.roll_rad)
             * DMat3::from_rotation_y(self.yaw_rad)
@@ -46,16 +46,16 @@ impl Angles {
     }
 }
 
-/// How angles become numbers of tiles.
+/// Rounding of angles to tiles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rounding {
-    /// To the next tile above, as published.
+    /// Up to the next tile, as published.
     Up,
     /// To the nearest tile.
     Nearest,
 }
 
-/// The tile of the angles, in an atlas of `tiles` x `tiles`.
+/// The tile for the angles, in an atlas of `tiles` x `tiles`.
 pub fn tile(angles: Angles, tiles: u32, rounding: Rounding) -> AtlasTile {
     let index = |angle_rad: f64| {
         let place = angle_rad * f64::from(tiles) / TAU;
@@ -68,29 +68,29 @@ pub fn tile(angles: Angles, tiles: u32, rounding: Rounding) -> AtlasTile {
     AtlasTile { column: index(angles.pitch_rad), row: index(angles.yaw_rad) }
 }
 
-/// How a tile is seen.
+/// Axes of a tile.
 pub fn axes(tile: AtlasTile, tiles: u32) -> TileAxes {
     let angle = |index: u32| TAU * f64::from(index) / f64::from(tiles);
     let turned = Angles { pitch_rad: angle(tile.column), yaw_rad: angle(tile.row), roll_rad: 0.0 }.matrix();
     TileAxes { right: turned.row(0), up: turned.row(1), direction: turned.row(2) }
 }
 
-/// Number of tiles that are ever shown: yaw is at most a quarter turn either way. The row of the lowest yaw is shown at
-/// that very angle only if angles are rounded up.
+/// Number of tiles that can be displayed: yaw is at most a quarter turn in either direction. The row of the lowest yaw is displayed at
+/// exactly that angle only if angles are rounded up.
 pub fn reachable(tiles: u32) -> u32 {
     let quarter = (f64::from(tiles) / 4.0).ceil() as i64;
     let lowest = (-f64::from(tiles) / 4.0).ceil() as i64;
     tiles * ((quarter - lowest + 1) as u32).min(tiles)
 }
 
-/// How far pitch and roll swing, rad, when an asteroid whose yaw is `from_pole_rad` short of a quarter turn is tilted
-/// by `tilt_rad` across: around the axis that does not change its yaw.
+/// Change of pitch and roll, rad, when an asteroid whose yaw is `from_pole_rad` from a quarter turn is tilted
+/// by `tilt_rad` around the axis that does not change its yaw.
 pub fn pole_swing_rad(from_pole_rad: f64, tilt_rad: f64) -> [f64; 2] {
     let before = Angles { pitch_rad: 0.3, yaw_rad: 0.5 * PI - from_pole_rad, roll_rad: -0.4 };
-    // The direction to the eye moves towards y of the frame in which only the yaw is left.
+    // The direction to the eye moves towards y of the frame with only the yaw.
     let middle = DMat3::from_rotation_z(before.roll_rad);
     let axis = middle * DVec3::X;
-    let after = Angles::of(DMat3::from_axis_angle(axis, tilt_rad) * before.matrix());
+    let after = Angles::from_rotation(DMat3::from_axis_angle(axis, tilt_rad) * before.matrix());
     let swing = |a: f64, b: f64| (b - a + PI).rem_euclid(TAU) - PI;
     [swing(before.pitch_rad, after.pitch_rad).abs(), swing(before.roll_rad, after.roll_rad).abs()]
 }

@@ -1,13 +1,13 @@
-//! Which tile of an atlas stands in for an asteroid, and how wrong it is. f64, pure.
+//! The tile of an atlas that replaces an asteroid, and its error. Pure f64 functions.
 //!
-//! A tile is an orthographic picture of the shape, seen from one direction: *direction* points from the shape to the
+//! A tile is an orthographic picture of the shape from one direction. *direction* points from the shape to the
 //! eye, *right* and *up* are the picture's axes, all in the shape's axes, right x up = direction. View axes are +x
-//! right, +y up, looking along -z. `view_from_shape` is the rotation of the asteroid as the view sees it, *to the eye*
-//! the unit vector from the asteroid to the eye; in the middle of a view that is +z.
+//! right, +y up, looking along -z. `view_from_shape` is the apparent rotation of the asteroid in the view, *to the eye*
+//! the unit vector from the asteroid to the eye; at the centre of a view that is +z.
 //!
-//! - `euler` holds the published choice, by the camera's orientation;
-//! - `octahedral` the choice by the eye's place, of one tile or of three;
-//! - [`super::bounds`] turns their errors into distances.
+//! - `euler` has the published choice, by the camera's orientation;
+//! - `octahedral` has the choice of one or three tiles by the eye's position;
+//! - [`super::bounds`] converts their errors to distances.
 
 pub mod euler;
 pub mod octahedral;
@@ -19,7 +19,7 @@ use glam::{DMat3, DQuat, DVec3};
 use self::euler::Rounding;
 use super::ImpostorMethod;
 
-/// A tile of an atlas, from the top left.
+/// Position of a tile in an atlas, from the top left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
 pub struct AtlasTile {
     /// Column.
@@ -28,7 +28,7 @@ pub struct AtlasTile {
     pub row: u32,
 }
 
-/// How a tile's picture was taken: unit vectors in the shape's axes.
+/// Axes of a tile's picture: unit vectors in the shape's axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TileAxes {
     /// To the right of the picture.
@@ -40,16 +40,16 @@ pub struct TileAxes {
 }
 
 impl TileAxes {
-    /// Rotation from the picture's axes (right, up, towards the eye) to the shape's.
+    /// Rotation from the picture's axes (right, up, towards the eye) to those of the shape.
     pub fn shape_from_tile(&self) -> DMat3 {
         DMat3::from_cols(self.right, self.up, self.direction)
     }
 }
 
-/// What the tiles of an atlas show.
+/// Arrangement of the tiles of an atlas.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AtlasLayout {
-    /// Columns are pitch, rows are yaw, both all around.
+    /// Columns are pitch, rows are yaw, both over a full turn.
     Euler,
     /// The octahedral map of the sphere of directions.
     Octahedral,
@@ -61,8 +61,8 @@ named!(AtlasLayout {
 });
 
 impl AtlasLayout {
-    /// The layout that a method reads; `None` for methods without an atlas.
-    pub fn of(method: ImpostorMethod) -> Option<Self> {
+    /// The layout of a method; `None`: the method has no atlas.
+    pub fn for_method(method: ImpostorMethod) -> Option<Self> {
         match method.chosen() {
             ImpostorMethod::EulerAtlas => Some(Self::Euler),
             ImpostorMethod::Octahedral | ImpostorMethod::OctahedralBlend | ImpostorMethod::OctahedralSplat => {
@@ -72,7 +72,7 @@ impl AtlasLayout {
         }
     }
 
-    /// How a tile is seen, in an atlas of `tiles` x `tiles`.
+    /// Axes of a tile, in an atlas of `tiles` x `tiles`.
     pub fn axes(self, tile: AtlasTile, tiles: u32) -> TileAxes {
         match self {
             Self::Euler => euler::axes(tile, tiles),
@@ -81,8 +81,8 @@ impl AtlasLayout {
     }
 }
 
-/// The tiles that a method shows and their weights, which add up to 1; tiles of no weight fill up the three. `None` for
-/// methods without an atlas. `to_eye` in view axes.
+/// The tiles that a method draws and their weights, which add up to 1; unused ones of the three have weight 0. `None`: the method
+/// has no atlas. `to_eye` in view axes.
 pub fn tiles_shown(
     method: ImpostorMethod,
     view_from_shape: DMat3,
@@ -92,7 +92,9 @@ pub fn tiles_shown(
     let one = |tile: AtlasTile| [(tile, 1.0), (tile, 0.0), (tile, 0.0)];
     let direction = view_from_shape.transpose() * to_eye;
     match method.chosen() {
-        ImpostorMethod::EulerAtlas => Some(one(euler::tile(euler::Angles::of(view_from_shape), tiles, Rounding::Up))),
+        ImpostorMethod::EulerAtlas => {
+            Some(one(euler::tile(euler::Angles::from_rotation(view_from_shape), tiles, Rounding::Up)))
+        }
         ImpostorMethod::Octahedral => Some(one(octahedral::nearest(direction, tiles))),
         ImpostorMethod::OctahedralBlend | ImpostorMethod::OctahedralSplat => {
             Some(octahedral::blended(direction, tiles))
@@ -101,9 +103,9 @@ pub fn tiles_shown(
     }
 }
 
-/// How a picture of one tile lies in the view: rotation from the shape's axes to view axes as the tile shows them. The
-/// published method turns the tile by the roll in the image plane; the others turn it the shortest way until it faces
-/// the eye, which is what projecting the tile's axes on the plane across the line of sight gives.
+/// Rotation from the shape's axes to view axes as displayed by one tile. The
+/// published method rotates the tile by the roll in the image plane. The others rotate it by the shortest way until it faces
+/// the eye, which is equivalent to projecting the tile's axes onto the plane across the line of sight.
 pub fn shown_view_from_shape(
     method: ImpostorMethod,
     tile: AtlasTile,
@@ -111,11 +113,11 @@ pub fn shown_view_from_shape(
     to_eye: DVec3,
     tiles: u32,
 ) -> Option<DMat3> {
-    let layout = AtlasLayout::of(method)?;
+    let layout = AtlasLayout::for_method(method)?;
     let axes = layout.axes(tile, tiles);
     Some(match layout {
         AtlasLayout::Euler => {
-            let roll = euler::Angles::of(view_from_shape).roll_rad;
+            let roll = euler::Angles::from_rotation(view_from_shape).roll_rad;
             DMat3::from_rotation_z(roll) * axes.shape_from_tile().transpose()
         }
         AtlasLayout::Octahedral => {
@@ -124,31 +126,31 @@ pub fn shown_view_from_shape(
     })
 }
 
-/// Angle between the direction that a method shows and the true one, rad. Of a blend: of the weighted mean direction.
+/// Angle between the displayed direction and the true one, rad. For a blend: of the weighted mean direction.
 pub fn direction_error_rad(method: ImpostorMethod, view_from_shape: DMat3, to_eye: DVec3, tiles: u32) -> Option<f64> {
-    let layout = AtlasLayout::of(method)?;
-    let shown: DVec3 = tiles_shown(method, view_from_shape, to_eye, tiles)?
+    let layout = AtlasLayout::for_method(method)?;
+    let displayed: DVec3 = tiles_shown(method, view_from_shape, to_eye, tiles)?
         .iter()
         .map(|(tile, weight)| *weight * layout.axes(*tile, tiles).direction)
         .sum();
-    Some(angle_between_rad(shown, view_from_shape.transpose() * to_eye))
+    Some(angle_between_rad(displayed, view_from_shape.transpose() * to_eye))
 }
 
-/// Angle of the rotation between what a method shows and the truth, rad: direction and turn in the picture. Of a blend:
-/// of its heaviest tile.
+/// Angle of the rotation between the displayed and the true orientation, rad: direction and rotation in the picture. For a blend:
+/// of the tile with the greatest weight.
 pub fn orientation_error_rad(method: ImpostorMethod, view_from_shape: DMat3, to_eye: DVec3, tiles: u32) -> Option<f64> {
-    let shown = tiles_shown(method, view_from_shape, to_eye, tiles)?;
-    let heaviest = shown.iter().fold(shown[0], |best, next| if next.1 > best.1 { *next } else { best }).0;
+    let displayed = tiles_shown(method, view_from_shape, to_eye, tiles)?;
+    let heaviest = displayed.iter().fold(displayed[0], |best, next| if next.1 > best.1 { *next } else { best }).0;
     let picture = shown_view_from_shape(method, heaviest, view_from_shape, to_eye, tiles)?;
-    // What lies in the image plane is seen as if the eye were before it; off the axis it is not.
-    let true_picture = match AtlasLayout::of(method)? {
+    // A picture in the image plane is seen as if the eye were in front of it, which is wrong off the axis.
+    let true_picture = match AtlasLayout::for_method(method)? {
         AtlasLayout::Euler => DMat3::from_quat(DQuat::from_rotation_arc(to_eye, DVec3::Z)) * view_from_shape,
         AtlasLayout::Octahedral => view_from_shape,
     };
     Some(rotation_angle_rad(picture, true_picture))
 }
 
-/// Number of tiles that any orientation can show, those included that only an exact pole shows.
+/// Number of tiles that any orientation can display, including those for an exact pole only.
 pub fn reachable_tiles(layout: AtlasLayout, tiles: u32) -> u32 {
     match layout {
         AtlasLayout::Euler => euler::reachable(tiles),
@@ -156,12 +158,12 @@ pub fn reachable_tiles(layout: AtlasLayout, tiles: u32) -> u32 {
     }
 }
 
-/// Angle between two vectors that are not null, rad, also where the cosine would cancel.
+/// Angle between two non-zero vectors, rad; accurate also if the cosine would cancel.
 pub fn angle_between_rad(a: DVec3, b: DVec3) -> f64 {
     a.cross(b).length().atan2(a.dot(b))
 }
 
-/// Angle of the rotation that leads from one orientation to another, rad.
+/// Angle of the rotation from one orientation to another, rad.
 pub fn rotation_angle_rad(from: DMat3, to: DMat3) -> f64 {
     let turn = DQuat::from_mat3(&(to * from.transpose()));
     2.0 * turn.xyz().length().atan2(turn.w.abs())

@@ -1,28 +1,28 @@
-//! The octahedral map: the sphere of directions on a square of tiles, without singular points and with all tiles in
-//! use.
+//! The octahedral map: the sphere of directions on a square of tiles, without singular points and without unused
+//! tiles.
 //!
-//! A direction is divided by the sum of its absolute coordinates, which puts it on an octahedron; the upper half is
+//! A direction is divided by the sum of its absolute coordinates, which maps it onto an octahedron; the upper half is
 //! seen from above, the four lower faces fold out to the corners (Meyer, Suessmuth, Sussner, Stamminger, Greiner: "On
-//! floating-point normal vectors", 2010). Tile centres lie half a tile inside of the border. Over a border the map goes
-//! on at the mirrored place of the same border, and around a corner at the other three.
+//! floating-point normal vectors", 2010). Tile centres are half a tile inside the border. Beyond a border the map
+//! continues at the mirrored position of the same border, and beyond a corner at the other three.
 //!
 //! Three tiles are blended by the corners of a triangle of the grid of tile centres. A face of the octahedron is flat
-//! on the map and cut into equilateral triangles if cells are cut along the fold between upper and lower faces; cells
-//! over a border are cut in one direction, which is the same for the cell as seen from either side. Weights are linear
+//! on the map and divided into equilateral triangles if cells are divided along the fold between upper and lower faces; cells
+//! across a border are divided in one direction, which is the same for the cell as seen from either side. Weights are linear
 //! between two tiles on every edge of the grid, so they are continuous everywhere.
 
 use glam::{DVec2, DVec3};
 
 use super::{AtlasTile, TileAxes};
 
-/// The place of a direction (any length but 0) on the map, from -1 to 1 each way.
+/// Position of a direction (any length but 0) on the map, from -1 to 1 along both axes.
 pub fn encode(direction: DVec3) -> DVec2 {
     let sum = direction.abs().element_sum();
     let p = direction.truncate() / sum;
     if direction.z >= 0.0 { p } else { (DVec2::ONE - DVec2::new(p.y.abs(), p.x.abs())) * sign(p) }
 }
 
-/// The unit direction of a place.
+/// Unit direction of a position.
 pub fn decode(place: DVec2) -> DVec3 {
     let z = 1.0 - place.x.abs() - place.y.abs();
     let p = if z >= 0.0 { place } else { (DVec2::ONE - DVec2::new(place.y.abs(), place.x.abs())) * sign(place) };
@@ -34,12 +34,12 @@ fn sign(p: DVec2) -> DVec2 {
     DVec2::new(if p.x >= 0.0 { 1.0 } else { -1.0 }, if p.y >= 0.0 { 1.0 } else { -1.0 })
 }
 
-/// The place of the middle of a tile.
+/// Position of the centre of a tile.
 pub fn middle(tile: AtlasTile, tiles: u32) -> DVec2 {
     (DVec2::new(f64::from(tile.column), f64::from(tile.row)) + 0.5) * (2.0 / f64::from(tiles)) - 1.0
 }
 
-/// The tile in whose square a direction lies.
+/// The tile whose square contains a direction.
 pub fn nearest(direction: DVec3, tiles: u32) -> AtlasTile {
     let index = |place: f64| (((place + 1.0) * 0.5 * f64::from(tiles)).floor().max(0.0) as u32).min(tiles - 1);
     let place = encode(direction);
@@ -53,23 +53,23 @@ pub fn blended(direction: DVec3, tiles: u32) -> [(AtlasTile, f64); 3] {
     let cell = [grid.x, grid.y].map(|along| (along.floor() as i64).clamp(-1, n - 1));
     let fx = (grid.x - cell[0] as f64).clamp(0.0, 1.0);
     let fy = (grid.y - cell[1] as f64).clamp(0.0, 1.0);
-    let at = |x: i64, y: i64| wrapped(cell[0] + x, cell[1] + y, n);
+    let tile_at = |x: i64, y: i64| wrapped(cell[0] + x, cell[1] + y, n);
     let over_border = cell.iter().any(|along| *along < 0 || *along >= n - 1);
     let falling = !over_border && (2 * cell[0] + 2 - n) * (2 * cell[1] + 2 - n) > 0;
     if falling {
         if fx + fy <= 1.0 {
-            [(at(0, 0), 1.0 - fx - fy), (at(1, 0), fx), (at(0, 1), fy)]
+            [(tile_at(0, 0), 1.0 - fx - fy), (tile_at(1, 0), fx), (tile_at(0, 1), fy)]
         } else {
-            [(at(1, 1), fx + fy - 1.0), (at(1, 0), 1.0 - fy), (at(0, 1), 1.0 - fx)]
+            [(tile_at(1, 1), fx + fy - 1.0), (tile_at(1, 0), 1.0 - fy), (tile_at(0, 1), 1.0 - fx)]
         }
     } else if fx >= fy {
-        [(at(0, 0), 1.0 - fx), (at(1, 0), fx - fy), (at(1, 1), fy)]
+        [(tile_at(0, 0), 1.0 - fx), (tile_at(1, 0), fx - fy), (tile_at(1, 1), fy)]
     } else {
-        [(at(0, 0), 1.0 - fy), (at(0, 1), fy - fx), (at(1, 1), fx)]
+        [(tile_at(0, 0), 1.0 - fy), (tile_at(0, 1), fy - fx), (tile_at(1, 1), fx)]
     }
 }
 
-/// The tile of a place of the grid, which may lie one step beyond a border.
+/// The tile at a position of the grid, which may be one step beyond a border.
 fn wrapped(mut column: i64, mut row: i64, n: i64) -> AtlasTile {
     if column < 0 || column >= n {
         column = column.clamp(0, n - 1);
@@ -82,8 +82,8 @@ fn wrapped(mut column: i64, mut row: i64, n: i64) -> AtlasTile {
     AtlasTile { column: column as u32, row: row as u32 }
 }
 
-/// How a tile is seen: right and up by Duff et al., "Building an orthonormal basis, revisited", JCGT 6 (2017). These
-/// axes flip where z changes its sign, and the middles of many tiles lie at z = 0: the sign is found in whole numbers,
+/// Axes of a tile: right and up by Duff et al., "Building an orthonormal basis, revisited", JCGT 6 (2017). These
+/// axes flip where z changes its sign, and the centres of many tiles are at z = 0: the sign is computed with integers,
 /// so that it is the same in any precision.
 pub fn axes(tile: AtlasTile, tiles: u32) -> TileAxes {
     let count = i64::from(tiles);

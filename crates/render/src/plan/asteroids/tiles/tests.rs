@@ -12,13 +12,13 @@ use super::{
 
 const N: u32 = 32;
 
-/// Numbers spread evenly over 0 to 1: the additive recurrence of the plastic number's generalisation (Roberts 2018).
+/// Numbers evenly distributed over 0 to 1: the additive recurrence of the plastic number's generalisation (Roberts 2018).
 fn spread(i: u32, axis: i32) -> f64 {
     let g: f64 = 1.220_744_084_605_759_6;
     (0.5 + f64::from(i) * g.powi(-axis)).fract()
 }
 
-/// Rotations evenly spread (Shoemake 1992).
+/// Evenly distributed rotations (Shoemake 1992).
 fn rotations(count: u32) -> impl Iterator<Item = DMat3> {
     (0..count).map(|i| {
         let (u, v, w) = (spread(i, 1), spread(i, 2) * std::f64::consts::TAU, spread(i, 3) * std::f64::consts::TAU);
@@ -38,32 +38,32 @@ fn mean_and_max(angles: impl Iterator<Item = f64>) -> [f64; 2] {
 
 fn euler_errors(rounding: Rounding) -> [f64; 2] {
     mean_and_max(rotations(100_000).map(|view_from_shape| {
-        let tile = euler::tile(Angles::of(view_from_shape), N, rounding);
+        let tile = euler::tile(Angles::from_rotation(view_from_shape), N, rounding);
         angle_between_rad(euler::axes(tile, N).direction, view_from_shape.row(2))
     }))
 }
 
 #[test]
-fn euler_angles_without_rounding_give_the_picture_in_the_middle() {
+fn euler_angles_without_rounding_give_the_exact_picture_at_the_centre() {
     for view_from_shape in rotations(1000) {
-        let angles = Angles::of(view_from_shape);
+        let angles = Angles::from_rotation(view_from_shape);
         assert!(angles.matrix().abs_diff_eq(view_from_shape, 1e-12));
     }
-    // A tile's picture turned by the roll is the shape's, where the angles are a tile's.
+    // For the angles of a tile, the tile's picture turned by the roll is that of the shape.
     for (column, row) in [(0, 0), (3, 5), (31, 29), (17, 2)] {
         let tile = AtlasTile { column, row };
         for roll in [0.0, 1.0, -2.5] {
             let view_from_shape = DMat3::from_rotation_z(roll) * euler::axes(tile, N).shape_from_tile().transpose();
-            // Half a step lower, so that rounding up lands on the tile whatever the last digit is.
-            assert_eq!(euler::tile(Angles::of(view_from_shape), N, Rounding::Nearest), tile);
-            let shown = shown_view_from_shape(EulerAtlas, tile, view_from_shape, DVec3::Z, N).unwrap();
-            assert!(rotation_angle_rad(shown, view_from_shape) < 1e-7);
+            // Half a step lower, so that rounding up selects the tile regardless of the last digit.
+            assert_eq!(euler::tile(Angles::from_rotation(view_from_shape), N, Rounding::Nearest), tile);
+            let displayed = shown_view_from_shape(EulerAtlas, tile, view_from_shape, DVec3::Z, N).unwrap();
+            assert!(rotation_angle_rad(displayed, view_from_shape) < 1e-7);
         }
     }
 }
 
 #[test]
-fn the_published_choice_errs_as_measured() {
+fn the_published_choice_has_the_measured_error() {
     let up = euler_errors(Rounding::Up);
     let nearest = euler_errors(Rounding::Nearest);
     println!("euler_atlas, direction error: up {up:.2?} deg, nearest {nearest:.2?} deg (mean, max)");
@@ -77,16 +77,20 @@ fn the_published_choice_errs_as_measured() {
 }
 
 #[test]
-fn about_half_of_the_published_tiles_are_ever_shown() {
-    let shown = |rounding| -> BTreeSet<AtlasTile> {
+fn only_about_half_of_the_published_tiles_can_be_displayed() {
+    let displayed = |rounding| -> BTreeSet<AtlasTile> {
         let poles = (0..64).map(|i| Angles {
             pitch_rad: 0.1 * f64::from(i),
             yaw_rad: -0.5 * std::f64::consts::PI,
             roll_rad: 0.0,
         });
-        rotations(200_000).map(Angles::of).chain(poles).map(|angles| euler::tile(angles, N, rounding)).collect()
+        rotations(200_000)
+            .map(Angles::from_rotation)
+            .chain(poles)
+            .map(|angles| euler::tile(angles, N, rounding))
+            .collect()
     };
-    let (up, nearest) = (shown(Rounding::Up), shown(Rounding::Nearest));
+    let (up, nearest) = (displayed(Rounding::Up), displayed(Rounding::Nearest));
     println!("euler_atlas: {} tiles rounding up, {} nearest, of {}", up.len(), nearest.len(), N * N);
     assert_eq!((up.len(), nearest.len()), (544, 544));
     assert_eq!(reachable_tiles(AtlasLayout::Euler, N), 544);
@@ -95,7 +99,7 @@ fn about_half_of_the_published_tiles_are_ever_shown() {
 }
 
 #[test]
-fn near_the_published_poles_pitch_and_roll_swing() {
+fn near_the_published_poles_pitch_and_roll_change_fast() {
     let tilt = 0.06_f64.to_radians();
     for from_pole_deg in [0.01_f64, 0.1, 0.129, 1.0, 10.0] {
         let [pitch, roll] = euler::pole_swing_rad(from_pole_deg.to_radians(), tilt).map(f64::to_degrees);
@@ -110,7 +114,7 @@ fn near_the_published_poles_pitch_and_roll_swing() {
 }
 
 #[test]
-fn the_octahedral_choices_err_as_measured() {
+fn the_octahedral_choices_have_the_measured_errors() {
     let error = |method| mean_and_max(rotations(100_000).map(|v| direction_error_rad(method, v, DVec3::Z, N).unwrap()));
     let (one, three) = (error(Octahedral), error(OctahedralBlend));
     println!("octahedral: {one:.3?} deg; octahedral_blend: {three:.3?} deg (mean, max)");
@@ -121,7 +125,7 @@ fn the_octahedral_choices_err_as_measured() {
 }
 
 #[test]
-fn the_map_is_the_inverse_of_itself_and_axes_are_right_handed() {
+fn the_map_is_invertible_and_axes_are_right_handed() {
     for v in rotations(5000) {
         let d = v.row(2);
         assert!(octahedral::decode(octahedral::encode(d)).abs_diff_eq(d, 1e-12));
@@ -134,7 +138,7 @@ fn the_map_is_the_inverse_of_itself_and_axes_are_right_handed() {
             let tile = AtlasTile { column: index % N, row: index / N };
             let middle = octahedral::decode(octahedral::middle(tile, N));
             assert!(layout == AtlasLayout::Euler || middle.abs_diff_eq(axes.direction, 1e-12));
-            // A tile on the fold has the frame of the upper half, whatever rounding makes of z = 0.
+            // A tile on the fold has the frame of the upper half, however rounding changes z = 0.
             let on_fold = layout == AtlasLayout::Octahedral && axes.direction.z.abs() < 1e-9;
             assert!(!on_fold || axes.right.x >= 0.0 && axes.direction.z == 0.0);
         }
@@ -167,11 +171,11 @@ fn weights_are_continuous_over_cells_octants_and_borders() {
     for tiles in [4, 7, 32] {
         let step = 1e-3;
         let jump = weight_jump(|d| octahedral::blended(d, tiles), step);
-        // A weight goes from 0 to 1 over a tile; tiles are smallest near the corners of a face, half as wide as in its
-        // middle.
+        // A weight goes from 0 to 1 over a tile; tiles are smallest near the corners of a face, half as wide as at its
+        // centre.
         assert!(jump < 1.5 * step * f64::from(tiles), "{tiles}: {jump}");
     }
-    // One tile at a time jumps, and so does a blend that goes around at a border instead of to the mirrored place.
+    // A single tile jumps, and so does a blend that wraps around at a border instead of mirroring.
     let around = |d: DVec3| {
         let wrong =
             |t: AtlasTile| AtlasTile { column: t.column, row: if t.column == N - 1 { N - 1 - t.row } else { t.row } };
@@ -186,16 +190,16 @@ fn weights_are_continuous_over_cells_octants_and_borders() {
 }
 
 #[test]
-fn choosing_by_orientation_errs_by_the_whole_angle_off_the_axis() {
+fn a_choice_by_orientation_has_the_whole_angle_off_the_axis_as_its_error() {
     let off_axis = 35.0_f64.to_radians();
     let to_eye = DVec3::new(-off_axis.sin(), 0.0, off_axis.cos());
-    // Orientations that the atlas holds exactly: what is left is the method's own.
+    // Orientations that the atlas contains exactly, so the remaining error is the method's.
     let worst = (0..8)
         .map(|i| {
             let tile = AtlasTile { column: 3 * i, row: i };
             let v = DMat3::from_rotation_z(0.7) * euler::axes(tile, N).shape_from_tile().transpose();
-            let shown = euler::axes(tile, N).direction;
-            angle_between_rad(shown, v.transpose() * to_eye)
+            let displayed = euler::axes(tile, N).direction;
+            angle_between_rad(displayed, v.transpose() * to_eye)
         })
         .fold(0.0_f64, |worst, error| worst.max((error - off_axis).abs()));
     assert!(worst < 1e-9, "{worst}");
@@ -207,7 +211,7 @@ fn choosing_by_orientation_errs_by_the_whole_angle_off_the_axis() {
 
 #[test]
 fn squares_in_the_image_plane_shrink_off_the_axis() {
-    // Angle that a small square spans across, parallel to the image plane, over that of one that faces the eye.
+    // Angle across a small square parallel to the image plane, relative to one that faces the eye.
     let spanned = |off_axis: f64, along: DVec3| {
         let centre = 1e3 * DVec3::new(off_axis.sin(), 0.0, -off_axis.cos());
         angle_between_rad(centre - 0.5 * along, centre + 0.5 * along) * 1e3
@@ -221,22 +225,22 @@ fn squares_in_the_image_plane_shrink_off_the_axis() {
 }
 
 #[test]
-fn turning_the_head_changes_nothing_of_ours_and_much_of_the_published() {
-    // The same asteroid from the same place, by a head that is turned.
+fn turning_the_head_changes_only_the_published_choice() {
+    // The same asteroid from the same position, with the head turned.
     let to_eye = DVec3::new(0.3, -0.2, 0.9).normalize();
     for (view_from_shape, head) in rotations(300).zip(rotations(600).skip(300)) {
         for method in [Octahedral, OctahedralBlend] {
             let before = tiles_shown(method, view_from_shape, to_eye, N).unwrap();
             let after = tiles_shown(method, head * view_from_shape, head * to_eye, N).unwrap();
             assert!(before.iter().zip(&after).all(|(a, b)| a.0 == b.0 && (a.1 - b.1).abs() < 1e-9));
-            let shown = |v, e| shown_view_from_shape(method, before[0].0, v, e, N).unwrap();
-            let turned = shown(head * view_from_shape, head * to_eye);
-            assert!(rotation_angle_rad(turned, head * shown(view_from_shape, to_eye)) < 1e-7);
+            let displayed = |v, e| shown_view_from_shape(method, before[0].0, v, e, N).unwrap();
+            let turned = displayed(head * view_from_shape, head * to_eye);
+            assert!(rotation_angle_rad(turned, head * displayed(view_from_shape, to_eye)) < 1e-7);
         }
     }
     let yaw = DMat3::from_rotation_y(0.5);
     let changed = rotations(300).filter(|v| {
-        let tile = |v: DMat3| euler::tile(Angles::of(v), N, Rounding::Up);
+        let tile = |v: DMat3| euler::tile(Angles::from_rotation(v), N, Rounding::Up);
         tile(*v) != tile(yaw * *v)
     });
     assert!(changed.count() > 250);

@@ -1,4 +1,4 @@
-//! The stars gathered into the cells of a cube in world axes: their light and where its middle stands.
+//! Bins the stars into the cells of a cube in world axes: their light and its centroid.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -16,21 +16,21 @@ use crate::{
     view::projection::Face,
 };
 
-/// Chunks that one thread gathers at a time, and such groups at most: they and not the number of threads say in which order
-/// light adds up.
+/// Number of chunks that one thread bins at a time, and maximum number of such groups: these determine the order of the sum,
+/// not the number of threads.
 const GROUP_CHUNKS: usize = 64;
 const MOST_GROUPS: usize = 16;
 
 /// The light of a part of the sky.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell {
-    /// Unit vector to the middle of its light; to the middle of the cell where it is dark.
+    /// Unit vector to the centroid of its light; to the centre of the cell if it is dark.
     pub direction: DVec3,
     /// Linear Rec. 709, lx.
     pub light: [f64; 3],
 }
 
-/// Number of the cell that holds a direction (of any length but 0), faces with `cells` along an edge; row by row from the top
+/// Index of the cell that contains a direction (of any length but 0), for faces with `cells` along an edge; row by row from the top
 /// left of each face.
 pub fn cell_of(direction: DVec3, cells: u32) -> usize {
     let size = direction.abs();
@@ -49,7 +49,7 @@ pub fn cell_of(direction: DVec3, cells: u32) -> usize {
     (face as usize * cells as usize + row) * cells as usize + column
 }
 
-/// Unit vector to the middle of a cell.
+/// Unit vector to the centre of a cell.
 pub fn direction_of_cell(index: usize, cells: u32) -> DVec3 {
     let n = cells as usize;
     let (face, row, column) = (index / (n * n), index / n % n, index % n);
@@ -72,19 +72,19 @@ impl Moments {
     }
 }
 
-/// The stars that glare.
+/// Stars that scatter light.
 pub(super) struct Sky<'a> {
     pub set: &'a StarSet,
     pub visible: &'a [VisibleChunk],
     pub motion: Option<Motion>,
     pub local_sky: Option<&'a LocalSky>,
     pub faintest_lx: f64,
-    /// Nearer stars are every eye's own, pc.
+    /// Nearer stars have a separate direction for each eye, pc.
     pub near_pc: f64,
 }
 
 impl Sky<'_> {
-    /// Stars of a chunk that may glare: place relative to the camera, pc.
+    /// Stars of a chunk that may scatter light: position relative to the camera, pc.
     fn stars(&self, visible: &VisibleChunk) -> impl Iterator<Item = (DVec3, &PackedStar)> {
         near_stars(self.set, &self.set.chunks[visible.chunk], visible.origin_pc).take(visible.count as usize)
     }
@@ -94,11 +94,11 @@ impl Sky<'_> {
     }
 
     fn source(&self, place_pc: DVec3, star: &PackedStar) -> Option<Source> {
-        Source::of(place_pc, star, self.motion, self.local_sky)
+        Source::at_position(place_pc, star, self.motion, self.local_sky)
             .filter(|source| source.illuminance_lx >= self.faintest_lx)
     }
 
-    /// The cells of all stars but the near ones, and those.
+    /// Cells of all stars except the near ones, and the near stars.
     pub(super) fn gather(&self, cells: u32) -> (Vec<Cell>, Vec<NearStar>) {
         let per_group = self.visible.len().div_ceil(MOST_GROUPS).max(GROUP_CHUNKS);
         let groups: Vec<_> = self
@@ -126,7 +126,7 @@ impl Sky<'_> {
             near.extend(near_of_group);
         }
         let light = |near: &NearStar| light_at(near.place_pc, &near.star, self.motion);
-        // Stable: the same order for the same stars.
+        // The sort is stable: the same order for the same stars.
         near.sort_by(|a, b| light(b).total_cmp(&light(a)));
         for NearStar { place_pc, star } in near.drain(near.len().min(MOST_NEAR)..) {
             if let Some(Source { direction, illuminance_lx, light }) = self.source(place_pc, &star) {
@@ -136,7 +136,7 @@ impl Sky<'_> {
         (finished(&sums, cells), near)
     }
 
-    /// How bright all stars but the near ones are.
+    /// Brightness of all stars except the near ones.
     pub(super) fn brightnesses(&self) -> Brightnesses {
         let per_group = self.visible.len().div_ceil(MOST_GROUPS).max(GROUP_CHUNKS);
         let of_group = |chunks: &[VisibleChunk]| {
@@ -155,7 +155,7 @@ impl Sky<'_> {
         groups.into_iter().reduce(add).unwrap_or_default()
     }
 
-    /// The sources that are drawn one by one.
+    /// Sources that are drawn individually.
     pub(super) fn sprites(&self, reach: &Reach, veil: &Veil) -> Vec<Sprite> {
         let least_lx = reach.least_lx(veil.least_hidden());
         self.visible

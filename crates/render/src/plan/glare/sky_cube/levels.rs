@@ -1,5 +1,5 @@
-//! The levels of the map: a kernel that ends at twice the angle within which it is smooth, and the whole sphere for the
-//! coarsest.
+//! Levels of the map: each has a kernel that ends at twice the angle over which it is smooth; the kernel of the coarsest covers the whole
+//! sphere.
 
 use super::{
     FINEST_CELLS, LEVELS,
@@ -19,15 +19,15 @@ pub const TABLE_ENTRIES: usize = 1024;
 pub struct Level {
     /// Cells along an edge of a face.
     pub edge_cells: u32,
-    /// The cells' light, face by face, row by row.
+    /// Light of the cells, face by face, row by row.
     pub cells: Vec<Cell>,
-    /// The kernel at squares of chords from 0 to `end_squared` in even steps, 1/sr.
+    /// Kernel at equidistant squares of chords from 0 to `end_squared`, 1/sr.
     pub table: Vec<f64>,
     /// Square of the chord at which the kernel ends.
     pub end_squared: f64,
 }
 
-/// The levels of a kernel, from the finest on.
+/// Levels of a kernel, the finest first.
 pub(super) fn of_kernel(kernel: &dyn GlareKernel, finest: Vec<Cell>) -> Vec<Level> {
     let soft: [SoftCore; LEVELS] = std::array::from_fn(|level| SoftCore::new(kernel, smooth_angle_rad(level)));
     let mut cells = vec![finest];

@@ -1,13 +1,12 @@
 //! The method `sky_cube`: glare as a convolution on the sphere, computed on the sky and not in pictures.
 //!
-//! The kernel is split (`photometry::glare::split`): what is smooth over some degrees comes from a map of the whole sky, a
-//! cube in world axes that all views of a frame share; the rest reaches no farther than those degrees and comes from the
-//! sources one by one, where a source is bright enough for it to be seen. So glare is round in the sky in every projection,
-//! has no seams, and a source that leaves the frame goes on glaring into it.
+//! The kernel is split (`photometry::glare::split`). The part that is smooth over some degrees comes from a map of the whole sky: a cube in
+//! world axes, shared by all views of a frame. The rest ends within those degrees and is added source by source, for sources bright enough
+//! to be visible. So glare is round on the sky in every projection, has no seams, and includes sources outside the picture.
 //!
-//! `cells` gathers the stars into cells of the sky, `sprites` chooses the sources that are drawn one by one, `levels` splits
-//! the kernel. All of it is a function of the scene, of the camera's place and motion and of the settings, not of where
-//! the views look: it is made once and serves until one of them changes. Units: lx, 1/sr, pc; directions in world axes.
+//! `cells` bins the stars into cells of the sky, `sprites` selects the sources that are drawn individually, `levels` splits the kernel. All
+//! results depend only on the scene, the position and motion of the camera and the settings, not on the orientation of the views, and are
+//! reused until one of these changes. Units: lx, 1/sr, pc; directions in world axes.
 
 mod cells;
 mod levels;
@@ -46,117 +45,117 @@ use crate::{
 
 /// Cells along an edge of a face of the finest level.
 pub const FINEST_CELLS: u32 = 64;
-/// Number of levels, each with half as many cells along an edge as the one before.
+/// Number of levels, each with half as many cells along an edge as the previous one.
 pub const LEVELS: usize = 3;
-/// The kernel of a level is smooth within this many of its cells, as wide as in the middle of a face.
+/// Width over which the kernel of a level is smooth, in cells of the level as wide as at the centre of a face.
 const SMOOTH_CELLS: f64 = 4.0;
-/// Radius of the bump that stands for the light near sources too faint to be drawn one by one, such cells.
+/// Radius of the bump that represents the light near sources too faint to be drawn individually, in the same cells.
 const BUMP_CELLS: f64 = 2.5;
-/// Pixels within which a picture cannot tell how light is spread. The light that pixels find in a core by sampling it depends on where in
-/// a pixel the source stands, the least at 1.55 pixels: 0.4 % of all that is scattered where pixels are 0.7 degrees wide, 1.3 % at 1.7
-/// pixels. Cores of 2 pixels and more would be as good, and smear light visibly.
+/// Width over which a picture cannot resolve the distribution of light, pixels. The light that pixels sample from a core depends on the
+/// position of the source within a pixel, least at 1.55 pixels: 0.4 % of the scattered light for pixels 0.7 degrees wide, 1.3 % at 1.7
+/// pixels. Cores of 2 pixels and more are equally accurate, but visibly smear light.
 const SHOWN_PIXELS: f64 = 1.52;
-/// A source is an eye's own where the eyes see it in directions that differ by more than this, rad.
+/// A source gets a separate direction for each eye if the directions differ by more than this, rad.
 const SHARED_PARALLAX_RAD: f64 = 1e-4;
 
-/// Stars that are the eyes' own at most: every pixel goes through all of them. Of more, as eyes parsecs apart have, the brightest.
+/// Maximum number of such stars, since every pixel evaluates all of them. If there are more, as for eyes parsecs apart, the brightest count.
 pub const MOST_NEAR: usize = 256;
 
-/// Angle that the kernel of a level is smooth within, rad.
+/// Angle over which the kernel of a level is smooth, rad.
 pub fn smooth_angle_rad(level: usize) -> f64 {
     SMOOTH_CELLS * 2.0 / f64::from(FINEST_CELLS >> level)
 }
 
-/// What the map of the sky depends on.
+/// Inputs of the map of the sky.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkyCubeSettings {
-    /// Place that the map is made for, near the camera's, ICRS, pc.
+    /// Position that the map is made for, near the camera, ICRS, pc.
     pub place_pc: DVec3,
-    /// Its motion.
+    /// Motion of the camera.
     pub motion: Option<Motion>,
-    /// The air and the ground around it; `None`: space.
+    /// Air and ground around the camera; `None`: space.
     pub local_sky: Option<Arc<LocalSky>>,
-    /// Fainter stars do not glare, lx.
+    /// Fainter stars do not scatter, lx.
     pub faintest_lx: f64,
-    /// Distance from there to the farthest eye, pc.
+    /// Distance from `place_pc` to the farthest eye, pc.
     pub farthest_eye_pc: f64,
-    /// By how much the veil may be off for what sources add to it where they are not drawn by themselves, relative.
+    /// Relative error of the veil that sources may cause together if they are not drawn individually.
     pub tolerance: f64,
-    /// What it may add at least, cd/m^2 as if all light were scattered: what a display image does not show; 0 for exact images.
+    /// Absolute error of the same, cd/m^2 as if all light were scattered: invisible in a display image; 0 for exact images.
     pub least_cd_m2: f64,
-    /// Angles of the pixels of the views, rad, rounded by [`pixel_class_rad`]; ascending, no two the same.
+    /// Pixel angles of the views, rad, rounded by [`pixel_class_rad`]; ascending and distinct.
     pub pixel_classes_rad: Vec<f64>,
 }
 
-/// Angle within which pixels cannot tell how light is spread, rad.
+/// Angle over which pixels cannot resolve the distribution of light, rad.
 fn shown_rad(pixel_rad: f64) -> f64 {
     (SHOWN_PIXELS * pixel_rad).min(std::f64::consts::PI)
 }
 
-/// The same for the pixels of a picture, by the size that stands for theirs.
+/// The same for the pixels of a picture, by their typical size.
 pub fn shown_rad_of(projection: &Projection) -> f64 {
     shown_rad(pixel_class_rad(projection.middle_pixel_rad()))
 }
 
-/// The angle that stands for a pixel's: up to 4.5 % larger, so that views that are much alike share a map and the core is hardly wider
-/// than it must be.
+/// Rounds a pixel angle up by at most 4.5 %, so that similar views share a map and the core is hardly wider
+/// than necessary.
 pub fn pixel_class_rad(pixel_rad: f64) -> f64 {
     (16.0 * pixel_rad.log2()).ceil().exp2().powf(0.0625)
 }
 
-/// Edge of the cubes of space that share a map, m: so large that neither a walk through a room nor a flight in a headset makes a
-/// map in every frame, and so small that it is far from all stars but the Sun.
+/// Edge of the cubes of space that share a map, m: large enough that neither a walk through a room nor the motion of a headset makes a
+/// new map in every frame, and small enough to be far from all stars but the Sun.
 pub const SHARED_CUBE_M: f64 = 1e9;
 
-/// The place that a map is made for: the middle of the cube that the camera is in, pc. A camera at the origin is in the middle.
+/// Position that a map is made for: the centre of the camera's cube, pc. A camera at the origin is at a centre.
 pub fn map_place_pc(camera_pc: DVec3) -> DVec3 {
     let cube_pc = SHARED_CUBE_M / PARSEC_M;
     (camera_pc / cube_pc).round() * cube_pc
 }
 
-/// The distance that stands for that of the farthest eye from the map's place, m: up to 29 % larger, so that what a turning head
-/// changes by rounding changes no map. No class is smaller than the farthest camera of a cube has. Powers of e are no distance that
-/// anyone sets, so none stands on the border of two classes.
+/// Rounds the distance of the farthest eye from the map's position up by at most 29 %, m, so that rounding errors of a turning head do not
+/// change the map. The smallest class covers the farthest camera of a cube. Powers of e are unlikely as configured distances, so no
+/// configuration is at the border of two classes.
 pub fn eye_class_m(farthest_eye_m: f64) -> f64 {
     (((4.0 * farthest_eye_m.max(SHARED_CUBE_M).ln() - 0.5).ceil() + 0.5) / 4.0).exp()
 }
 
-/// A star so near that every eye sees it elsewhere.
+/// A star so near that each eye sees it in another direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearStar {
-    /// Place relative to the map's, pc.
+    /// Position relative to the map's, pc.
     pub place_pc: DVec3,
     /// Its light.
     pub star: PackedStar,
 }
 
-/// How views of one size of pixels draw the sources one by one.
+/// Individual sources, as views with one size of pixels draw them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PixelClass {
-    /// The kernel as such pixels show it.
+    /// The kernel as displayed by such pixels.
     pub shown: ShownCore,
     /// Square of the chord within which the narrowest sprite of this class ends.
     pub least_squared: f64,
-    /// Light that is spread over bumps, of every cell of the finest level, linear Rec. 709, lx per unit of the bump's height.
+    /// Light in the bump of every cell of the finest level, linear Rec. 709, lx per unit of the bump's height.
     pub bumps: Vec<[f64; 3]>,
 }
 
-/// The sky that glares.
+/// Glare of the whole sky.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkyCubePlan {
-    /// Cells and kernels, from the finest on.
+    /// Cells and kernels, the finest level first.
     pub levels: Vec<Level>,
-    /// Sources that are drawn one by one.
+    /// Sources that are drawn individually.
     pub sprites: Sprites,
-    /// Per class of pixels.
+    /// Data for each class of pixels.
     pub classes: Vec<PixelClass>,
-    /// The kernel's smooth part of the finest level.
+    /// Smooth part of the kernel at the finest level.
     pub soft: SoftCore,
     /// Square of the radius of bumps.
     pub bump_squared: f64,
-    /// Stars that every eye sees elsewhere, at most [`MOST_NEAR`].
+    /// Stars that each eye sees in another direction, at most [`MOST_NEAR`].
     pub near: Vec<NearStar>,
-    /// Fainter stars do not glare, lx.
+    /// Fainter stars do not scatter, lx.
     pub faintest_lx: f64,
 }
 
@@ -171,13 +170,14 @@ struct Source {
 }
 
 impl SkyCubePlan {
-    /// Gathers the stars of a set.
+    /// Plans the glare of a set of stars.
     pub fn new(set: &StarSet, kernel: &dyn GlareKernel, settings: &SkyCubeSettings) -> Self {
+        // All stars that may scatter, in cells.
         let everywhere = Viewport {
             view: 0,
             part: Part::Whole,
             projection: Projection::Equirectangular(
-                Equirectangular::new([8, 4]).expect("a picture of 8 x 4 pixels is allowed"),
+                Equirectangular::new([8, 4]).expect("a picture of 8 x 4 pixels is valid"),
             ),
             world_from_view: glam::DQuat::IDENTITY,
             eye_offset_m: DVec3::ZERO,
@@ -190,16 +190,18 @@ impl SkyCubePlan {
         let local_sky = settings.local_sky.as_deref();
         let sky = cells::Sky { set, visible: &visible, motion, local_sky, faintest_lx, near_pc };
         let (finest, near) = sky.gather(FINEST_CELLS);
+        // Levels of the map, and the veil that hides individual sources.
         let levels = levels::of_kernel(kernel, finest);
         let soft = SoftCore::new(kernel, smooth_angle_rad(0));
         let hidden = sprites::Hidden { tolerance: settings.tolerance, least_cd_m2: settings.least_cd_m2 };
         let mut veil = sprites::Veil::new(kernel, &levels[LEVELS - 1].cells, hidden);
         let finest = settings.pixel_classes_rad.first().map(|pixel| ShownCore::new(kernel, shown_rad(*pixel)));
         let reach = sprites::Reach::new(kernel, finest.as_ref(), smooth_angle_rad(0));
-        // What single sources are hidden by on a display is a share of its budget.
+        // Individual sources are visible from a fraction of the display's budget.
         if settings.least_cd_m2 == 0.0 {
             veil.hide_less(settings.tolerance, &reach, &sky.brightnesses());
         }
+        // Sources that are drawn individually. In each class of pixels, bumps contain the light near the other sources.
         let sprites = sky.sprites(&reach, &veil);
         let narrow_share = kernel.share_within(smooth_angle_rad(0)) - soft.share();
         let bump_squared = chord_squared(BUMP_CELLS * 2.0 / f64::from(FINEST_CELLS));
@@ -212,7 +214,7 @@ impl SkyCubePlan {
                 levels[0].cells.iter().map(|cell| cell.light.map(|c| c * narrow_share)).collect();
             for sprite in sprites.iter().filter(|sprite| sprite.squared >= least_squared) {
                 let bump = &mut bumps[cell_of(sprite.direction, FINEST_CELLS)];
-                let share = shares.of(sprite);
+                let share = shares.share_of(sprite);
                 (0..3).for_each(|c| bump[c] -= sprite.light[c] * share);
             }
             let bumps = bumps.into_iter().map(|light| light.map(|c| c * per_height)).collect();
@@ -223,7 +225,7 @@ impl SkyCubePlan {
         Self { levels, sprites, classes, soft, bump_squared, near, faintest_lx }
     }
 
-    /// The near stars as an eye at this place, relative to the map's, sees them: directions in world axes, light in lx.
+    /// Near stars for an eye at this position relative to the map's: directions in world axes, light in lx.
     pub fn near_for(
         &self,
         eye_pc: DVec3,
@@ -233,7 +235,7 @@ impl SkyCubePlan {
         self.near
             .iter()
             .filter_map(|near| {
-                let source = Source::of(near.place_pc - eye_pc, &near.star, motion, local_sky)?;
+                let source = Source::at_position(near.place_pc - eye_pc, &near.star, motion, local_sky)?;
                 (source.illuminance_lx >= self.faintest_lx).then_some((source.direction, source.light))
             })
             .collect()
@@ -241,8 +243,13 @@ impl SkyCubePlan {
 }
 
 impl Source {
-    /// A star at a place relative to the eye, pc; none at the eye's very place, where there is no direction.
-    fn of(place_pc: DVec3, star: &PackedStar, motion: Option<Motion>, local_sky: Option<&LocalSky>) -> Option<Self> {
+    /// A star at a position relative to the eye, pc; `None` at the eye itself, where it has no direction.
+    fn at_position(
+        place_pc: DVec3,
+        star: &PackedStar,
+        motion: Option<Motion>,
+        local_sky: Option<&LocalSky>,
+    ) -> Option<Self> {
         let illuminance_lx = light_at(place_pc, star, motion);
         let (seen, doppler) =
             motion.map_or((place_pc, 1.0), |motion| (motion.seen(place_pc), motion.doppler_of(place_pc)));

@@ -1,4 +1,4 @@
-//! The sources that are drawn one by one: bright enough for their glare to stand out of the veil around them.
+//! Sources that are drawn individually: bright enough for their glare to be visible against the veil around them.
 
 use std::f64::consts::PI;
 
@@ -16,15 +16,14 @@ use crate::photometry::{
 
 /// Cells along an edge of a face in which the veil is estimated.
 const VEIL_CELLS: u32 = 8;
-/// Cells along an edge of a face by which sprites are found, and those by which these are.
+/// Cells along an edge of a face that contain sprites, and regions that contain these cells.
 const SPRITE_CELLS: u32 = 32;
 const SPRITE_REGIONS: u32 = 8;
-/// Chord from which on a sprite is wide.
+/// Chord from which a sprite counts as wide.
 const WIDE_CHORD: f64 = 0.015;
 
-/// A source that is drawn by itself: its kernel, faded out towards the chord at which it
-/// ends; where it reaches as far as any, what the map's kernel
-/// leaves of it.
+/// A source that is drawn individually: its kernel, faded out towards the chord at which it ends. At the maximum reach it is the part of
+/// the kernel that the map does not contain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sprite {
     /// Unit vector.
@@ -33,16 +32,16 @@ pub struct Sprite {
     pub light: [f64; 3],
     /// Square of the chord at which it ends, s_R.
     pub squared: f64,
-    /// Whether it reaches as far as any sprite may.
+    /// Whether it has the maximum reach.
     pub whole: bool,
 }
 
-/// Sprites whose sources stand in one cell of the sky; or cells of one region of it.
+/// Sprites whose sources are in one cell of the sky, or cells in one region.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpriteCell {
-    /// Unit vector to the middle of the cell.
+    /// Unit vector to the centre of the cell.
     pub direction: DVec3,
-    /// No sprite of the cell reaches a direction farther away than this chord.
+    /// Chord from the centre beyond which no sprite of the cell reaches.
     pub reach: f64,
     /// First sprite, or cell.
     pub first: u32,
@@ -50,45 +49,45 @@ pub struct SpriteCell {
     pub count: u32,
 }
 
-/// Sprites, cells of sprites and regions of cells, each where those that hold them say.
+/// Sprites, cells of sprites and regions of cells, each sorted by the containing cell or region.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Sprites {
     /// The sources.
     pub sprites: Vec<Sprite>,
-    /// Where they stand.
+    /// Cells of the sources.
     pub cells: Vec<SpriteCell>,
-    /// Where the cells lie.
+    /// Regions of the cells.
     pub regions: Vec<SpriteCell>,
 }
 
-/// An estimate of the light that is scattered towards a part of the sky, as if all of it were.
+/// Estimate of the light that is scattered towards a part of the sky, as if all light were scattered.
 pub(super) struct Veil {
     cd_m2: Vec<f64>,
-    /// Luminance that no single source stands out by, per cell.
+    /// Luminance below which no single source is visible, per cell.
     hidden_cd_m2: Vec<f64>,
 }
 
 impl Veil {
     pub(super) fn new(kernel: &dyn GlareKernel, cells: &[Cell], hidden: Hidden) -> Self {
-        // A cell's light is spread over the cell: within it the kernel is taken as at its edge, so that a source does not count as the
-        // veil that hides it; a kernel that has ended there, as a hundredth of its mean.
+        // The light of a cell is spread over the cell: within it, the kernel has its value at the edge of the cell, so that a source does not
+        // hide its own glare; a kernel that has ended there has a hundredth of its mean.
         let spread_rad = 2.0 / (cells.len() as f64 / 6.0).sqrt();
         let spread = chord_squared(spread_rad);
         let within = kernel.per_sr(spread_rad).max(0.01 * kernel.share_within(spread_rad) / (PI * spread));
         let per_sr =
             |squared: f64| if squared < spread { within } else { kernel.per_sr(angle_of_chord_squared(squared)) };
         let lights: Vec<(DVec3, f64)> = cells.iter().map(|cell| (cell.direction, luminance(cell.light))).collect();
-        let at = |index: usize| {
+        let luminance_at = |index: usize| {
             let direction = direction_of_cell(index, VEIL_CELLS);
             lights.iter().map(|(from, lx)| lx * per_sr((direction - *from).length_squared())).sum()
         };
-        let cd_m2: Vec<f64> = (0..6 * (VEIL_CELLS * VEIL_CELLS) as usize).map(at).collect();
+        let cd_m2: Vec<f64> = (0..6 * (VEIL_CELLS * VEIL_CELLS) as usize).map(luminance_at).collect();
         let hidden_cd_m2 = cd_m2.iter().map(|veil| hidden.behind_cd_m2(*veil)).collect();
         Self { cd_m2, hidden_cd_m2 }
     }
 
-    /// Lets less of each source be hidden where all of them together would be seen: the standard deviation of what they are wrong by is to be within the
-    /// tolerance, and what those that are too faint to be drawn by themselves scatter into their own pixels, which no sprite can show.
+    /// Lowers the thresholds where the hidden sources would be visible together: the standard deviation of their error must be within the
+    /// tolerance, and also the light that sources too faint to be drawn individually scatter into their own pixels, which no sprite shows.
     pub(super) fn hide_less(&mut self, tolerance: f64, reach: &Reach, sources: &Brightnesses) {
         const STEPS: i32 = 10;
         for ((veil, hidden), sources) in self.cd_m2.iter().zip(&mut self.hidden_cd_m2).zip(&sources.lx) {
@@ -110,14 +109,14 @@ impl Veil {
     }
 }
 
-/// Ranges of brightness, a quarter of an e-fold each, the first one from [`LEAST_LN_LX`].
+/// Number of brightness ranges, a quarter of an e-fold each, starting at [`LEAST_LN_LX`].
 const BRIGHTNESSES: usize = 224;
 const PER_E_FOLD: f64 = 4.0;
 const LEAST_LN_LX: f64 = -42.0;
 /// Mean solid angle of a cell of a [`Veil`], sr.
 const CELL_SR: f64 = 4.0 * PI / (6 * VEIL_CELLS * VEIL_CELLS) as f64;
 
-/// How bright the sources of each cell of a [`Veil`] are: sums of their illuminances, by brightness, lx.
+/// Brightness of the sources in each cell of a [`Veil`]: sums of illuminances by brightness range, lx.
 pub(super) struct Brightnesses {
     lx: Vec<[f64; BRIGHTNESSES]>,
 }
@@ -141,18 +140,18 @@ impl Brightnesses {
     }
 }
 
-/// Each range of brightness that has sources: the illuminance of one and of all, lx.
+/// Each brightness range with sources: illuminance of one source and of all, lx.
 fn with_illuminances(sources: &[f64; BRIGHTNESSES]) -> impl Iterator<Item = (f64, f64)> {
     let of_range = |range: usize| (LEAST_LN_LX + (range as f64 + 0.5) / PER_E_FOLD).exp();
     sources.iter().enumerate().filter(|(_, lx)| **lx > 0.0).map(move |(range, lx)| (of_range(range), *lx))
 }
 
-/// What the glare of a source does not stand out by.
+/// Threshold below which the glare of a source is not visible.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hidden {
-    /// Share of the veil around it.
+    /// Fraction of the veil around it.
     pub tolerance: f64,
-    /// Luminance, whatever the veil, cd/m^2.
+    /// Absolute luminance, cd/m^2.
     pub least_cd_m2: f64,
 }
 
@@ -162,21 +161,21 @@ impl Hidden {
     }
 }
 
-/// How far from its source glare stands out of the veil.
+/// Distances from a source at which its glare falls below a threshold.
 pub(super) struct Reach {
     /// Squares of chords, and the kernel there, 1/sr, from the narrowest sprite to the widest.
     squares: Vec<f64>,
     per_sr: Vec<f64>,
-    /// Mean of what the narrowest sprite has, 1/sr.
+    /// Mean of the kernel within the narrowest sprite, 1/sr.
     narrowest_per_sr: f64,
-    /// Integrals of the square of the kernel over the sky from there to the widest, 1/sr.
+    /// Integrals of the squared kernel over the sky from there to the widest sprite, 1/sr.
     beyond: Vec<f64>,
-    /// Share of a source's light that it scatters within what pixels can show.
+    /// Fraction of a source's light that is scattered within the resolution of the pixels.
     core_share: f64,
 }
 
 impl Reach {
-    /// Sprites from what pixels as `shown` can show to `most_rad`.
+    /// Sprites from the resolution of the pixels, as given by `shown`, to `most_rad`.
     pub(super) fn new(kernel: &dyn GlareKernel, shown: Option<&ShownCore>, most_rad: f64) -> Self {
         const ENTRIES: u32 = 512;
         let least_squared = shown.map_or(f64::INFINITY, |shown| shown.core.squared);
@@ -184,13 +183,13 @@ impl Reach {
         let squares: Vec<f64> = if least < most {
             (0..ENTRIES)
                 .map(|i| (least + (most - least) * f64::from(i) / f64::from(ENTRIES - 1)).exp())
-                // Rounding must not make the narrowest too narrow for its class of pixels.
+                // Rounding must not make the narrowest sprite too narrow for its class of pixels.
                 .map(|squared| squared.max(least_squared))
                 .collect()
         } else {
             Vec::new()
         };
-        // What the kernel still has farther out counts too, where a table goes down and up again.
+        // Include the kernel farther out, in case a tabulated kernel is not monotonic.
         let mut per_sr: Vec<f64> =
             squares.iter().map(|squared| kernel.per_sr(angle_of_chord_squared(*squared))).collect();
         for index in (1..per_sr.len()).rev() {
@@ -207,10 +206,10 @@ impl Reach {
         Self { squares, per_sr, narrowest_per_sr, beyond, core_share }
     }
 
-    /// Standard deviation over a cell of a [`Veil`] of what is not where its sources scatter it, if none stands out by less than `hidden_cd_m2`,
-    /// cd/m^2: independent sources, each anywhere in the cell.
+    /// Standard deviation over a cell of a [`Veil`] of the light that is missing if sources below `hidden_cd_m2` have no sprites, cd/m^2. The
+    /// sources are independent and uniformly distributed in the cell.
     fn deviation_cd_m2(&self, hidden_cd_m2: f64, sources: &[f64; BRIGHTNESSES]) -> f64 {
-        // Of a kernel c / s a fade 1 - u^2 (3 - 2 u) leaves (3 u - 2 u^2) c / s_R inside: the mean of its square over u.
+        // A kernel c / s with the fade 1 - u^2 (3 - 2 u) leaves (3 u - 2 u^2) c / s_R inside: the mean of its square over u.
         const INSIDE: f64 = 0.8;
         let variance: f64 = with_illuminances(sources)
             .map(|(lx, of_all)| {
@@ -225,15 +224,15 @@ impl Reach {
         (variance / CELL_SR).sqrt()
     }
 
-    /// Mean luminance over a cell of what sources scatter into their own pixels that have no sprite if none stands out by less than `hidden_cd_m2`,
+    /// Mean luminance over a cell of the light that sources below `hidden_cd_m2` scatter into their own pixels, where they have no sprite,
     /// cd/m^2.
     fn unresolved_cd_m2(&self, hidden_cd_m2: f64, sources: &[f64; BRIGHTNESSES]) -> f64 {
         let faint = with_illuminances(sources).filter(|(lx, _)| self.ends_at(hidden_cd_m2 / lx).is_none());
         self.core_share * faint.map(|(_, of_all)| of_all).sum::<f64>() / CELL_SR
     }
 
-    /// Number of the entry at which the sprite of a source ends that stands out where its kernel is at least this, 1/sr: as wide as the kernel does, and the
-    /// narrowest one where what that has does.
+    /// Index of the entry at which the sprite of a source ends: where the kernel falls below the given value, 1/sr, or at the narrowest entry whose
+    /// mean does.
     fn ends_at(&self, hidden_per_sr: f64) -> Option<usize> {
         let visible = self.per_sr.partition_point(|per_sr| *per_sr > 0.0 && *per_sr >= hidden_per_sr);
         let narrowest = self.narrowest_per_sr > 0.0 && self.narrowest_per_sr >= hidden_per_sr;
@@ -241,13 +240,13 @@ impl Reach {
         entries.checked_sub(1).filter(|last| *last < self.squares.len())
     }
 
-    /// Illuminance from which on a source stands out by a luminance, lx.
+    /// Illuminance from which the glare of a source exceeds a luminance, lx.
     pub(super) fn least_lx(&self, hidden_cd_m2: f64) -> f64 {
         let most = self.per_sr.first().map_or(0.0, |narrowest| narrowest.max(self.narrowest_per_sr));
         if most > 0.0 { hidden_cd_m2 / most } else { f64::INFINITY }
     }
 
-    /// The sprite of a source, if it stands out by a luminance.
+    /// Sprite of a source, if its glare exceeds a luminance.
     pub(super) fn sprite(&self, source: &Source, hidden_cd_m2: f64) -> Option<Sprite> {
         let last = self.ends_at(hidden_cd_m2 / source.illuminance_lx)?;
         let (squared, whole) = (self.squares[last], last + 1 == self.squares.len());
@@ -255,7 +254,7 @@ impl Reach {
     }
 }
 
-/// Shares of a source's light that sprites have in a class of pixels.
+/// Fractions of a source's light that sprites have in a class of pixels.
 pub(super) struct Shares {
     squares: Vec<f64>,
     shares: Vec<f64>,
@@ -263,7 +262,7 @@ pub(super) struct Shares {
 }
 
 impl Shares {
-    /// Sprites end at squares of chords up to `most`; one that is whole has `whole` of its source's light.
+    /// Sprites end at squares of chords up to `most`; a whole one has the fraction `whole` of its source's light.
     pub(super) fn new(kernel: &dyn GlareKernel, shown: &ShownCore, most: f64, whole: f64) -> Self {
         const ENTRIES: u32 = 64;
         let least = shown.core.squared;
@@ -273,7 +272,7 @@ impl Shares {
         Self { squares, shares, whole }
     }
 
-    pub(super) fn of(&self, sprite: &Sprite) -> f64 {
+    pub(super) fn share_of(&self, sprite: &Sprite) -> f64 {
         if sprite.whole {
             return self.whole;
         }
@@ -284,8 +283,8 @@ impl Shares {
     }
 }
 
-/// A cell of each run of items with the same key, in their order: numbers of the run's items, the middle of a cell with that key,
-/// and what each item reaches from where.
+/// Makes a cell of each run of items with the same key, in order. Inputs: index range of a run, centre of the cell of a key, and direction and
+/// reach of an item.
 fn runs<T, K: PartialEq>(
     items: &[T],
     key: impl Fn(&T) -> K,
@@ -301,7 +300,7 @@ fn runs<T, K: PartialEq>(
         match cells.last_mut().filter(|_| same) {
             Some(cell) => {
                 cell.count += 1;
-                // Chords obey the triangle inequality.
+                // Chords satisfy the triangle inequality.
                 cell.reach = cell.reach.max((from - cell.direction).length() + reach);
             }
             None => {
@@ -316,14 +315,14 @@ fn runs<T, K: PartialEq>(
 }
 
 impl Sprites {
-    /// Sorts sprites by where they stand: first the narrow ones, then the wide ones, so that the few wide ones do not make every
-    /// cell reach far.
+    /// Sorts sprites by cell: first the narrow ones, then the wide ones, so that the few wide ones do not extend the reach
+    /// of every cell.
     pub(super) fn new(mut sprites: Vec<Sprite>) -> Self {
         let wide = |sprite: &Sprite| sprite.squared > WIDE_CHORD * WIDE_CHORD;
         let region = |direction: DVec3| cell_of(direction, SPRITE_REGIONS);
         let cell = |direction: DVec3| cell_of(direction, SPRITE_CELLS);
         let key = |sprite: &Sprite| (wide(sprite), region(sprite.direction), cell(sprite.direction));
-        // Stable, so that sprites of a cell keep the order of the stars.
+        // The sort is stable, so that the sprites of a cell keep the order of the stars.
         sprites.par_sort_by_cached_key(key);
         let cells = runs(
             &sprites,

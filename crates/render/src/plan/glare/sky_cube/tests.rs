@@ -36,7 +36,7 @@ fn kernel() -> InverseSquareKernel {
 }
 
 #[test]
-fn cells_and_their_middles_agree() {
+fn cells_contain_their_centres() {
     for cells in [1, 8, 64] {
         for index in 0..6 * (cells * cells) as usize {
             assert_eq!(cell_of(direction_of_cell(index, cells), cells), index);
@@ -44,9 +44,9 @@ fn cells_and_their_middles_agree() {
     }
 }
 
-/// Whatever the class of pixels: the map's kernels, the bumps and the sprites share out all light, once.
+/// For every class of pixels, the map's kernels, the bumps and the sprites together distribute all light exactly once.
 #[test]
-fn all_light_is_shared_out_once() {
+fn all_light_is_distributed_exactly_once() {
     let set = sky(20_000);
     let glare = SkyCubePlan::new(&set, &kernel(), &settings());
     let total: f64 = glare.levels[0].cells.iter().map(|cell| luminance(cell.light)).sum();
@@ -112,7 +112,7 @@ fn sprites_are_found_by_their_cells() {
 }
 
 #[test]
-fn only_stars_that_the_eyes_see_in_different_places_are_an_eyes_own() {
+fn only_stars_in_different_directions_are_separate_for_each_eye() {
     let set = sky(300);
     let far = SkyCubePlan::new(&set, &kernel(), &settings());
     assert!(far.near.is_empty());
@@ -137,7 +137,7 @@ fn classes_of_pixels_are_never_smaller_and_hardly_larger() {
 }
 
 #[test]
-fn eyes_that_differ_by_rounding_are_of_one_class_and_all_of_a_cube_too() {
+fn eyes_that_differ_by_rounding_share_a_class_and_so_do_all_in_a_cube() {
     let of_a_cube = eye_class_m(0.0);
     let corner_m = SHARED_CUBE_M * 0.75_f64.sqrt();
     for metres in [0.03, 1.0, 1e3, corner_m + 1e3] {
@@ -154,7 +154,7 @@ fn eyes_that_differ_by_rounding_are_of_one_class_and_all_of_a_cube_too() {
 }
 
 #[test]
-fn cameras_of_a_cube_share_the_place_of_their_map() {
+fn cameras_in_a_cube_share_the_position_of_their_map() {
     assert_eq!(map_place_pc(DVec3::splat(0.49 * SHARED_CUBE_M / PARSEC_M)), DVec3::ZERO);
     let far_pc = DVec3::new(8.0, -3.0, 1e4);
     let place_pc = map_place_pc(far_pc);

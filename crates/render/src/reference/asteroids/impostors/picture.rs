@@ -98,7 +98,7 @@ pub fn mesh_picture(mesh: &Mesh, sight: &Sight) -> Picture {
 
 /// The picture that a method draws from an atlas; `None` if the method draws none, or the atlas has another layout.
 pub fn impostor_picture(method: ImpostorMethod, atlas: &Atlas, sight: &Sight) -> Option<Picture> {
-    if AtlasLayout::of(method) != Some(atlas.layout()) {
+    if AtlasLayout::for_method(method) != Some(atlas.layout()) {
         return None;
     }
     let square = Square::new(method, atlas, sight)?;
@@ -143,7 +143,7 @@ impl<'a> Square<'a> {
             across: if published { DVec3::Z } else { to_eye },
             outline: if published { bound } else { bound * distance / (distance * distance - bound * bound).sqrt() },
             displayed: shown_view_from_shape(method, tiles[0].0, sight.view_from_shape, to_eye, atlas.tiles())?,
-            roll: DMat3::from_rotation_z(euler::Angles::of(sight.view_from_shape).roll_rad),
+            roll: DMat3::from_rotation_z(euler::Angles::from_rotation(sight.view_from_shape).roll_rad),
             tiles,
         })
     }

@@ -243,7 +243,7 @@ impl BakedImpostors {
         settings: &AsteroidSettings,
     ) -> Result<(), ImpostorAtlasError> {
         *self.baked() = Baked::default();
-        let size = AtlasSize::from_method(settings.impostor.chosen(), settings).filter(|_| !settings.finest_only);
+        let size = settings.drawn_impostors().and_then(|method| AtlasSize::from_method(method, settings));
         let pass = size.map(|size| (size, ImpostorBakePass::new(gpu)));
         for shapes in sets {
             if let Some((size, pass)) = &pass {

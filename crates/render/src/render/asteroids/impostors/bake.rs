@@ -41,7 +41,7 @@ pub(crate) struct AtlasSize {
 impl AtlasSize {
     /// Atlas that a method reads; `None` for methods without an atlas.
     pub(crate) fn from_method(method: ImpostorMethod, settings: &AsteroidSettings) -> Option<Self> {
-        let layout = AtlasLayout::of(method)?;
+        let layout = AtlasLayout::for_method(method)?;
         Some(Self { layout, tiles: settings.tiles, tile_px: settings.tile_px })
     }
 }

@@ -155,7 +155,7 @@ fn pictures_on_the_adapter_match_the_twin() {
     let sun = DVec3::new(0.6, 0.3, 0.74).normalize();
     for method in [OctahedralBlend, Octahedral, EulerAtlas] {
         let probe = ImpostorProbe::new(&gpu, &shapes(), method, &settings()).unwrap().unwrap();
-        let atlas = Atlas::bake(&shape, AtlasLayout::of(method).unwrap(), TILES, TILE_PX, 4);
+        let atlas = Atlas::bake(&shape, AtlasLayout::for_method(method).unwrap(), TILES, TILE_PX, 4);
         let (mut least, mut worst_light, mut least_mesh) = (1.0_f64, 0.0_f64, 1.0_f64);
         for (view_from_shape, centre) in poses() {
             let drawn = draw(&gpu, &probe, view_from_shape, centre, sun);

@@ -78,7 +78,7 @@ fn lists_of_f64(
         .iter()
         .map(|viewport| {
             let reach = impostor_reach(settings, eye_distance_m(viewports, viewport));
-            PictureBounds::new(viewport, MARGIN_PX, Tables::default().of(&viewport.projection), reach)
+            PictureBounds::new(viewport, MARGIN_PX, Tables::default().for_projection(&viewport.projection), reach)
         })
         .collect();
     let rules: Vec<ClassRules> = pictures

@@ -97,7 +97,7 @@ fn points_and_unresolved_nodes_emit_the_light_of_their_spheres() {
                 let picture = crate::plan::asteroids::views::PictureBounds::new(
                     &viewports[0],
                     MARGIN_PX,
-                    Tables::default().of(&viewports[0].projection),
+                    Tables::default().for_projection(&viewports[0].projection),
                     None,
                 );
                 let pixel_rad =

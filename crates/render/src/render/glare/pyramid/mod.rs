@@ -81,7 +81,7 @@ impl GlarePyramid {
     pub(super) fn record(&mut self, recording: &mut Recording<'_>, axes: PyramidAxes) {
         let gpu = recording.gpu;
         let frame = recording.frame;
-        let viewports = &frame.plan.viewports;
+        let viewports = &frame.plan.views.viewports;
         // Textures for each picture size.
         self.textures.retain(|(size, _)| viewports.iter().any(|viewport| viewport.size() == *size));
         for size in viewports.iter().map(Viewport::size) {
@@ -112,7 +112,7 @@ impl GlarePyramid {
                 })
                 .collect();
             let pyramid_frame = PyramidFrame {
-                weights: frame.settings.glare.weights,
+                weights: frame.plan.glare.weights,
                 viewports: &targets.viewports,
                 maximum,
                 viewport: index as u32,
@@ -142,7 +142,7 @@ impl GlarePyramid {
 
 /// Tiles of a viewport, from the top.
 fn places_of<'a>(plan: &'a Plan, targets: &'a Targets, viewport: usize) -> Vec<Place<'a>> {
-    let batches = plan.batches.iter().zip(&targets.batches);
+    let batches = plan.views.batches.iter().zip(&targets.batches);
     let places = batches.flat_map(|(planned, batch)| {
         let tiles = planned.tiles.iter().zip(&batch.encoded_tiles);
         tiles.map(move |(tile, encoded)| Place { batch, tile, encoded: *encoded })

@@ -11,10 +11,10 @@ use crate::render::{
 use crate::{
     catalogue::chunks::StarSet,
     gpu::{self, Gpu, LayoutOf, storage_buffer},
-    photometry::glare::{GlareKernel, GlareKernelName, InverseSquareKernel, split::angle_of_chord_squared},
+    photometry::glare::{GlareKernel, InverseSquareKernel, split::angle_of_chord_squared},
     plan::{
+        GlareMap,
         glare::sky_cube::{Level, SkyCubePlan, SkyCubeSettings, Sprite, SpriteCell},
-        settings::GlareSettings,
     },
     render::glare::layout,
     view::Viewport,
@@ -204,10 +204,10 @@ impl MapPasses {
     }
 
     /// Computes the map.
-    pub(super) fn make(&self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, glare: &GlareSettings, key: Key) -> Held {
+    pub(super) fn make(&self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, parameters: &GlareMap, key: Key) -> Held {
         let kernel = &*key.kernel;
-        let inverse_square = (glare.kernel == GlareKernelName::InverseSquare).then(|| {
-            let kernel = InverseSquareKernel::new(glare.inner_deg.to_radians());
+        let inverse_square = parameters.inverse_square_rad.map(|inner_rad| {
+            let kernel = InverseSquareKernel::new(inner_rad);
             [kernel.constant(), kernel.inner_rad() * kernel.inner_rad()].map(|value| value as f32)
         });
         let sky = SkyCubePlan::new(&key.stars, kernel, &key.settings);

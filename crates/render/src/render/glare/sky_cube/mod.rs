@@ -25,14 +25,13 @@ use crate::{
     gpu::{Gpu, GrowingBuffer, Variants},
     photometry::glare::GlareKernel,
     plan::{
-        VeilInSums,
+        GlareMap, VeilInSums,
         glare::sky_cube::{SkyCubeSettings, eye_class_m, map_place_pc, pixel_class_rad},
-        settings::{GlareSettings, RenderSettings},
     },
     relativity::Motion,
     render::technique::{Holding, PipelineJob, Recording, Series, Wish, begin_pass},
     scene::{SceneSnapshot, surroundings::LocalSky},
-    units::{PARSEC_M, illuminance_lx_from_magnitude},
+    units::PARSEC_M,
     view::Viewport,
 };
 
@@ -50,14 +49,14 @@ struct SkyScene<'a> {
 }
 
 impl<'a> SkyScene<'a> {
-    fn new(snapshot: &'a SceneSnapshot, settings: &RenderSettings, in_sums: Option<VeilInSums>) -> Self {
+    fn new(snapshot: &'a SceneSnapshot, parameters: &GlareMap, in_sums: Option<VeilInSums>) -> Self {
         Self {
             stars: &snapshot.stars,
             camera_pc: snapshot.camera.position_m / PARSEC_M,
             motion: Motion::new(snapshot.camera.velocity_c),
             local_sky: snapshot.objects.sky_of_stars(snapshot.camera.position_m).map(Arc::new),
-            faintest_lx: illuminance_lx_from_magnitude(settings.stars.magnitude_limit),
-            tolerance: settings.accuracy.glare,
+            faintest_lx: parameters.faintest_lx,
+            tolerance: parameters.tolerance,
             least_cd_m2: in_sums.map_or(0.0, |veil| veil.least_cd_m2),
         }
     }
@@ -141,8 +140,8 @@ impl SkyCube {
     /// Pipelines for the viewports of `wish`.
     pub(super) fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
         let gpu = wish.gpu;
-        let variant = Variant::new(wish.settings.glare.kernel, wish.viewports);
-        let in_sums = wish.may_have_veil_in_sums();
+        let variant = Variant::new(&wish.forecast.methods.glare_map, wish.viewports);
+        let in_sums = wish.forecast.may_have_veil_in_sums;
         let mut jobs = Vec::new();
         // The jobs that take longest come first.
         if !in_sums || wish.made.hdr || wish.made.hdr_stays {
@@ -210,8 +209,8 @@ impl SkyCube {
         let frame = recording.frame;
         let Some(kernel) = &frame.plan.glare.kernel else { unreachable!("a plan of this method has its kernel") };
         let in_sums = frame.plan.glare.in_sums;
-        let scene = SkyScene::new(frame.scene, frame.settings, in_sums);
-        let views = Views::new(&frame.plan.all_viewports);
+        let scene = SkyScene::new(frame.scene, &frame.plan.glare.map, in_sums);
+        let views = Views::new(&frame.plan.views.all_viewports);
         let settings = scene.settings(&views);
         if frame.series.slot == 0 {
             self.last = Some((views, in_sums));
@@ -220,7 +219,7 @@ impl SkyCube {
             let gpu = recording.gpu;
             let mut pass = begin_pass(recording.encoder, recording.timer, "glare");
             let key = Key { stars: Arc::clone(scene.stars), settings, kernel: Arc::clone(kernel) };
-            self.hold_new(gpu, &mut pass, frame.series.slot, &frame.settings.glare, key);
+            self.hold_new(gpu, &mut pass, frame.series.slot, &frame.plan.glare.map, key);
         }
     }
 
@@ -228,7 +227,7 @@ impl SkyCube {
     /// here and not between the poses of a headset and its picture.
     pub(super) fn hold_map(&mut self, holding: &Holding<'_>) {
         let (Some((views, in_sums)), Some(kernel)) = (&self.last, holding.kernel) else { return };
-        let scene = SkyScene::new(holding.scene, holding.settings, *in_sums);
+        let scene = SkyScene::new(holding.scene, &holding.methods.glare_map, *in_sums);
         let settings = scene.settings(views);
         if self.holds(0, &scene, &settings, kernel) {
             return;
@@ -241,7 +240,7 @@ impl SkyCube {
         if self.held.is_empty() {
             self.held.push([None, None]);
         }
-        self.hold_new(gpu, &mut pass, 0, &holding.settings.glare, key);
+        self.hold_new(gpu, &mut pass, 0, &holding.methods.glare_map, key);
         drop(pass);
         gpu.queue.submit([encoder.finish()]);
     }
@@ -260,11 +259,11 @@ impl SkyCube {
         })
     }
 
-    fn hold_new(&mut self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, slot: usize, glare: &GlareSettings, key: Key) {
+    fn hold_new(&mut self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, slot: usize, map: &GlareMap, key: Key) {
         let kind = kind_of(&key.settings);
         // Drop the old map before its successor is made, so that both never exist at once.
         self.held[slot][kind] = None;
-        self.held[slot][kind] = Some(self.passes.get_or_init(|| MapPasses::new(gpu)).make(gpu, pass, glare, key));
+        self.held[slot][kind] = Some(self.passes.get_or_init(|| MapPasses::new(gpu)).make(gpu, pass, map, key));
     }
 }
 

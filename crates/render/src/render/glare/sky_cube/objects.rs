@@ -100,7 +100,7 @@ impl ObjectFrame {
             near.extend(object_sources(plan, number, &*held.key.kernel, false));
             held.view(viewport, first..near.len() as u32)
         };
-        let views: Vec<layout::GlareView> = plan.viewports.iter().enumerate().map(view).collect();
+        let views: Vec<layout::GlareView> = plan.views.viewports.iter().enumerate().map(view).collect();
         Self { near: gpu.frame_storage("near glare", &near), views: gpu.frame_storage("glare views", &views) }
     }
 }
@@ -117,7 +117,7 @@ impl SkyCube {
             *object_frame = None;
         }
         let frame_buffers = object_frame.get_or_insert_with(|| ObjectFrame::new(gpu, held, plan));
-        let variant = Variant::new(recording.frame.settings.glare.kernel, &plan.all_viewports);
+        let variant = Variant::new(&plan.glare.map, &plan.views.all_viewports);
         let pipeline = pipeline(objects, gpu, variant);
         let fraction = plan.glare.fraction as f32;
         let parameters = layout::ObjectGlareParameters { fraction, ..Default::default() };

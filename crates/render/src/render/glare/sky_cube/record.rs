@@ -8,8 +8,7 @@ use super::{
 };
 use crate::{
     gpu::{Gpu, Variants},
-    photometry::glare::GlareKernelName,
-    plan::glare::sky_cube::FINEST_CELLS,
+    plan::{GlareMap, glare::sky_cube::FINEST_CELLS},
     render::{
         glare::composite::{GlareCompositePass, GlareSource},
         glare::layout,
@@ -39,12 +38,12 @@ pub(super) struct Variant {
 
 impl Variant {
     /// Form for the scattered light of a kernel in these viewports.
-    pub(super) fn new(kernel: GlareKernelName, viewports: &[Viewport]) -> Self {
+    pub(super) fn new(map: &GlareMap, viewports: &[Viewport]) -> Self {
         let flat = |viewport: &Viewport| {
             matches!(viewport.projection, Projection::Perspective(_) | Projection::CubeFace(_))
                 && viewport.projection.middle_pixel_rad() <= MOST_FLAT_PIXEL_RAD
         };
-        Self { tabulated: kernel != GlareKernelName::InverseSquare, flat: viewports.iter().all(flat) }
+        Self { tabulated: map.inverse_square_rad.is_none(), flat: viewports.iter().all(flat) }
     }
 
     /// Overridable constants of the shaders.
@@ -74,17 +73,18 @@ impl SkyCube {
         let plan = recording.frame.plan;
         let targets = &*recording.targets;
         let sky = &held.sky;
-        let camera_pc = plan.camera_pc - held.key.settings.place_pc;
+        let camera_pc = plan.views.camera_pc - held.key.settings.place_pc;
         // Sources of each eye, and parameters of each view.
         let mut near: Vec<layout::GlareNear> = Vec::new();
         let views: Vec<layout::GlareView> = plan
+            .views
             .viewports
             .iter()
             .enumerate()
             .map(|(number, viewport)| {
                 let first_near = near.len() as u32;
                 let eye_pc = camera_pc + viewport.eye_offset_m / PARSEC_M;
-                let stars = sky.near_for(eye_pc, plan.motion, plan.local_sky.as_deref());
+                let stars = sky.near_for(eye_pc, plan.views.motion, plan.air.sky.as_deref());
                 near.extend(stars.into_iter().map(|star| encode_near(star, 0.0, 0)));
                 near.extend(object_sources(plan, number, &*held.key.kernel, true));
                 held.view(viewport, first_near..near.len() as u32)
@@ -92,8 +92,7 @@ impl SkyCube {
             .collect();
         let views = gpu.frame_storage("glare views", &views);
         let near = gpu.frame_storage("near glare", &near);
-        let composite =
-            composite(composites, gpu, Variant::new(recording.frame.settings.glare.kernel, &plan.all_viewports));
+        let composite = composite(composites, gpu, Variant::new(&plan.glare.map, &plan.views.all_viewports));
         // Sprite lists and the pass over pixels, batch by batch.
         for (number, batch) in targets.batches.iter().enumerate() {
             let blocks = block_grid(batch.grid);

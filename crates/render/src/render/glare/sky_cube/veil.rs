@@ -70,14 +70,14 @@ pub(super) struct VeilFrame {
 impl VeilFrame {
     fn new(gpu: &Gpu, held: &Held, recording: &Recording<'_>) -> Self {
         let plan = recording.frame.plan;
-        let camera_pc = plan.camera_pc - held.key.settings.place_pc;
+        let camera_pc = plan.views.camera_pc - held.key.settings.place_pc;
         let mut near: Vec<layout::GlareSprite> = Vec::new();
         let mut near_of = Vec::new();
         let mut views = Vec::new();
-        for (number, viewport) in plan.viewports.iter().enumerate() {
+        for (number, viewport) in plan.views.viewports.iter().enumerate() {
             let first = near.len() as u32;
             let eye_pc = camera_pc + viewport.eye_offset_m / PARSEC_M;
-            let stars = held.sky.near_for(eye_pc, plan.motion, plan.local_sky.as_deref());
+            let stars = held.sky.near_for(eye_pc, plan.views.motion, plan.air.sky.as_deref());
             near.extend(stars.into_iter().chain(points_of(plan, number)).map(|(direction, light)| {
                 layout::GlareSprite {
                     direction: direction.as_vec3().to_array(),
@@ -111,7 +111,7 @@ impl SkyCube {
         let [points, splat] = veil.get_or_init(VeilPasses::new).pipelines(gpu, tabulated);
         if number == 0 {
             let frame = veil_frame.insert(VeilFrame::new(gpu, held, recording));
-            let (grids, count) = point_grids(&recording.frame.plan.viewports, SPACING);
+            let (grids, count) = point_grids(&recording.frame.plan.views.viewports, SPACING);
             let smooth = SmoothGrid {
                 grids: gpu.frame_storage("veil grids", &grids),
                 points: veil_points.with_room(gpu, 16 * u64::from(count)).clone(),
@@ -159,9 +159,10 @@ fn record_sources(
     number: usize,
 ) {
     let plan = recording.frame.plan;
-    let tiles = plan.batches[number].tiles.len() as u32;
+    let tiles = plan.views.batches[number].tiles.len() as u32;
     // All invocations of a workgroup share each source that covers many pixels.
-    let pixel_rad = plan.viewports.iter().map(|viewport| viewport.projection.middle_pixel_rad()).fold(PI, f64::min);
+    let pixel_rad =
+        plan.views.viewports.iter().map(|viewport| viewport.projection.middle_pixel_rad()).fold(PI, f64::min);
     let wide = held.chords.partition_point(|chord| *chord > WIDE_PX * pixel_rad) as u32;
     let group = workgroup(gpu);
     let sky_ranges = [(0..wide, group), (wide..held.chords.len() as u32, 1)];
@@ -170,7 +171,7 @@ fn record_sources(
     let own = frame.near_of.iter().cloned().zip(0..);
     let own = own.map(|(range, viewport)| (&frame.near, range, viewport, group));
     let sources: Vec<_> = sky_sources.chain(own).filter(|(_, range, ..)| !range.is_empty()).collect();
-    for (range, bright) in [(Some(plan.ranges.main), false), (plan.ranges.bright, true)] {
+    for (range, bright) in [(Some(plan.stars.ranges.main), false), (plan.stars.ranges.bright, true)] {
         let (Some(range), Some(sums)) = (range, recording.targets.sums(number, bright)) else { continue };
         let FixedPoint { units_per_lx, faintest_lx, brightest_lx } = range;
         let mut pass = begin_pass(recording.encoder, recording.timer, "glare");

@@ -155,18 +155,18 @@ impl Billboards {
         colours: &wgpu::Buffer,
     ) {
         let (gpu, plan) = (recording.gpu, recording.frame.plan);
-        let (Some(billboards), Some(catalogue)) = (&plan.billboards, catalogue) else { return };
+        let (Some(billboards), Some(catalogue)) = (&plan.stars.billboards, catalogue) else { return };
         let frame = BillboardFrame {
             plan: billboards,
-            psf: plan.psf.as_deref(),
-            camera_pc: plan.camera_pc.as_vec3().to_array(),
+            psf: plan.stars.psf.as_deref(),
+            camera_pc: plan.views.camera_pc.as_vec3().to_array(),
             colours,
             draws: &catalogue.draws(),
         };
-        for (index, tile) in plan.batches[number].tiles.iter().enumerate() {
+        for (index, tile) in plan.views.batches[number].tiles.iter().enumerate() {
             let encoded = &recording.targets.batches[number].encoded_tiles[index];
             let encoded = gpu.frame_storage("tile", std::slice::from_ref(encoded));
-            let viewport = &plan.viewports[tile.viewport];
+            let viewport = &plan.views.viewports[tile.viewport];
             let cube = CubeFaces::for_projection(&viewport.projection, gpu.max_view_side_px());
             if self.drawn != Some(tile.viewport) {
                 self.draw_planes(gpu, recording.encoder, recording.timer, &frame, viewport, cube);
@@ -300,8 +300,8 @@ impl Billboards {
     ) {
         let (gpu, targets) = (recording.gpu, &*recording.targets);
         let count = self.count_pass(gpu);
-        let camera_pc = recording.frame.plan.camera_pc.as_vec3().to_array();
-        let viewports = (&targets.viewports, recording.frame.plan.viewports.len() as u32);
+        let camera_pc = recording.frame.plan.views.camera_pc.as_vec3().to_array();
+        let viewports = (&targets.viewports, recording.frame.plan.views.viewports.len() as u32);
         let descriptor = wgpu::ComputePassDescriptor { label: Some("count stars"), timestamp_writes: None };
         let mut pass = recording.encoder.begin_compute_pass(&descriptor);
         let draws = catalogue.draws();

@@ -1,0 +1,64 @@
+//! Diffuse light from the whole sky, such as the Milky Way: light that does not belong to single stars.
+
+use std::sync::Arc;
+
+use super::{
+    Approximation, Plan, PlanError, SkyUse,
+    budget::are_smooth,
+    kept::Kept,
+    technique::{PlanInputs, Step, Technique},
+};
+use crate::catalogue::diffuse::DiffuseSky;
+
+/// Diffuse light of a frame.
+#[derive(Clone)]
+pub struct DiffusePlan {
+    /// The light.
+    pub sky: Arc<DiffuseSky>,
+    /// Greatest error of light that is interpolated between grid points, cd/m^2; `None`: every pixel reads the light individually.
+    pub step_cd_m2: Option<f64>,
+}
+
+/// Plans [`DiffusePlan`].
+pub(super) struct Diffuse;
+
+impl Technique for Diffuse {
+    fn plan(
+        &mut self,
+        step: Step,
+        inputs: &PlanInputs<'_>,
+        _kept: &mut Kept,
+        plan: &mut Plan,
+    ) -> Result<(), PlanError> {
+        match step {
+            Step::Light => {
+                // Pictures of a map of faint light contain only stars, and published methods draw only stars, as published.
+                let is_drawn = !matches!(inputs.sky, SkyUse::Face(_)) && inputs.methods.adds_up();
+                let step_cd_m2 = plan
+                    .display
+                    .step_cd_m2
+                    .filter(|_| plan.views.motion.is_none() && are_smooth(&plan.views.viewports));
+                plan.diffuse = inputs
+                    .scene
+                    .stars
+                    .unresolved
+                    .clone()
+                    .filter(|_| is_drawn)
+                    .map(|sky| DiffusePlan { sky, step_cd_m2 });
+            }
+            Step::Report => {
+                let interpolated = plan.diffuse.as_ref().and_then(|diffuse| diffuse.step_cd_m2);
+                let bound = interpolated.map(|_| interpolation_error(inputs.settings.accuracy.display_codes));
+                plan.report.certificate.extend(bound);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// Bound of the error of light that is interpolated between grid points.
+fn interpolation_error(display_codes: f64) -> Approximation {
+    let name = "diffuse light, interpolated where it is smooth";
+    Approximation::new(name, display_codes, "codes of 8 bits", Some(display_codes))
+}

@@ -1,0 +1,88 @@
+//! Display images: their transform, the error that they may have, and the pass that writes them.
+
+use super::{
+    Output, Plan, PlanError,
+    budget::{display_step_cd_m2, draws_outputs_apart},
+    kept::Kept,
+    settings::{GlareMethod, ToneMapSettings},
+    technique::{PlanInputs, Step, Technique},
+};
+use crate::photometry::exposure::white_luminance_cd_m2;
+
+/// Display images of a frame.
+#[derive(Clone, Default)]
+pub struct DisplayPlan {
+    /// Display transform.
+    pub tone_map: ToneMapSettings,
+    /// The least luminance that is visible in display images, if the frame has no other images and they have an error budget, cd/m^2.
+    pub step_cd_m2: Option<f64>,
+    /// Whether light is summed in fixed point, for the resolve pass to convert to luminance.
+    pub adds_up: bool,
+    /// Whether scattered light is added to resolved pictures.
+    pub is_scattered_after: bool,
+    /// Whether the resolve pass writes the display images: if the exposure is known in advance and no scattered light is added afterwards.
+    pub resolves_to_display: bool,
+}
+
+/// See [`DisplayPlan::is_scattered_after`].
+pub(super) fn is_scattered_after(glare: GlareMethod, has_veil_in_sums: bool) -> bool {
+    glare != GlareMethod::None && !has_veil_in_sums
+}
+
+/// See [`DisplayPlan::resolves_to_display`].
+pub(super) fn resolves_to_display(exposure_is_known: bool, is_scattered_after: bool, adds_up: bool) -> bool {
+    exposure_is_known && !is_scattered_after && adds_up
+}
+
+/// Plans [`DisplayPlan`], and keeps the greatest slope of the last display transform.
+#[derive(Default)]
+pub(super) struct Display {
+    slope: Option<(ToneMapSettings, f64)>,
+}
+
+impl Display {
+    /// See [`ToneMapSettings::greatest_slope`], which evaluates hundreds of luminances.
+    fn slope_of(&mut self, tone_map: &ToneMapSettings) -> f64 {
+        match self.slope {
+            Some((held, slope)) if held == *tone_map => slope,
+            _ => {
+                let slope = tone_map.greatest_slope();
+                self.slope = Some((*tone_map, slope));
+                slope
+            }
+        }
+    }
+}
+
+impl Technique for Display {
+    fn plan(
+        &mut self,
+        step: Step,
+        inputs: &PlanInputs<'_>,
+        _kept: &mut Kept,
+        plan: &mut Plan,
+    ) -> Result<(), PlanError> {
+        match step {
+            Step::Budget => {
+                let settings = inputs.settings;
+                plan.display.tone_map = settings.tone_map;
+                let all_viewports = &plan.views.all_viewports;
+                if inputs.output == Output::Display && draws_outputs_apart(settings, inputs.objects, all_viewports) {
+                    let white_cd_m2 = plan.exposure.expected_ev100.map_or(0.0, white_luminance_cd_m2);
+                    let slope = self.slope_of(&settings.tone_map);
+                    plan.display.step_cd_m2 = display_step_cd_m2(&settings.accuracy, slope, white_cd_m2);
+                }
+            }
+            Step::Light => {
+                let display = &mut plan.display;
+                display.adds_up = inputs.methods.adds_up();
+                display.is_scattered_after = is_scattered_after(plan.glare.method, plan.glare.in_sums.is_some());
+                let exposure_is_known = plan.exposure.known_ev100.is_some();
+                display.resolves_to_display =
+                    resolves_to_display(exposure_is_known, display.is_scattered_after, display.adds_up);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,203 @@
+//! Stars of a frame: the visible ones, their kernels, and the units of the sums of light.
+
+use std::{f64::consts::PI, sync::Arc, time::Instant};
+
+use glam::DVec3;
+
+use super::{
+    billboards::{BillboardPlan, DrawnPsf},
+    cell_sky::CellSkyPlan,
+    certificate::{certificate, reported_method},
+    cull::{CullSettings, VisibleChunk, distinct_eyes_pc, visible_chunks},
+    kernels::{GaussianWidth, KernelPlan, kernels_of},
+    method::{Accumulator, StarMethod},
+    range::{self, OtherLight, Ranges},
+    settings::PsfTextureSettings,
+    travel,
+};
+use crate::{
+    catalogue::chunks::StarSet,
+    plan::{
+        Limits, Plan, PlanError, SkyUse,
+        kept::Kept,
+        settings::RenderSettings,
+        smooth_light::SkyFace,
+        technique::{CheckInputs, PlanInputs, Step, Technique},
+    },
+    units::{PARSEC_M, illuminance_lx_from_magnitude},
+    view::Rig,
+};
+
+/// Stars of a frame, and the units of all its light.
+#[derive(Clone, Default)]
+pub struct StarsPlan {
+    /// Method.
+    pub method: StarMethod,
+    /// Fainter stars are not drawn, lx.
+    pub faintest_lx: f64,
+    /// Chunks that may be visible.
+    pub visible: Vec<VisibleChunk>,
+    /// Kernels of each viewport.
+    pub kernels: Vec<KernelPlan>,
+    /// Units of the sums of light, for stars and everything that is added to them.
+    pub ranges: Ranges,
+    /// Parameters of methods that blend; `None` for the others.
+    pub billboards: Option<BillboardPlan>,
+    /// Point-spread function of `psf_texture`.
+    pub psf: Option<Arc<DrawnPsf>>,
+    /// Parameters of `cell_sky`; `None` for the other methods.
+    pub cell_sky: Option<CellSkyPlan>,
+    /// Time that culling took, ms.
+    pub cull_ms: f64,
+}
+
+/// Plans [`StarsPlan`], and keeps the point-spread function of the last settings.
+#[derive(Default)]
+pub(in crate::plan) struct Stars {
+    psf: Option<(PsfTextureSettings, Arc<DrawnPsf>)>,
+}
+
+impl Stars {
+    /// Selects the visible chunks of a set of stars, and adds the time to the plan.
+    fn cull(inputs: &PlanInputs<'_>, plan: &mut Plan, stars: &StarSet, faintest_lx: f64) -> Vec<VisibleChunk> {
+        let cull = CullSettings {
+            faintest_lx,
+            enabled: inputs.culling,
+            motion: plan.views.motion,
+            refraction: inputs.objects.local_sky.as_ref().and_then(|sky| sky.refraction),
+            margin_px: inputs.margin_px,
+        };
+        let start = Instant::now();
+        let visible = match inputs.methods.stars.reads_visible() {
+            true => visible_chunks(stars, plan.views.camera_pc, &plan.views.viewports, cull),
+            false => Vec::new(),
+        };
+        plan.stars.cull_ms += start.elapsed().as_secs_f64() * 1e3;
+        visible
+    }
+
+    /// Chooses the units of the sums of light for the visible stars, for points of light, and for the veil that is added to the sums.
+    fn ranges(inputs: &PlanInputs<'_>, plan: &Plan, stars: &StarSet, faintest_lx: f64) -> Ranges {
+        let eyes_pc = distinct_eyes_pc(&plan.views.viewports);
+        let eyes_m: Vec<DVec3> = eyes_pc.iter().map(|eye| *eye * PARSEC_M).collect();
+        let glare = &plan.glare;
+        let pixel_step_lx =
+            glare.in_sums.map_or(0.0, |veil| veil.least_cd_m2 * glare.fraction * plan.views.smallest_pixel_sr());
+        // Light besides stars.
+        let other =
+            plan.bodies.as_ref().map_or(OtherLight { pixel_step_lx, ..Default::default() }, |bodies| OtherLight {
+                pixel_step_lx,
+                points_lx: bodies
+                    .points
+                    .iter()
+                    .map(|point| eyes_m.iter().map(|eye| point.light_at_lx(*eye)).collect())
+                    .collect(),
+                crowd_lx: plan.asteroids.iter().flat_map(|plan| &plan.cut.points_lx).copied().fold(0.0, f64::max),
+            });
+        let mut ranges = range::choose(stars, &plan.stars.visible, &eyes_pc, faintest_lx, plan.views.motion, &other);
+        if let SkyUse::Face(SkyFace { map, .. }) = inputs.sky {
+            ranges.main.brightest_lx = map.below_lx;
+            ranges.bright = None;
+        }
+        ranges.main.units_per_lx *= inputs.unit_factor;
+        ranges
+    }
+
+    /// Plans the light of the stars: all of them, or those that are not part of the map of faint light.
+    fn plan_light(&self, inputs: &PlanInputs<'_>, plan: &mut Plan) {
+        let PlanInputs { settings, methods, scene, limits, .. } = *inputs;
+        // Visible stars. Without a known exposure they have been selected already, to estimate it.
+        let others = plan.smooth_light.map.as_ref().map(|sky| (Arc::clone(&sky.others), sky.map.others_from_lx()));
+        let (stars, drawn_from_lx) = others.unwrap_or_else(|| (Arc::clone(&scene.stars), plan.stars.faintest_lx));
+        if plan.exposure.known_white_ev100.is_some() {
+            plan.stars.visible = Self::cull(inputs, plan, &stars, drawn_from_lx);
+        }
+        // Units, kernels and the certificate.
+        plan.stars.ranges = Self::ranges(inputs, plan, &stars, drawn_from_lx);
+        let viewports = &plan.views.viewports;
+        let kernels = viewports.iter().map(|viewport| kernels_of(settings, viewport, plan.exposure.expected_ev100));
+        plan.stars.kernels = kernels.collect();
+        plan.report.stars = reported_method(methods.stars, viewports, &plan.stars.kernels);
+        plan.report.accumulator = limits.accumulator_name(methods.stars.accumulator()).to_owned();
+        plan.report.certificate.extend(certificate(settings, viewports, &plan.stars.ranges));
+        // Parameters of published methods.
+        let uses_psf = methods.stars == StarMethod::PsfTexture;
+        plan.stars.psf = self.psf.as_ref().filter(|_| uses_psf).map(|(_, psf)| Arc::clone(psf));
+        plan.stars.billboards = (methods.stars.accumulator() == Accumulator::Blending).then(|| {
+            let white_ev100 = plan.exposure.known_white_ev100.unwrap_or_else(|| {
+                settings.exposure.metered_ev100(mean_luminance_cd_m2(&scene.stars, plan.views.camera_pc))
+            });
+            BillboardPlan::new(&settings.stars, settings.exposure.unit_ev100(), white_ev100, plan.stars.psf.as_deref())
+        });
+        let is_procedural = methods.stars == StarMethod::CellSky;
+        plan.stars.cell_sky =
+            is_procedural.then(|| CellSkyPlan::new(&settings.stars.cell_sky, settings.exposure.unit_ev100()));
+    }
+}
+
+impl Technique for Stars {
+    fn check_rig(&self, rig: &Rig, settings: &RenderSettings, limits: &Limits) -> Result<(), PlanError> {
+        let method = settings.stars.method;
+        if method.accumulator() == Accumulator::Blending {
+            limits.check_blended(rig)?;
+        }
+        if method == StarMethod::PixelGaussian {
+            let width = GaussianWidth::new(&settings.stars.pixel_gaussian);
+            Limits::check_round_kernels(rig, method.name(), |projection| width.reach_px(projection))?;
+        }
+        Ok(())
+    }
+
+    fn check(&mut self, inputs: &CheckInputs<'_>, _kept: &mut Kept) -> Result<(), PlanError> {
+        let texture = &inputs.settings.stars.psf_texture;
+        // A file whose content alone changes is not read again.
+        let is_held = self.psf.as_ref().is_some_and(|(held, _)| held == texture);
+        if inputs.methods.stars == StarMethod::PsfTexture && !is_held {
+            let psf = DrawnPsf::new(&texture.texture()?);
+            self.psf = Some((texture.clone(), Arc::new(psf)));
+        }
+        Ok(())
+    }
+
+    fn plan(
+        &mut self,
+        step: Step,
+        inputs: &PlanInputs<'_>,
+        _kept: &mut Kept,
+        plan: &mut Plan,
+    ) -> Result<(), PlanError> {
+        match step {
+            Step::Objects => {
+                plan.stars.method = inputs.methods.stars;
+                plan.stars.faintest_lx = illuminance_lx_from_magnitude(inputs.settings.stars.magnitude_limit);
+            }
+            Step::Exposure if plan.exposure.known_white_ev100.is_none() => {
+                let faintest_lx = plan.stars.faintest_lx;
+                plan.stars.visible = Self::cull(inputs, plan, &inputs.scene.stars, faintest_lx);
+            }
+            Step::Light => self.plan_light(inputs, plan),
+            Step::Report => {
+                if let Some(motion) = plan.views.motion {
+                    let (stars, accuracy) = (&inputs.scene.stars, &inputs.settings.accuracy);
+                    let of_motion = travel::certificate(stars, &plan.stars.visible, &motion, accuracy);
+                    plan.report.certificate.extend(of_motion);
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// Mean luminance of the whole sky of stars, cd/m^2.
+fn mean_luminance_cd_m2(stars: &StarSet, camera_pc: DVec3) -> f64 {
+    let light_lx: f64 = stars
+        .chunks
+        .iter()
+        .map(|chunk| {
+            let distance_pc = if chunk.at_infinity { 1.0 } else { (chunk.origin_pc - camera_pc).length() };
+            chunk.total_lx / (distance_pc * distance_pc).max(1e-12)
+        })
+        .sum();
+    light_lx / (4.0 * PI)
+}
