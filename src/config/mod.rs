@@ -276,8 +276,8 @@ impl Config {
         let document: Table = self.pictured.parse().unwrap_or_default();
         let table = document.get("views").and_then(|views| views.get(view)).and_then(Value::as_table);
         let mut keys = table.cloned().unwrap_or_default();
-        let settings = views::keys_of::<ViewSpec>();
-        keys.retain(|key, _| !settings.contains(&key));
+        let shared = ViewSpec::shared_keys();
+        keys.retain(|key, _| !shared.contains(&key));
         if let Some(ViewKindSpec::Perspective(now)) = self.views.get(view).map(|view| &view.geometry.kind)
             && let Ok(given) =
                 PerspectiveSpec::deserialize(Value::Table(without(&keys, &["type", "orientation", "position_m"])))

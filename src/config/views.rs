@@ -247,11 +247,16 @@ impl From<PackingConfig> for Packing {
 }
 
 /// Keys of a type, from its schema.
-pub(super) fn keys_of<T: JsonSchema + 'static>() -> Vec<&'static str> {
+fn keys_of<T: JsonSchema + 'static>() -> Vec<&'static str> {
     schema_of::<T>()["properties"].as_object().into_iter().flatten().map(|(key, _)| key.as_str()).collect()
 }
 
 impl ViewSpec {
+    /// Names of the keys that all types of views have, except those of the geometry.
+    pub fn shared_keys() -> Vec<&'static str> {
+        keys_of::<Self>()
+    }
+
     /// A view that the program made from something that has no keys.
     pub fn custom(name: &str) -> Self {
         Self { name: name.to_owned(), ..Self::default() }
@@ -321,7 +326,7 @@ impl ViewSpec {
     pub(super) fn from_table(mut table: Table) -> Result<Self, Fault> {
         let given = Value::Table(table.clone());
         let name = text(&mut table, "name", "a unique name of letters, digits, `_` and `-`")?;
-        let shared = taken(&mut table, &keys_of::<Self>());
+        let shared = taken(&mut table, &Self::shared_keys());
         let geometry = ViewGeometry::read(table)?;
         let spec = Self { name, geometry, ..deserialise(shared, "")? };
         check_ranges::<ViewTable>(&given)?;

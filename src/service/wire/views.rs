@@ -38,7 +38,7 @@ const DEFINITION: &str = "definition";
 
 /// Fields of `ViewDefinition` that define the geometry of a view.
 static GEOMETRY_KEYS: LazyLock<Vec<String>> = LazyLock::new(|| {
-    let others = ["name", "test_pattern", "exposure_group", "exposure", "glare", "tone_map"];
+    let others = ViewSpec::shared_keys();
     fields_of("ViewDefinition").into_iter().filter(|field| !others.contains(&field.as_str())).collect()
 });
 
