@@ -181,8 +181,8 @@ fn invalid_projectors_are_refused_with_file_and_key() {
     let with = |keys: &str| right.replace("file = 'right.pfm'", &format!("file = 'right.pfm'\n{keys}"));
     refused(with("method = 'bent'"), &["method", "direct", "resampled"]);
     refused(with("source_scale = 2.0"), &["source_scale", "method = \"resampled\""]);
-    refused(with("method = 'resampled'\nsource_scale = 9.0"), &["source_scale", "0.25 to 4"]);
-    refused(with("gamma = 0.0"), &["gamma", "1 to 4"]);
+    refused(with("method = 'resampled'\nsource_scale = 9.0"), &["source_scale", "between 0.25 and 4"]);
+    refused(with("gamma = 0.0"), &["gamma", "between 1 and 4"]);
     refused(with("lut = 'stars.csv'"), &["lut", "stars.csv"]);
     refused(with("blend = 'computed'"), &["left", "blend", "computed"]);
     refused(with("white_cd_m2 = 100.0"), &["left", "white_cd_m2", "missing key"]);

@@ -60,7 +60,7 @@ async fn invalid_poses_are_refused_with_the_reason() {
         (CameraUpdate { orientation: Some([0.0, 0.0, 0.0, 1.1]), ..update() }, "unit quaternion"),
         (CameraUpdate { orientation: Some([0.0, f64::INFINITY, 0.0, 1.0]), ..update() }, "orientation"),
         (CameraUpdate { velocity_c: Some([0.0, 0.0, 1.0]), ..at_x(9.0) }, "speed of light"),
-        (CameraUpdate { velocity_c: Some([0.0, 0.99995, 0.0]), ..at_x(9.0) }, "from 0 to 0.9999"),
+        (CameraUpdate { velocity_c: Some([0.0, 0.99995, 0.0]), ..at_x(9.0) }, "between 0 and 0.9999"),
     ];
     for (bad, reason) in cases {
         match client.set_camera(&bad).await {

@@ -147,7 +147,7 @@ async fn invalid_changes_have_no_effect() {
     refused(client.update_scene(&many, None).await, Code::InvalidArgument, &["one too many", "256"]);
     for quality in [0.0, f64::NAN, 11.0] {
         let update = SceneUpdate { quality: Some(quality), ..SceneUpdate::default() };
-        refused(client.update_scene(&update, None).await, Code::InvalidArgument, &["quality", "0.1 to 10"]);
+        refused(client.update_scene(&update, None).await, Code::InvalidArgument, &["quality", "between 0.1 and 10"]);
     }
     assert_eq!(client.scene().await.unwrap(), before);
     daemon.shutdown().await.unwrap();

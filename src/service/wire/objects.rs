@@ -369,7 +369,7 @@ mod tests {
             (time_at(-62_135_596_801, 0), &["time"], &["years 1 to 9999"]),
             (time_at(0, -1), &["time"], &["nanoseconds"]),
             (settings("sprite", 1.0), &["asteroids"], &["sprite", "octahedral_blend"]),
-            (settings("none", 0.0), &["asteroids.quality"], &["asteroids.quality = 0", "0.1 to 10"]),
+            (settings("none", 0.0), &["asteroids.quality"], &["asteroids.quality = 0", "between 0.1 and 10"]),
             (settings("none", 1.0), &["asteroids.tiles"], &["no field `asteroids.tiles`"]),
         ] {
             let problem = update(scene, paths).unwrap_err();

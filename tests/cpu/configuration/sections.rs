@@ -194,7 +194,7 @@ fn mistakes_in_the_scene() {
         "[scene.camera]\nvelocity_c = [0.99991, 0, 0]",
         &["scene.camera.velocity_c[0]", "0.99991", "between -0.9999 and 0.9999"],
     );
-    refused("[scene.camera]\nvelocity_c = [0.6, 0.8, 0]", &["scene.camera.velocity_c", "from 0 to 0.9999"]);
+    refused("[scene.camera]\nvelocity_c = [0.6, 0.8, 0]", &["scene.camera.velocity_c", "between 0 and 0.9999"]);
     refused("[scene.camera]\nvelocity_c = [nan, 0, 0]", &["scene.camera.velocity_c", "finite"]);
     refused("[scene.camera]\nheading = 3", &["scene.camera.heading", "unknown key", "orientation"]);
 }
