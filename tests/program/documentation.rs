@@ -375,6 +375,9 @@ fn documents_run_all_examples_and_readme_names_make_commands() {
         commands.iter().filter_map(|command| example_of(command)).map(|(name, _)| name).collect();
     for file in fs::read_dir(repository().join("examples")).unwrap() {
         let path = file.unwrap().path();
+        if path.extension().is_none_or(|extension| extension != "rs") {
+            continue;
+        }
         let name = path.file_stem().unwrap().to_str().unwrap();
         assert!(named.contains(name), "no page runs the example {name}");
     }

@@ -173,7 +173,7 @@ fn mistakes_in_fields_and_their_settings() {
     for (line, parts) in [
         ("quality = 0.05", ["asteroids.quality", "between 0.1 and 10"]),
         ("quality = nan", ["asteroids.quality", "finite"]),
-        ("tiles = 24", ["asteroids.tiles", "powers of two from 4 to 64"]),
+        ("tiles = 24", ["asteroids.tiles", "a power of two from 4 to 64"]),
         ("tile_px = 512", ["asteroids.tile_px", "between 8 and 256 pixels, a power of two"]),
         ("samples = 0", ["asteroids.samples", "between 1 and 4"]),
         ("impostor = 'sprite'", ["asteroids.impostor", "octahedral_blend"]),
