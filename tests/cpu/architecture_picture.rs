@@ -33,11 +33,11 @@ fn text(x: f64, y: f64, size: f64, content: &str) -> Text {
 /// Folder of the crate that has a module.
 fn crate_of(module: &str) -> usize {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let has = |folder: &&str| {
+    let has = |folder: &str| {
         let folder = root.join(folder);
         folder.join(format!("{module}.rs")).is_file() || folder.join(module).join("mod.rs").is_file()
     };
-    CRATES.iter().position(|folder| has(&folder)).unwrap_or_else(|| panic!("no crate has the module `{module}`"))
+    CRATES.iter().position(|folder| has(folder)).unwrap_or_else(|| panic!("no crate has the module `{module}`"))
 }
 
 /// A row for each layer with modules of a crate, from the data to the program.

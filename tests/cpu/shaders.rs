@@ -57,7 +57,6 @@ fn an_invalid_shader_is_detected() {
 type WgslLayout = (usize, Vec<(String, usize)>);
 
 /// The layouts that naga computes for the structures in buffers.
-
 fn wgsl_layouts(module: &naga::Module) -> BTreeMap<String, WgslLayout> {
     // Structs in buffers, at any depth; other structs, including those in workgroup memory, stay inside a shader and
     // have no counterpart.

@@ -23,6 +23,7 @@ pub struct Pool {
 }
 
 impl Pool {
+    #[allow(clippy::new_without_default, reason = "a pool is a static, and a constant cannot come from Default")]
     pub const fn new() -> Self {
         Self { idle: Mutex::new(VecDeque::new()) }
     }

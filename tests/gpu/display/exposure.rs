@@ -223,8 +223,8 @@ fn adaptation_to_the_sun_and_back_is_monotonic() {
     let stars = || spiral(400).enumerate().map(|(i, d)| star(d, (i % 7) as f32));
     let night = snapshot(stars().collect());
     let day = snapshot(stars().chain([star(glam::DVec3::new(0.2, 0.1, -1.0), -26.7)]).collect());
-    let mut settings = RenderSettings::default();
-    settings.exposure = ExposureSettings::auto(Metering::Mean);
+    let exposure = ExposureSettings::auto(Metering::Mean);
+    let settings = RenderSettings { exposure, ..RenderSettings::default() };
     // Exposures at every tenth of a second, from the first frame with the Sun and from the first frame after it.
     let mut run = |rate_hz: u32| {
         let mut eye = Adaptation::default();

@@ -172,8 +172,8 @@ fn start(planned: Duration, drawn: Duration, mode: ExposureMode) -> (RenderHandl
     let kind = ViewKind::Perspective { size: [4, 4], fov_y_rad: 1.0 };
     let view =
         |name: &str| (ViewSpec::custom(name), View::new(name, kind.clone(), DQuat::IDENTITY, DVec3::ZERO).unwrap());
-    let mut settings = RenderSettings::default();
-    settings.exposure = ExposureValues { mode, ..Default::default() }.into();
+    let exposure = ExposureValues { mode, ..Default::default() }.into();
+    let settings = RenderSettings { exposure, ..RenderSettings::default() };
     let views = ViewSet::new(&settings, vec![view("flat"), view("wide")], std::path::Path::new("")).unwrap();
     let clock = SceneClock::stopped(0.0);
     let mut forecast = Forecast::default();

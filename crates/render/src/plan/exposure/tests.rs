@@ -126,8 +126,8 @@ fn magnitudes_are_distinct_and_bright_stars_keep_their_colours_in_domes_of_every
 
 #[test]
 fn each_view_has_a_separate_limit_and_the_first_one_that_of_the_settings() {
-    let mut settings = RenderSettings::default();
-    settings.exposure = ExposureValues { limiting_magnitude: 5.0, ..Default::default() }.into();
+    let exposure = ExposureValues { limiting_magnitude: 5.0, ..Default::default() }.into();
+    let mut settings = RenderSettings { exposure, ..RenderSettings::default() };
     let kinds = [dome(1024), dome(2048), flat([1920, 1080], 60.0)];
     let (stars, ev100) = of_night(&kinds, &settings);
     let limits: Vec<f64> = (0..3).map(|view| stars.limiting_magnitude(view, ev100.unwrap()).unwrap()).collect();
