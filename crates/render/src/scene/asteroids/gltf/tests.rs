@@ -201,7 +201,7 @@ fn meshes_and_buffers_count_once_per_reference() {
     let half = std::fs::File::create(folder.path().join("data.bin")).unwrap();
     half.set_len(MOST_BYTES / 2).unwrap();
     let message = ShapeSet::from_gltf(&[path]).unwrap_err().to_string();
-    assert!(message.contains("buffer 2:") && message.contains("more than 0 bytes"), "{message}");
+    assert!(message.contains("buffer 2:") && message.contains("at most 0 bytes"), "{message}");
 }
 
 #[test]
