@@ -20,7 +20,7 @@ static DEFAULT_SETTINGS: LazyLock<RenderSettings> = LazyLock::new(RenderSettings
 /// back, and automatic exposure corresponds to a fully adapted eye.
 ///
 /// ```
-/// # use steradian::{FrameRequest, Rig, SceneSnapshot, Wanted};
+/// # use steradian_render::{render::{FrameRequest, Wanted}, scene::SceneSnapshot, view::Rig};
 /// # fn requests(scene: &SceneSnapshot, rig: &Rig) {
 /// let displayed = FrameRequest::new(scene, rig);
 /// let measured = FrameRequest::new(scene, rig).wanted(Wanted::hdr()).adapted_ev100(-3.0);
