@@ -198,7 +198,7 @@ mod missing {
 
     /// Without Monado a test is reported as ignored with the reason, or fails with it if Monado is required.
     pub fn missing_runtime_is_reported() {
-        let reason = "the folder for Monado cannot be made: /dev/null/monado";
+        let reason = "the folder for Monado cannot be created: /dev/null/monado";
         for required in ["", "0"] {
             let output = without_monado(required);
             let report = String::from_utf8_lossy(&output.stdout);
@@ -233,9 +233,9 @@ mod missing {
         std::fs::create_dir_all(foreign.join("root")).unwrap();
         let path = std::env::var_os("PATH").unwrap();
         let cases = [
-            ("no apt-get", folder.path().join("cache"), tools.as_os_str().to_owned(), "there is no apt-get here"),
+            ("no apt-get", folder.path().join("cache"), tools.as_os_str().to_owned(), "apt-get is missing"),
             ("a colon", colon, path.clone(), "must have no quote, backslash, colon"),
-            ("foreign", foreign.clone(), path, "must be a new or an empty one"),
+            ("foreign", foreign.clone(), path, "must be new or empty"),
         ];
         for (case, cache, path, reason) in cases {
             let output = Command::new(&script).env("STERADIAN_MONADO_DIR", cache).env("PATH", path).output().unwrap();
