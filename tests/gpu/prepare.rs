@@ -1,28 +1,23 @@
 //! Preparation of a renderer: it makes all pipelines that a configuration needs before the first frame.
 
-use std::{path::Path, sync::Arc};
+use steradian::Wanted;
 
-use steradian::{Gpu, GpuOptions, Renderer, SceneSnapshot, Wanted, config::Config, scene::loader::load_stars};
+use crate::common::{configured, new_renderer};
+
+const SMALL_CATALOGUE: &str = "scene.catalogues=[\"builtin:bright\"]";
 
 /// Number of pipelines that `prepare` creates for a configuration, and number of further ones that the first frame
 /// creates.
 fn made(file: &str, set: &[&str]) -> [u64; 2] {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(file);
-    let small = ["scene.catalogues=[\"builtin:bright\"]"];
-    let set: Vec<String> = small.iter().chain(set).map(|text| (*text).to_owned()).collect();
-    let config = Config::load(&path, &set).unwrap();
-    let (rig, settings) = (config.rig().unwrap(), config.render_settings());
-    let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default()).unwrap());
+    let (scene, rig, settings) = configured(file, &[&[SMALL_CATALOGUE], set].concat());
+    let mut renderer = new_renderer();
     assert_eq!(renderer.gpu().made().pipelines, 0, "a new renderer has no pipelines");
-    let objects = Arc::new(config.objects().unwrap());
     let wanted = Wanted::both();
     let mut steps = Vec::new();
-    renderer.prepare(&objects, &rig, &settings, wanted, &[], &mut |step| steps.push(step)).unwrap();
+    renderer.prepare(&scene.objects, &rig, &settings, wanted, &[], &mut |step| steps.push(step)).unwrap();
     let total = steps.len();
     assert!(steps.iter().enumerate().all(|(index, step)| (step.done, step.total) == (index + 1, total)), "{steps:?}");
     let prepared = renderer.gpu().made().pipelines;
-    let (stars, _) = load_stars(&config.star_sources(), &config.epoch(), &mut |_| ()).unwrap();
-    let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera: config.camera().unwrap() };
     renderer.warm_up(&scene, &rig, &settings, wanted).unwrap();
     [prepared, renderer.gpu().made().pipelines - prepared]
 }
@@ -52,14 +47,9 @@ fn the_first_frame_creates_no_further_pipelines() {
 #[test]
 fn a_frame_creates_pipelines_that_were_not_prepared() {
     // Shows that the counter works.
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/dome.toml");
-    let set = ["scene.catalogues=[\"builtin:bright\"]", "views.dome.size=[64,64]"].map(str::to_owned);
-    let config = Config::load(&path, &set).unwrap();
-    let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default()).unwrap());
-    let (stars, _) = load_stars(&config.star_sources(), &config.epoch(), &mut |_| ()).unwrap();
-    let objects = Arc::new(config.objects().unwrap());
-    let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera: config.camera().unwrap() };
+    let (scene, rig, settings) = configured("dome.toml", &[SMALL_CATALOGUE, "views.dome.size=[64,64]"]);
+    let mut renderer = new_renderer();
     let wanted = Wanted { display: true, ..Wanted::default() };
-    renderer.warm_up(&scene, &config.rig().unwrap(), &config.render_settings(), wanted).unwrap();
+    renderer.warm_up(&scene, &rig, &settings, wanted).unwrap();
     assert!(renderer.gpu().made().pipelines > 0);
 }
