@@ -17,7 +17,7 @@ use super::projector::ProjectorConfig;
 use crate::plan::settings::{ExposureKeys, GlareKeys, ToneMapKeys};
 use crate::ranges::schema_of;
 use crate::scene::{PoseError, finite_vector, unit_quaternion};
-use crate::view::projection::{Face, FisheyeMapping, ProjectionError};
+use crate::view::projection::{Face, FisheyeMapping, MAX_EDGE_DEG, ProjectionError};
 use crate::view::{Fov, MAX_EYE_OFFSET_M, Packing, RigError, View, ViewKind};
 
 /// Names of the types, the values of `type`.
@@ -100,16 +100,16 @@ const IDENTITY: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 #[serde(deny_unknown_fields)]
 pub struct FovSpec {
     /// Angle of the left edge, less than that of the right edge.
-    #[schemars(range(min = -89.0, max = 89.0), extend("x-unit" = "degrees"))]
+    #[schemars(range(min = -MAX_EDGE_DEG, max = MAX_EDGE_DEG), extend("x-unit" = "degrees"))]
     pub left_deg: f64,
     /// Angle of the right edge.
-    #[schemars(range(min = -89.0, max = 89.0), extend("x-unit" = "degrees"))]
+    #[schemars(range(min = -MAX_EDGE_DEG, max = MAX_EDGE_DEG), extend("x-unit" = "degrees"))]
     pub right_deg: f64,
     /// Angle of the upper edge.
-    #[schemars(range(min = -89.0, max = 89.0), extend("x-unit" = "degrees"))]
+    #[schemars(range(min = -MAX_EDGE_DEG, max = MAX_EDGE_DEG), extend("x-unit" = "degrees"))]
     pub up_deg: f64,
     /// Angle of the lower edge, less than that of the upper edge.
-    #[schemars(range(min = -89.0, max = 89.0), extend("x-unit" = "degrees"))]
+    #[schemars(range(min = -MAX_EDGE_DEG, max = MAX_EDGE_DEG), extend("x-unit" = "degrees"))]
     pub down_deg: f64,
 }
 

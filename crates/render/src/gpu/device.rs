@@ -171,13 +171,13 @@ pub struct Gpu {
     /// Queue of the device.
     pub queue: wgpu::Queue,
     /// Whether sums use 64-bit words.
-    pub wide_accumulator: bool,
+    pub(crate) wide_accumulator: bool,
     /// Whether passes are timed by the device.
-    pub timestamps: bool,
+    pub(crate) timestamps: bool,
     /// Format of the targets that blend.
-    pub blend_format: wgpu::TextureFormat,
+    pub(crate) blend_format: wgpu::TextureFormat,
     /// Whether the adapter is a software driver.
-    pub software: bool,
+    pub(crate) software: bool,
     binding_limit_bytes: u64,
     readback_limit_bytes: u64,
     /// The first error of the driver since the last [`Gpu::take_failure`].
@@ -304,17 +304,17 @@ impl Gpu {
     }
 
     /// Largest number of workgroups of a dispatch along an axis.
-    pub fn max_workgroups(&self) -> u32 {
+    pub(crate) fn max_workgroups(&self) -> u32 {
         self.max_workgroups
     }
 
     /// Largest size of a buffer binding, bytes.
-    pub fn max_binding_bytes(&self) -> u64 {
+    pub(crate) fn max_binding_bytes(&self) -> u64 {
         self.binding_limit_bytes
     }
 
     /// Largest size of a host-visible buffer, bytes.
-    pub fn max_readback_bytes(&self) -> u64 {
+    pub(crate) fn max_readback_bytes(&self) -> u64 {
         self.readback_limit_bytes
     }
 
@@ -331,7 +331,7 @@ impl Gpu {
     /// # Errors
     ///
     /// The device is lost, or takes longer than [`SUBMISSION_TIMEOUT`].
-    pub fn wait(&self, submission_index: Option<wgpu::SubmissionIndex>) -> Result<(), GpuError> {
+    pub(crate) fn wait(&self, submission_index: Option<wgpu::SubmissionIndex>) -> Result<(), GpuError> {
         self.wait_at_most(submission_index, SUBMISSION_TIMEOUT)
     }
 
@@ -349,7 +349,7 @@ impl Gpu {
     /// # Errors
     ///
     /// The device is lost.
-    pub fn done_within(&self, submission: wgpu::SubmissionIndex, timeout: Duration) -> Result<bool, GpuError> {
+    pub(crate) fn done_within(&self, submission: wgpu::SubmissionIndex, timeout: Duration) -> Result<bool, GpuError> {
         match self.poll(Some(submission), timeout)? {
             Ok(()) => Ok(true),
             Err(wgpu::PollError::Timeout) => Ok(false),

@@ -22,7 +22,7 @@ pub enum ExposureMode {
 
 named!(ExposureMode { Auto = "auto", Manual = "manual" });
 
-/// What the automatic exposure is measured by.
+/// Light that determines the automatic exposure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
@@ -51,7 +51,7 @@ settings! {
     pub struct ExposureValues, ExposureKeys {
         /// How the exposure is chosen.
         pub mode: ExposureMode = ExposureMode::Auto,
-        /// `auto`: what the exposure is measured by.
+        /// `auto`: the light that determines the exposure.
         pub metering: Metering = Metering::LimitingMagnitude,
         /// Metering `limiting_magnitude`: the faintest stars that the first view shows; they peak at 20 of 255.
         // From brighter than any star to fainter than any telescope sees.
@@ -108,7 +108,7 @@ pub enum Meter {
 /// Automatic exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AutoExposure {
-    /// What it is measured by.
+    /// Metering mode, with its keys.
     pub meter: Meter,
     /// Exposure compensation; positive darkens.
     pub compensation_ev: f64,

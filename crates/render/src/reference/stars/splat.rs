@@ -136,7 +136,7 @@ impl Sight {
 
 /// The stars of a set as seen by a moving eye. A star at the exact position of the eye has no direction and is left
 /// out.
-pub fn seen_by(set: &StarSet, eye: Eye) -> impl Iterator<Item = SeenStar> {
+pub(crate) fn seen_by(set: &StarSet, eye: Eye) -> impl Iterator<Item = SeenStar> {
     let sight = Sight::new(eye);
     set.iter().filter_map(move |(position, at_infinity, star)| sight.seen_star(position, at_infinity, star))
 }

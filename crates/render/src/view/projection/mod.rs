@@ -22,7 +22,7 @@ pub use cube::{CubeFace, Face};
 pub use equirectangular::Equirectangular;
 pub use fisheye::{Fisheye, FisheyeMapping};
 use glam::{DVec2, DVec3};
-pub use perspective::Perspective;
+pub use perspective::{MAX_EDGE_DEG, Perspective};
 pub(crate) use tabulated::{
     DONE_PX, FRINGE, HEADER, LONGEST_STEP_PX, MOST_STEPS, NEAR_PX, NO_START, PATCH_BIT, PATCH_STEPS,
 };

@@ -6,8 +6,9 @@ use glam::{DVec2, DVec3};
 
 use super::{BoundingCone, PlaneMapping, ProjectionError, check_size};
 
-/// Greatest angle from the optical axis to an edge. Beyond it, f32 has no sub-pixel accuracy near the rim.
-const MAX_EDGE_RAD: f64 = 89.0 / 180.0 * std::f64::consts::PI;
+/// Greatest angle from the optical axis to an edge, degrees. Beyond it, f32 has no sub-pixel accuracy near the rim.
+pub const MAX_EDGE_DEG: f64 = 89.0;
+const MAX_EDGE_RAD: f64 = MAX_EDGE_DEG / 180.0 * std::f64::consts::PI;
 
 /// A flat picture bounded by four planes through the eye; tangents are measured from the principal ray -z.
 #[derive(Clone, Copy, Debug, PartialEq)]
