@@ -54,15 +54,10 @@ pub const SPANS: &str = "steradian::spans";
 
 pub use client::{
     camera::{CameraReceiver, Lease, Steering},
-    connection::{
-        After, Client, ClientError, FrameReceiver, ReceivedFrame, ReceivedImage, ServerInfo, ViewForm, ViewImageForm,
-    },
+    connection::{After, Client, ClientError, FrameReceiver, ReceivedFrame, ReceivedImage, ServerInfo, ViewForm},
     credentials::Credentials,
-    scene::{CheckReceiver, ReceivedCheck, ReceivedFigure, SceneForm, SceneReceiver, SeenKind, SeenObject},
-    stats::{
-        HeadsetStatus, ReceivedAudits, ReceivedHeadset, ReceivedImageAudit, ReceivedQuality, ReceivedStats,
-        ReceivedTimes, ReceivedWindow, StatsReceiver,
-    },
+    scene::{CheckReceiver, SceneForm, SceneReceiver, SeenKind, SeenObject},
+    stats::StatsReceiver,
 };
 pub use daemon::{
     Address, LimitOptions, NetworkOptions, Reloads, SceneOptions, ServeError, ServeOptions, Shutdown, ViewOptions,
@@ -84,4 +79,4 @@ pub use scene::{
 };
 pub use state_file::StateError;
 
-use steradian_proto::v1 as proto;
+pub use steradian_proto::v1 as proto;

@@ -4,7 +4,10 @@ use std::time::Duration;
 
 use steradian::{
     output::Encoding,
-    service::{CameraUpdate, HeadsetStatus, ReceivedFrame, ReceivedHeadset, ViewImageForm},
+    service::{
+        CameraUpdate, ReceivedFrame,
+        proto::{HeadsetStats, ViewImage},
+    },
 };
 use tonic::Code;
 
@@ -36,8 +39,8 @@ name = "eyes"
 resolution_scale = 0.5
 "#;
 
-fn is_connected(headset: &ReceivedHeadset) -> bool {
-    matches!(headset.status, HeadsetStatus::Connected { .. })
+fn is_connected(headset: &HeadsetStats) -> bool {
+    headset.status.as_ref().unwrap().connected
 }
 
 /// The runtime is killed ten times in one run: the daemon survives, the flat view's stream never stops, and the
@@ -59,8 +62,8 @@ fn killed_ten_times(monado: &'static Monado) {
         let before = daemon.headset();
         service.kill();
         let lost = daemon.wait_for_headset(|headset| headset.losses == round && !is_connected(headset));
-        let HeadsetStatus::Disconnected { reason, retrying } = &lost.status else { panic!("{lost:?}") };
-        assert!(*retrying, "{lost:?}");
+        let status = lost.status.as_ref().unwrap();
+        assert!(status.retrying, "{lost:?}");
         let without = daemon.program.resources();
         let frames = flat.count();
         for step in 0..3 {
@@ -80,7 +83,7 @@ fn killed_ten_times(monado: &'static Monado) {
         assert_eq!((returned.sessions, returned.losses), (round + 1, round), "{returned:?}");
         assert!(returned.frames >= before.frames, "counts continue: {before:?}, {returned:?}");
         let now = daemon.program.resources();
-        println!("loss {round}: {reason}; {meanwhile} frames of the flat view meanwhile");
+        println!("loss {round}: {}; {meanwhile} frames of the flat view meanwhile", status.reason);
         println!("without: {without:?}, back: {now:?}");
         assert!(without.threads < now.threads && without.files < now.files, "a lost session leaves nothing behind");
         resources.push(now);
@@ -145,7 +148,12 @@ fn runtime_comes_later(monado: &'static Monado) {
     let mut service = Service::remote(monado);
     service.kill();
     let mut daemon = Daemon::start(&service, SCENE);
-    let tried = |headset: &ReceivedHeadset| matches!(&headset.status, HeadsetStatus::Disconnected { reason, retrying: true } if reason.contains("no OpenXR runtime"));
+    let tried = |headset: &HeadsetStats| {
+        headset
+            .status
+            .as_ref()
+            .is_some_and(|status| !status.connected && status.retrying && status.reason.contains("no OpenXR runtime"))
+    };
     println!("{:?}", daemon.wait_for_headset(tried).status);
     let refused = daemon.frame("eyes", Encoding::Rgba8).unwrap_err();
     println!("{refused}");
@@ -165,8 +173,11 @@ fn runtime_comes_later(monado: &'static Monado) {
     assert_eyes(&daemon.frame("eyes", Encoding::Rgba8).unwrap());
     let views = daemon.call(async |client| client.views().await).unwrap();
     let eyes = views.into_iter().find(|view| view.name == "eyes").unwrap();
-    let form = |(part, [width, height]): (&str, [u32; 2])| ViewImageForm { part: part.to_owned(), width, height };
-    assert_eq!((eyes.kind.as_str(), eyes.images), ("headset", EYES.map(form).to_vec()));
+    let sizes = |images: &[ViewImage]| -> Vec<(String, [u32; 2])> {
+        images.iter().map(|image| (image.part.clone(), [image.width, image.height])).collect()
+    };
+    let expected = EYES.map(|(part, size)| (part.to_owned(), size));
+    assert_eq!((eyes.kind.as_str(), sizes(&eyes.images)), ("headset", expected.to_vec()));
     assert_eq!(daemon.terminate().code, Some(0));
 }
 

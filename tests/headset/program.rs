@@ -11,7 +11,7 @@ use std::{
 use steradian::{
     output::Encoding,
     scene::Camera,
-    service::{Client, ClientError, HeadsetStatus, ReceivedFrame, ReceivedHeadset},
+    service::{Client, ClientError, ReceivedFrame, proto::HeadsetStats},
 };
 use tempfile::TempDir;
 use tokio::{runtime::Runtime, task::JoinHandle};
@@ -292,13 +292,13 @@ impl Daemon {
     }
 
     /// Returns the current statistics of the headset.
-    pub fn headset(&mut self) -> ReceivedHeadset {
+    pub fn headset(&mut self) -> HeadsetStats {
         let stats = self.call(async |client| client.watch_stats(None).await.unwrap().next().await);
         stats.unwrap().unwrap().headset.expect("the daemon drives a headset")
     }
 
     /// Waits until the headset satisfies `is`; returns its statistics.
-    pub fn wait_for_headset(&mut self, is: impl Fn(&ReceivedHeadset) -> bool) -> ReceivedHeadset {
+    pub fn wait_for_headset(&mut self, is: impl Fn(&HeadsetStats) -> bool) -> HeadsetStats {
         let start = Instant::now();
         loop {
             let headset = self.headset();
@@ -311,8 +311,8 @@ impl Daemon {
     }
 
     /// Waits until the session has the focus: it shows frames and accepts input of the controllers.
-    pub fn wait_for_focus(&mut self) -> ReceivedHeadset {
-        self.wait_for_headset(|headset| matches!(&headset.status, HeadsetStatus::Connected { session_state, .. } if session_state == "focused"))
+    pub fn wait_for_focus(&mut self) -> HeadsetStats {
+        self.wait_for_headset(|headset| headset.status.as_ref().is_some_and(|status| status.session_state == "focused"))
     }
 
     /// Ends the daemon in order.

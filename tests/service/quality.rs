@@ -5,7 +5,7 @@ use std::time::Duration;
 use steradian::{
     output::Encoding,
     plan::settings::{GlareSettings, RenderSettings},
-    service::{CameraUpdate, Client, FrameReceiver, ReceivedFrame, ReceivedStats, ServeOptions, StatsReceiver},
+    service::{CameraUpdate, Client, FrameReceiver, ReceivedFrame, ServeOptions, StatsReceiver, proto::Stats},
 };
 
 use crate::daemon::{Daemon, small_rig, within};
@@ -22,7 +22,7 @@ async fn step(client: &mut Client, stream: &mut FrameReceiver, number: u32) -> R
     }
 }
 
-async fn stats(stats: &mut StatsReceiver, until: impl Fn(&ReceivedStats) -> bool) -> ReceivedStats {
+async fn stats(stats: &mut StatsReceiver, until: impl Fn(&Stats) -> bool) -> Stats {
     loop {
         let received = within(stats.next()).await.unwrap().expect("figures go on");
         if until(&received) {
@@ -104,7 +104,7 @@ async fn audits_detect_wrong_images() {
         step(&mut client, &mut stream, number).await;
     }
     let mut figures = client.watch_stats(Some(0.1)).await.unwrap();
-    let audited = |stats: &ReceivedStats| stats.audit.as_ref().is_some_and(|audit| audit.frames_audited > 0);
+    let audited = |stats: &Stats| stats.audit.as_ref().is_some_and(|audit| audit.frames_audited > 0);
     let audit =
         tokio::time::timeout(Duration::from_secs(60), stats(&mut figures, audited)).await.unwrap().audit.unwrap();
     assert!(audit.frames_broken > 0 && audit.frames_audited < 20, "{audit:?}");

@@ -5,8 +5,8 @@ use std::sync::atomic::Ordering::SeqCst;
 use steradian::{
     output::Encoding,
     plan::settings::StarMethod,
-    service::SceneUpdate,
-    verify::{self, Outcome},
+    service::{SceneUpdate, proto::verify_result::Outcome},
+    verify,
 };
 use tonic::Code;
 
@@ -24,14 +24,14 @@ async fn results_include_their_values() {
         match check.number {
             Some(1) => {
                 let figure = &result.figures[0];
-                assert_eq!((result.outcome, figure.pass, figure.limit), (Outcome::Fail, false, Some(0.25)));
+                assert_eq!((result.outcome(), figure.pass, figure.limit), (Outcome::Fail, false, Some(0.25)));
             }
             Some(2) => assert_eq!(
-                (result.outcome, result.message.as_deref(), result.figures.len()),
-                (Outcome::NotApplicable, Some("no stars"), 0)
+                (result.outcome(), result.message.as_str(), result.figures.len()),
+                (Outcome::NotApplicable, "no stars", 0)
             ),
             _ => {
-                assert_eq!((result.outcome, result.message), (Outcome::Pass, None));
+                assert_eq!((result.outcome(), result.message.as_str()), (Outcome::Pass, ""));
                 let figures: Vec<_> =
                     result.figures.iter().map(|f| (f.what.as_str(), f.measured, f.limit, f.unit.as_str())).collect();
                 assert_eq!(figures, [("right", 0.125, Some(0.25), "px"), ("seen", 3.0, None, "")]);

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use steradian::service::{CameraUpdate, Client, ReceivedStats};
+use steradian::service::{CameraUpdate, Client, proto::Stats};
 
 use crate::{
     Test,
@@ -120,7 +120,7 @@ impl Controlled {
         Self { serve, client, runtime }
     }
 
-    fn stats(&mut self) -> ReceivedStats {
+    fn stats(&mut self) -> Stats {
         self.runtime.block_on(async {
             let mut stats = self.client.watch_stats(None).await.unwrap();
             stats.next().await.unwrap().unwrap()

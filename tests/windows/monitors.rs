@@ -1,6 +1,6 @@
 //! Monitors that are disconnected and reconnected, and the ways to name them in a configuration.
 
-use steradian::service::{Client, ReceivedWindow};
+use steradian::service::{Client, proto::WindowStats};
 
 use crate::{
     Test,
@@ -48,7 +48,7 @@ fullscreen = true
     let mut serve = scene.serve(Some(&desktop.display));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     let mut client = runtime.block_on(Client::connect(&format!("http://{}", serve.address()))).unwrap();
-    let mut windows = || -> Vec<ReceivedWindow> {
+    let mut windows = || -> Vec<WindowStats> {
         runtime.block_on(async { client.watch_stats(None).await.unwrap().next().await.unwrap().unwrap().windows })
     };
     let mut state = |wanted: [&str; 2]| {

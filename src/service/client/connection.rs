@@ -5,7 +5,6 @@ use std::time::SystemTime;
 use tonic::{Code, Status, Streaming, service::interceptor::InterceptedService, transport::Endpoint};
 
 use super::credentials::{Credentials, Transport};
-use super::stats::HeadsetStatus;
 use crate::{
     config::ViewSpec,
     gpu::AdapterReport,
@@ -88,23 +87,6 @@ impl From<Status> for ClientError {
     }
 }
 
-/// Size and part of an image of a view.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ViewImageForm {
-    /// Empty for a view's only image, otherwise `left`, `right` or the name of the cube face.
-    pub part: String,
-    /// Width, pixels.
-    pub width: u32,
-    /// Height, pixels.
-    pub height: u32,
-}
-
-impl From<proto::ViewImage> for ViewImageForm {
-    fn from(image: proto::ViewImage) -> Self {
-        Self { part: image.part, width: image.width, height: image.height }
-    }
-}
-
 /// A view of the daemon.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViewForm {
@@ -113,7 +95,7 @@ pub struct ViewForm {
     /// Type as in configurations, or `headset`.
     pub kind: String,
     /// Images, in the order in which frames contain them. A headset has none while it is not connected.
-    pub images: Vec<ViewImageForm>,
+    pub images: Vec<proto::ViewImage>,
     /// Exposure group; empty: none.
     pub exposure_group: String,
     /// Effective exposure: the keys that have an effect.
@@ -137,7 +119,7 @@ impl TryFrom<proto::View> for ViewForm {
         let lacks = |field| move |_| ClientError::Answer { field };
         let definition = view.definition.as_ref().map(spec_from_pb).transpose();
         Ok(Self {
-            images: view.images.into_iter().map(ViewImageForm::from).collect(),
+            images: view.images,
             exposure: keys_from_pb(&view.exposure.unwrap_or_default(), "exposure").map_err(lacks("exposure"))?,
             glare: keys_from_pb(&view.glare.unwrap_or_default(), "glare").map_err(lacks("glare"))?,
             tone_map: keys_from_pb(&view.tone_map.unwrap_or_default(), "tone_map").map_err(lacks("tone_map"))?,
@@ -216,7 +198,7 @@ pub struct ServerInfo {
     /// Frames rendered since the start.
     pub frames_rendered: u64,
     /// Status of the headset; `None` if the daemon drives none.
-    pub headset: Option<HeadsetStatus>,
+    pub headset: Option<proto::HeadsetStatus>,
 }
 
 /// Reads the camera of an answer.
@@ -482,7 +464,7 @@ impl Client {
             stars: info.stars,
             scene_revision: info.scene_revision,
             frames_rendered: info.frames_rendered,
-            headset: info.headset.map(HeadsetStatus::from),
+            headset: info.headset,
         })
     }
 }

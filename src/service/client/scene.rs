@@ -21,7 +21,6 @@ use crate::{
             scene,
         },
     },
-    verify::Outcome,
 };
 
 /// The scene of a daemon.
@@ -118,70 +117,6 @@ impl TryFrom<proto::IdentifiedObject> for SeenObject {
     }
 }
 
-/// A measured value of a check.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ReceivedFigure {
-    /// Description of the value.
-    pub what: String,
-    /// The value.
-    pub measured: f64,
-    /// Upper limit; `None` if the value is informative only.
-    pub limit: Option<f64>,
-    /// Unit of both.
-    pub unit: String,
-    /// Whether the value is within the limit.
-    pub pass: bool,
-}
-
-/// The result of a check.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ReceivedCheck {
-    /// Number in the list of known failure cases.
-    pub number: Option<u32>,
-    /// Its name.
-    pub name: String,
-    /// The group that it belongs to.
-    pub group: String,
-    /// Outcome.
-    pub outcome: Outcome,
-    /// Measured values.
-    pub figures: Vec<ReceivedFigure>,
-    /// Reason if there are no values.
-    pub message: Option<String>,
-    /// Duration, s.
-    pub seconds: f64,
-}
-
-impl TryFrom<proto::VerifyResult> for ReceivedCheck {
-    type Error = ClientError;
-
-    fn try_from(result: proto::VerifyResult) -> Result<Self, ClientError> {
-        use proto::verify_result::Outcome as Wire;
-        let outcome = match Wire::try_from(result.outcome) {
-            Ok(Wire::Pass) => Outcome::Pass,
-            Ok(Wire::Fail) => Outcome::Fail,
-            Ok(Wire::NotApplicable) => Outcome::NotApplicable,
-            Ok(Wire::Unspecified) | Err(_) => return Err(ClientError::Answer { field: "outcome" }),
-        };
-        let figure = |figure: proto::VerifyFigure| ReceivedFigure {
-            what: figure.what,
-            measured: figure.measured,
-            limit: figure.limit,
-            unit: figure.unit,
-            pass: figure.pass,
-        };
-        Ok(Self {
-            number: result.number,
-            name: result.name,
-            group: result.group,
-            outcome,
-            figures: result.figures.into_iter().map(figure).collect(),
-            message: Some(result.message).filter(|message| !message.is_empty()),
-            seconds: result.seconds,
-        })
-    }
-}
-
 /// Results of failure tests. Dropping it ends the run after the current check.
 #[derive(Debug)]
 pub struct CheckReceiver {
@@ -190,8 +125,8 @@ pub struct CheckReceiver {
 
 impl CheckReceiver {
     /// Waits for the next result; `None` after the last.
-    pub async fn next(&mut self) -> Result<Option<ReceivedCheck>, ClientError> {
-        self.stream.message().await?.map(ReceivedCheck::try_from).transpose()
+    pub async fn next(&mut self) -> Result<Option<proto::VerifyResult>, ClientError> {
+        Ok(self.stream.message().await?)
     }
 }
 
