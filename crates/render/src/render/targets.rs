@@ -5,6 +5,7 @@
 //! of a frame; [`Targets::enter`] clears those that a phase fills.
 
 use super::{
+    frame::Wanted,
     layout,
     tabulated::{MappingTables, projecting},
     technique::{FrameInputs, Phase},
@@ -74,15 +75,7 @@ pub(crate) struct BatchTargets {
     /// Workgroups of the passes over its pixels: columns, rows, tiles.
     pub grid: [u32; 3],
     /// Images that are made of the batch.
-    pub made: Made,
-}
-
-/// Images made of the pictures of a batch, for any of its tiles.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Made {
-    pub display: bool,
-    pub hdr: bool,
-    pub hdr_stays: bool,
+    pub made: Wanted,
 }
 
 /// Sample layers with the asteroids of one tile.
@@ -270,7 +263,7 @@ impl Targets {
             .zip(&mut self.batch_buffers)
             .zip(tiles)
             .map(|((batch, buffers), encoded_tiles)| {
-                let made_of_batch = batch.tiles.iter().fold(Made::default(), |all, tile| Made {
+                let made_of_batch = batch.tiles.iter().fold(Wanted::default(), |all, tile| Wanted {
                     display: all.display || made[tile.viewport].display,
                     hdr: all.hdr || made[tile.viewport].hdr,
                     hdr_stays: all.hdr_stays || made[tile.viewport].hdr_stays,

@@ -15,9 +15,9 @@ use self::{
     tone_map::ToneMapPass,
 };
 use super::{
+    frame::Wanted,
     layout::AirAbove,
     presentation::{PresentSource, present_source},
-    targets::Made,
     technique::{Phase, PipelineJob, Recording, Technique, Wish},
 };
 use crate::gpu::Gpu;
@@ -158,18 +158,18 @@ impl Technique for Display {
         let tone_map = &forecast.tone_map;
         let presents = |source| formats.iter().any(|format| present_source(*format) == Some(source));
         let (presents_codes, presents_light) = (presents(PresentSource::Codes), presents(PresentSource::Light));
-        let exact = Made {
+        let exact = Wanted {
             display: made.display || presents_codes,
             hdr: made.hdr,
             hdr_stays: made.hdr_stays || presents_light,
         };
-        let display_only = Made { hdr: false, hdr_stays: presents_light, ..exact };
+        let display_only = Wanted { hdr: false, hdr_stays: presents_light, ..exact };
         // For each kind of frame: its outputs, and whether glare is part of the sums.
         let veil = forecast.may_have_veil_in_sums;
         let kinds = match forecast.draws_outputs_apart {
             false => vec![(exact, false)],
             true if made.hdr || made.hdr_stays => {
-                vec![(display_only, veil), (exact, false), (Made { display: false, ..exact }, false)]
+                vec![(display_only, veil), (exact, false), (Wanted { display: false, ..exact }, false)]
             }
             true => vec![(display_only, veil)],
         };
@@ -178,7 +178,7 @@ impl Technique for Display {
         let mut resolves: Vec<ResolveOutputs> = Vec::new();
         let mut maps_tones = false;
         for (known, (made, veil)) in known.iter().flat_map(|&known| kinds.iter().map(move |&kind| (known, kind))) {
-            let Made { display, hdr, hdr_stays } = made;
+            let Wanted { display, hdr, hdr_stays } = made;
             let resolves_to_display = forecast.resolves_to_display(known, veil);
             let hdr_made = hdr_image(forecast.is_scattered_after(veil), [display, hdr, hdr_stays], known);
             // Two forms are created by the first frame that needs them: the form with a map, which depends on the
