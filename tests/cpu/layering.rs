@@ -9,6 +9,7 @@ mod paths;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use paths::{Token, root_paths, tokens};
 
@@ -75,11 +76,6 @@ const SERVICE_ROOT: &[&str] = &["proto", "SPANS"];
 
 /// Test modules of `service` that may import all of it.
 const SERVICE_TESTS: &[&str] = &["fuzz_tests"];
-
-/// Modules of `render` that are techniques: none of them imports another one. Code that several need is in the other
-/// modules.
-const TECHNIQUES: &[&str] =
-    &["stars", "smooth_light", "diffuse", "bodies", "air", "asteroids", "glare", "overlay", "display"];
 
 /// Modules of `render` that may import techniques: the list of techniques, the module itself, and its errors, which
 /// contain theirs.
@@ -157,6 +153,20 @@ fn may_import(importer: &str, imported: &str) -> Result<(), String> {
     }
 }
 
+/// Modules of `render` that are techniques, as the list of techniques imports them. None of them imports another one: code that several need
+/// is in the other modules.
+fn techniques() -> &'static [String] {
+    static TECHNIQUES: LazyLock<Vec<String>> = LazyLock::new(|| {
+        let source =
+            std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/render/src/render/sequence.rs"))
+                .unwrap();
+        let imports = source.split_once("use super::{").and_then(|(_, rest)| rest.split_once("};")).unwrap().0;
+        let modules = imports.lines().filter_map(|line| line.trim().split_once("::")).map(|(module, _)| module);
+        modules.filter(|module| *module != "technique").map(str::to_owned).collect()
+    });
+    &TECHNIQUES
+}
+
 /// Why a module of `service` may not import a name of `service`; `None`: it may.
 fn service_breach(importer: &str, imported: &str) -> Option<String> {
     let position = |module: &str| SERVICE.iter().position(|known| *known == module);
@@ -175,6 +185,10 @@ fn service_breach(importer: &str, imported: &str) -> Option<String> {
     (!may).then(|| format!("`service::{importer}` must not import `service::{imported}`"))
 }
 
+fn is_technique(module: &str) -> bool {
+    techniques().iter().any(|technique| technique == module)
+}
+
 /// Violations of the order in one file. `module` is the path of its module.
 fn breaches(module: &[&str], source: &str) -> Vec<String> {
     let importer = module[0];
@@ -186,12 +200,12 @@ fn breaches(module: &[&str], source: &str) -> Vec<String> {
             found.push(breach);
         }
         let Some(part) = path.get(1) else { continue };
-        if importer == "render" && imported == "render" && TECHNIQUES.contains(&part.as_str()) {
+        if importer == "render" && imported == "render" && is_technique(part) {
             match module.get(1) {
-                Some(own) if TECHNIQUES.contains(own) && part != own => {
+                Some(own) if is_technique(own) && part != own => {
                     found.push(format!("technique `{own}` must not import technique `{part}`"));
                 }
-                Some(own) if !TECHNIQUES.contains(own) && !KNOW_TECHNIQUES.contains(own) => {
+                Some(own) if !is_technique(own) && !KNOW_TECHNIQUES.contains(own) => {
                     found.push(format!("`render::{own}` must not know technique `{part}`"));
                 }
                 _ => {}
@@ -281,7 +295,7 @@ fn stems(files: &[PathBuf]) -> Vec<String> {
     let mut stems: Vec<String> = files
         .iter()
         .filter_map(|file| file.strip_prefix("render").ok())
-        .filter(|file| file.iter().next().is_some_and(|first| TECHNIQUES.iter().any(|name| first == *name)))
+        .filter(|file| file.iter().next().is_some_and(|first| techniques().iter().any(|name| first == name.as_str())))
         .map(|file| file.with_extension("").to_str().expect("names in src are UTF-8").to_owned())
         .map(|stem| stem.strip_suffix("/mod").unwrap_or(&stem).to_owned())
         .filter(|stem| !stem.contains("/tests") && !stem.ends_with("/layout"))

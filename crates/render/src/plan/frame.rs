@@ -8,17 +8,15 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::{
-    AirPlan, DiffusePlan, DisplayPlan, ExposurePlan, GlarePlan, Limits, SmoothLightPlan, StarsPlan, ViewsPlan,
-    asteroids::{self, AsteroidPlan, glare::clouds_of},
-    bodies::{seen::BodyPlan, textures::texture_bytes},
+    Limits, ViewsPlan,
+    asteroids::{self, glare::clouds_of},
+    bodies::textures::texture_bytes,
     budget::Output,
-    certificate::FramePlan,
     error::PlanError,
     exposure::exposure_of_views,
     kept::Kept,
     methods::Methods,
-    overlay::OverlayPlan,
-    sequence::{self, Techniques},
+    sequence::{self, Plan, Techniques},
     settings::{Accumulator, RenderSettings, StarMethod},
     smooth_light::SkyFace,
     stars::kernels::margin_px,
@@ -29,35 +27,6 @@ use crate::{
     scene::{SceneObjects, SceneSnapshot, bodies::suns},
     view::Rig,
 };
-
-/// The plan of a frame, by technique.
-#[derive(Clone, Default)]
-pub struct Plan {
-    /// Methods by name, and the certificate.
-    pub report: FramePlan,
-    /// Viewports, tiles and camera.
-    pub views: ViewsPlan,
-    /// Ground and air around the camera.
-    pub air: AirPlan,
-    /// Bodies, and points of light that are not stars; `None`: the scene has neither bodies nor asteroid fields.
-    pub bodies: Option<BodyPlan>,
-    /// Exposure.
-    pub exposure: ExposurePlan,
-    /// Display images.
-    pub display: DisplayPlan,
-    /// The map of faint light.
-    pub smooth_light: SmoothLightPlan,
-    /// Stars, and the units of all light.
-    pub stars: StarsPlan,
-    /// Glare.
-    pub glare: GlarePlan,
-    /// Diffuse light; `None`: there is none, or it is not drawn.
-    pub diffuse: Option<DiffusePlan>,
-    /// Asteroid fields; `None`: there are none.
-    pub asteroids: Option<AsteroidPlan>,
-    /// Lines and text over display images; `None`: there are none.
-    pub overlay: Option<Arc<OverlayPlan>>,
-}
 
 impl Plan {
     /// Plans a frame with HDR images and the exposure of a fully adapted eye.

@@ -45,10 +45,11 @@ pub use diffuse::DiffusePlan;
 pub use display::DisplayPlan;
 pub use error::PlanError;
 pub use exposure::{ExposurePlan, MeteringPlan};
-pub use frame::{ExposureSource, Plan, PlanOutputs, Planner, SkyUse, check_together};
+pub use frame::{ExposureSource, PlanOutputs, Planner, SkyUse, check_together};
 pub use glare::{GlareMap, GlarePlan, VeilInSums};
 pub use limits::{DISPLAY_BYTES, Limits};
 pub use methods::{Forecast, Methods};
+pub use sequence::Plan;
 pub use smooth_light::SmoothLightPlan;
 pub use stars::StarsPlan;
 pub use stars::kernels::{

@@ -1,20 +1,52 @@
-//! Order of a plan: the techniques, and the steps in which they plan.
+//! The parts of a plan, the techniques that compute them, and the steps in which they do it.
+
+use std::sync::Arc;
 
 use super::{
-    Plan, PlanError,
+    AirPlan, DiffusePlan, DisplayPlan, ExposurePlan, FramePlan, GlarePlan, PlanError, SmoothLightPlan, StarsPlan,
+    ViewsPlan,
     air::Air,
-    asteroids::Asteroids,
-    bodies::Bodies,
+    asteroids::{AsteroidPlan, Asteroids},
+    bodies::{Bodies, seen::BodyPlan},
     diffuse::Diffuse,
     display::Display,
     exposure::Exposure,
     glare::Glare,
     kept::Kept,
-    overlay::OverlayPlanner,
+    overlay::{OverlayPlan, OverlayPlanner},
     smooth_light::SmoothLight,
     stars::Stars,
     technique::{PlanInputs, Step, Technique},
 };
+
+/// The plan of a frame, by technique.
+#[derive(Clone, Default)]
+pub struct Plan {
+    /// Methods by name, and the certificate.
+    pub report: FramePlan,
+    /// Viewports, tiles and camera.
+    pub views: ViewsPlan,
+    /// Ground and air around the camera.
+    pub air: AirPlan,
+    /// Bodies, and points of light that are not stars; `None`: the scene has neither bodies nor asteroid fields.
+    pub bodies: Option<BodyPlan>,
+    /// Exposure.
+    pub exposure: ExposurePlan,
+    /// Display images.
+    pub display: DisplayPlan,
+    /// The map of faint light.
+    pub smooth_light: SmoothLightPlan,
+    /// Stars, and the units of all light.
+    pub stars: StarsPlan,
+    /// Glare.
+    pub glare: GlarePlan,
+    /// Diffuse light; `None`: there is none, or it is not drawn.
+    pub diffuse: Option<DiffusePlan>,
+    /// Asteroid fields; `None`: there are none.
+    pub asteroids: Option<AsteroidPlan>,
+    /// Lines and text over display images; `None`: there are none.
+    pub overlay: Option<Arc<OverlayPlan>>,
+}
 
 /// Techniques, usable from any thread.
 pub(super) type Techniques = Vec<Box<dyn Technique + Send + Sync>>;
