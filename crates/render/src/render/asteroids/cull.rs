@@ -2,6 +2,8 @@
 //! group, plane and list; turn counts into offsets; write the lists.
 //!
 //! Shaders: `shaders/asteroids/cull*.wgsl`; the f64 twin is `crate::plan::asteroids::cpu_cull`.
+//!
+//! No twin: plan/asteroids/cpu_cull.rs.
 
 use crate::render::shader::{Shader, workgroup_constant};
 use crate::{

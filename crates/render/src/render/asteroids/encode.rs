@@ -1,4 +1,7 @@
 //! Encodes the asteroid plan into GPU structures.
+//!
+//! No shader: encodes the plan.
+//! No twin: encodes the plan.
 
 use std::sync::Arc;
 

@@ -1,4 +1,7 @@
 //! Buffers of a scene's asteroid fields that stay on the adapter until the fields change: instances, shapes and meshes.
+//!
+//! No shader: holds buffers.
+//! No twin: holds buffers.
 
 use std::sync::Arc;
 

@@ -1,4 +1,7 @@
 //! Colour and depth layers of meshes and impostors: textures reused from tile to tile, and the draws into them.
+//!
+//! No shader: holds textures and orders the draws of mesh and impostors.
+//! No twin: reference/asteroids/mesh.rs.
 
 use super::{
     Asteroids,

@@ -1,4 +1,6 @@
 //! Uploads CPU-made lists in the layout that culling on the adapter writes, and evaluates counts.
+//!
+//! No twin: plan/asteroids/cpu_cull.rs.
 
 use super::{AsteroidCounts, FrameBuffers, held::Held};
 use crate::render::constants::asteroid_lists::{IMPOSTOR_VERTICES, SEAM_BIT};

@@ -1,4 +1,7 @@
 //! Shared by meshes and impostors: the lists they draw, the target formats, and their pipelines.
+//!
+//! No shader: code shared by mesh and impostors.
+//! No twin: code shared by mesh and impostors.
 
 use crate::gpu::{Gpu, ShaderSource};
 

@@ -3,6 +3,8 @@
 //! map, and pixels in them read the light individually.
 //!
 //! Shader: `shaders/diffuse/points.wgsl`.
+//!
+//! No twin: compared with exact display images: tests/gpu/diffuse.rs.
 
 use std::sync::OnceLock;
 

@@ -1,5 +1,7 @@
 //! The exposure pass: computes one exposure for all views from the mean luminance, weighted by solid angle. Shader:
 //! `shaders/display/exposure.wgsl`; the f64 twin is `crate::photometry::exposure`.
+//!
+//! No twin: photometry/exposure.rs.
 
 use std::sync::OnceLock;
 

@@ -1,5 +1,7 @@
 //! From light to display images: the resolve pass, the exposure of all views, tone mapping, and the draw of images into
 //! textures of other owners, for example a headset's swapchain.
+//!
+//! No twin: photometry/exposure.rs, photometry/tone_map.rs.
 
 pub(crate) mod exposure;
 pub(crate) mod layout;

@@ -1,5 +1,7 @@
 //! The present pass: draws a tile of a picture into a texture that leaves the renderer. Shader:
 //! `shaders/display/present.wgsl`; the f64 twin is `crate::photometry::tone_map`.
+//!
+//! No twin: photometry/tone_map.rs.
 
 use super::variant::{DisplayVariant, encode_display};
 use crate::render::presentation::{PresentSource, present_source};

@@ -2,6 +2,8 @@
 //! values if the exposure is known in advance.
 //!
 //! Shader: `shaders/display/resolve.wgsl`; the f64 twin is the final division of `crate::reference::stars`.
+//!
+//! No twin: reference/stars/splat.rs, which divides by the solid angle at its end.
 
 use super::variant::{DisplayVariant, encode_display};
 use crate::{

@@ -1,5 +1,7 @@
 //! The tone-mapping pass: converts luminance to 8-bit display values. Shader: `shaders/display/tone_map.wgsl`; the f64
 //! twin is `crate::photometry::tone_map`.
+//!
+//! No twin: photometry/tone_map.rs.
 
 use super::variant::{DisplayVariant, encode_display};
 use crate::render::shader::Shader;

@@ -1,4 +1,7 @@
 //! Shared by the passes that compute display values: the variant of the tone mapping and its parameters.
+//!
+//! No shader: code shared by the passes that make display values: shaders/display/encode.wgsl.
+//! No twin: photometry/tone_map.rs.
 
 use crate::render::constants::display;
 use crate::{

@@ -1,5 +1,7 @@
 //! The glare pass over pixels: keeps the unscattered part of each pixel's light and adds the light scattered towards
 //! it. Shader: `shaders/glare/composite.wgsl`.
+//!
+//! No twin: reference/glare/sky_cube.rs and pyramid.rs.
 
 use crate::render::{constants::glare_composite::BLOCK_COLUMNS, shader::Shader};
 use crate::{

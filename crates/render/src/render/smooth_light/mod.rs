@@ -2,6 +2,8 @@
 //! texels of 32 bits. The resolve pass of frames that read the map adds it to the light of their pixels.
 //!
 //! Shaders: `shaders/smooth_light/`, `shaders/shared/sky_map.wgsl`.
+//!
+//! No twin: compared with frames that draw every star: tests/gpu/smooth_light.rs.
 
 pub(crate) mod layout;
 

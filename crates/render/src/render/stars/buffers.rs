@@ -1,4 +1,7 @@
 //! Stars of a scene in GPU buffers.
+//!
+//! No shader: holds buffers.
+//! No twin: holds buffers.
 
 use std::sync::Arc;
 

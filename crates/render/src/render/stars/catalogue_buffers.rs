@@ -4,6 +4,9 @@
 //! The default order is by right ascension, like the numbers of the Bright Star, Henry Draper and Hipparcos catalogues:
 //! consecutive stars are in one strip of the sky from pole to pole. Another order can be requested to examine its
 //! influence.
+//!
+//! No shader: holds buffers.
+//! No twin: holds buffers.
 
 use std::sync::Arc;
 

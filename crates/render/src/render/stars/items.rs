@@ -1,4 +1,7 @@
 //! Items: runs of stars, each with the set of tiles into which the passes over stars draw it, and their bindings.
+//!
+//! No shader: encodes the result of culling.
+//! No twin: encodes the result of culling.
 
 use glam::DVec3;
 use rand::{SeedableRng, seq::SliceRandom};

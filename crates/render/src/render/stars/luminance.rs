@@ -1,5 +1,7 @@
 //! The resolve pass of methods that output luminance instead of illuminance: writes the luminance and the solid angle
 //! of each pixel to where the exposure and tone-mapping passes read them. Shader: `shaders/stars/luminance.wgsl`.
+//!
+//! No twin: no division: the twins of the methods return luminance.
 
 use crate::render::shader::Shader;
 use crate::{

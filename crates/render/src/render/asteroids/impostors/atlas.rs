@@ -10,6 +10,8 @@
 //!
 //! A cache file holds the finest level of all layers; its name and header identify shapes and settings. Layout,
 //! little-endian: [`Header`], normals of all layers, surfaces of all layers. The CRC-32 covers every byte after itself.
+//!
+//! No twin: reference/asteroids/impostors/bake.rs.
 
 use std::{
     collections::HashMap,

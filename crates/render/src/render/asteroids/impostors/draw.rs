@@ -1,6 +1,8 @@
 //! Draws asteroid impostors as one square each, textured from an atlas, with depth.
 //!
 //! Shaders: `shaders/asteroids/impostors/draw*.wgsl`; the f64 twin is `crate::reference::asteroids::impostors`.
+//!
+//! No twin: reference/asteroids/impostors/picture.rs.
 
 use crate::render::{
     constants::{asteroid_lists::IMPOSTOR_VERTICES, impostors},

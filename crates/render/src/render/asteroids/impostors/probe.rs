@@ -1,4 +1,7 @@
 //! Draws single asteroids as impostors into one flat picture, for tests and diagnostics.
+//!
+//! No shader: draws with the shaders of asteroids/impostors/draw, for tests.
+//! No twin: reference/asteroids/impostors/picture.rs.
 
 use glam::{DMat3, DVec3};
 

@@ -5,6 +5,8 @@
 //!
 //! Most impostors are a few pixels wide. On a software driver a square in the rasteriser costs microseconds even if it
 //! is tiny, and it is lit before its visibility is known.
+//!
+//! No twin: reference/asteroids/impostors/picture.rs.
 
 use super::atlas::ImpostorAtlas;
 use crate::{

@@ -3,6 +3,9 @@
 //! An uncovered texel takes the mean of its coloured neighbours, ring by ring outwards, within its tile. Samples
 //! between texels at the limb are then as accurate as inside. Mip levels halve every tile separately, down to 2 x 2
 //! texels or to an odd size; means are weighted by coverage if any texel is covered.
+//!
+//! No shader: works on texels on the CPU.
+//! No twin: works on texels on the CPU.
 
 use rayon::prelude::*;
 

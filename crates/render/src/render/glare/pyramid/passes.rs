@@ -8,6 +8,9 @@
 //! before they are stored: compared with the twin, which does not round, at most 1.4e-4 of the scattered light is lost,
 //! and 1.6e-3 of it in the worst pixel (twelve projections, and 1920 x 1080 pixels with stars 17 magnitudes apart). If
 //! the driver truncates instead, as the software driver does, the losses are 3e-3 and 5.6e-3.
+//!
+//! No shader: the passes of shaders/glare/pyramid.
+//! No twin: reference/glare/pyramid.rs.
 
 use crate::render::{constants::workgroups::PYRAMID_SIDE, shader::Shader};
 use crate::{

@@ -1,5 +1,7 @@
 //! The glare map of the sky: computed level by level from the light of all stars, except for the sprites, which are
 //! drawn individually. Shaders: `shaders/glare/sky_cube/map_*.wgsl`.
+//!
+//! No twin: reference/glare/sky_cube.rs: source by source.
 
 use std::{cmp::Reverse, sync::Arc};
 

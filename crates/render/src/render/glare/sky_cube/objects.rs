@@ -1,5 +1,7 @@
 //! Encodes sources of glare that belong to one eye, and records the pass that scatters the light of bodies in display
 //! images whose veil is in the sums. Shader: `shaders/glare/sky_cube/objects.wgsl`.
+//!
+//! No twin: reference/glare/sky_cube.rs: source by source.
 
 use std::f64::consts::PI;
 

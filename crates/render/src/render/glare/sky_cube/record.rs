@@ -1,5 +1,8 @@
 //! Computes the data that depends on the directions of the views: sources of each eye, lists of sprites, and the pass
 //! over pixels.
+//!
+//! No shader: orders the passes of sprites and composite.
+//! No twin: reference/glare/sky_cube.rs: source by source.
 
 use super::{
     SkyCube,

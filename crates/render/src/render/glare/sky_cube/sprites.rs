@@ -1,4 +1,6 @@
 //! The search for the sprites of every block of pixels. Shaders: `shaders/glare/sky_cube/sprites_*.wgsl`.
+//!
+//! No twin: reference/glare/sky_cube.rs: source by source.
 
 use crate::render::constants::{
     glare_sprites::{BLOCK_SIDE, SQUARE_BLOCKS},

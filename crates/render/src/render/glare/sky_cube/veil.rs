@@ -5,6 +5,8 @@
 //! The light of the map is smooth over some degrees, so grid points less than 1.5 degrees apart are sufficient. Within
 //! the error budget of a display, only few pixels see the veil of single sources. The only remaining pass over all
 //! pixels is the resolve pass.
+//!
+//! No twin: a display image's budget of the same veil: tests/gpu/glare/display_budget.rs.
 
 use std::f64::consts::PI;
 

@@ -2,6 +2,9 @@
 //! order, added by blending.
 //!
 //! Shaders: `shaders/stars/billboards/`; the f64 twin is `crate::reference::stars::billboards`.
+//!
+//! No shader: the passes of shaders/stars/billboards.
+//! No twin: reference/stars/billboards.rs.
 
 use glam::DQuat;
 
