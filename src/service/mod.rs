@@ -71,7 +71,7 @@ pub use engine::interface::{BesideEngine, Engine, EngineError, OpenBeside};
 pub use network::access::{Access, AccessSource, Admitted, digest_of, new_token};
 pub use scene::{
     camera::CameraUpdate,
-    objects::{BodyForm, Change, FieldForm, ShapesForm},
+    objects::{BodyForm, Change},
     observer::{GroundForm, ObserverChange},
     overlay::OverlayChange,
     state::{SceneCatalogue, SceneUpdate},

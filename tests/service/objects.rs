@@ -11,14 +11,14 @@ use steradian::{
         asteroids::{FieldParameters, FieldSpec, Placement, ShapeSource, make_fields},
         bodies::{Body, ReflectionLaw, SolarBody, Texture},
     },
-    service::{BodyForm, Change, Client, ClientError, FieldForm, SceneUpdate, ServeOptions, ShapesForm},
+    service::{BodyForm, Change, Client, ClientError, SceneUpdate, ServeOptions},
 };
 use tonic::Code;
 
 use crate::daemon::{Daemon, small_rig, within};
 
-pub fn swarm(name: &str) -> FieldForm {
-    FieldForm {
+pub fn swarm(name: &str) -> FieldSpec {
+    FieldSpec {
         name: name.to_owned(),
         position_m: DVec3::X * 1e9,
         orientation: DQuat::IDENTITY,
@@ -30,7 +30,7 @@ pub fn swarm(name: &str) -> FieldForm {
             size_index: 2.5,
             spin_period_s: [7200.0, 86_400.0],
         },
-        shapes: ShapesForm::Seed(3),
+        shapes: ShapeSource::Procedural { seed: 3 },
         law: ReflectionLaw::LommelSeeliger,
         geometric_albedo: [0.1; 3],
     }
@@ -130,7 +130,7 @@ async fn invalid_changes_have_no_effect() {
     empty.parameters.instances = 0;
     refused(client.put_asteroid_field(empty, None).await, Code::InvalidArgument, &["swarm", "instances = 0"]);
     let mut lent = swarm("swarm");
-    lent.shapes = ShapesForm::Of("rocks".to_owned());
+    lent.shapes = ShapeSource::OfField("rocks".to_owned());
     refused(client.put_asteroid_field(lent, None).await, Code::InvalidArgument, &["shapes_of", "rocks", "none"]);
     refused(client.remove_asteroid_field("swarm", None).await, Code::InvalidArgument, &["does not exist"]);
     // If one part is invalid, the rest of the change is not made either.

@@ -5,11 +5,11 @@ use tonic::Streaming;
 
 use super::connection::{Client, ClientError};
 use crate::{
-    scene::overlay::Overlay,
+    scene::{asteroids::FieldSpec, overlay::Overlay},
     service::{
         proto,
         scene::{
-            objects::{BodyForm, Change, FieldForm},
+            objects::{BodyForm, Change},
             observer::ObserverChange,
             state::{SceneCatalogue, SceneUpdate},
         },
@@ -37,7 +37,7 @@ pub struct SceneForm {
     /// Its bodies.
     pub bodies: Vec<BodyForm>,
     /// Asteroid fields.
-    pub asteroid_fields: Vec<FieldForm>,
+    pub asteroid_fields: Vec<FieldSpec>,
     /// Scene time, s since 2000-01-01T12:00:00Z.
     pub time_s: f64,
     /// Seconds of scene time per second of real time.
@@ -166,7 +166,7 @@ impl Client {
     /// Adds or replaces an asteroid field.
     pub async fn put_asteroid_field(
         &mut self,
-        field: FieldForm,
+        field: FieldSpec,
         expected_revision: Option<u64>,
     ) -> Result<SceneForm, ClientError> {
         let asteroid_fields = Change::put(&field.name.clone(), field);

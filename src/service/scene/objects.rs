@@ -5,16 +5,14 @@
 
 use std::{fmt::Display, sync::Arc};
 
-use glam::{DQuat, DVec3};
-
 use super::observer::{GivenObserver, MadeObserver, ObserverChange};
 use crate::{
     config::{ObserverConfig, check_place},
     observer::Moment,
     scene::{
         SceneObjects,
-        asteroids::{FieldParameters, FieldSpec, MadeField, ShapeSource, check_fields, make_fields},
-        bodies::{Body, MOST_BODIES, ReflectionLaw, Texture, check_names, check_suns},
+        asteroids::{FieldSpec, MadeField, ShapeSource, check_fields, make_fields},
+        bodies::{Body, MOST_BODIES, Texture, check_names, check_suns},
     },
 };
 
@@ -33,34 +31,6 @@ impl From<Body> for BodyForm {
         body.surface.texture = None;
         Self { body, texture_of: None }
     }
-}
-
-/// Shapes of a field's asteroids.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum ShapesForm {
-    /// Procedural shapes from a seed.
-    Seed(u64),
-    /// Shape files of a field of the configuration.
-    Of(String),
-}
-
-/// An asteroid field.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FieldForm {
-    /// Unique among the fields of a scene.
-    pub name: String,
-    /// Centre: ICRS, barycentric, m.
-    pub position_m: DVec3,
-    /// Rotation from the field's axes to world axes.
-    pub orientation: DQuat,
-    /// Positions, sizes and spins of the asteroids.
-    pub parameters: FieldParameters,
-    /// Shapes.
-    pub shapes: ShapesForm,
-    /// Reflection law.
-    pub law: ReflectionLaw,
-    /// Geometric albedo for red, green and blue.
-    pub geometric_albedo: [f64; 3],
 }
 
 /// A change of a list of named items.
@@ -223,27 +193,19 @@ impl Objects {
     }
 
     /// Returns the fields as clients see them.
-    pub(crate) fn field_forms(&self) -> Vec<FieldForm> {
-        let form = |made: &MadeField| {
+    pub(crate) fn field_specs(&self) -> Vec<FieldSpec> {
+        let seen = |made: &MadeField| {
             let spec = &made.spec;
-            let lent = self.library.shapes.iter().find(|(_, source)| *source == spec.shapes);
-            let shapes = match (&spec.shapes, lent) {
-                (ShapeSource::Procedural { seed }, _) => ShapesForm::Seed(*seed),
-                (ShapeSource::Files(_), lent) => {
-                    ShapesForm::Of(lent.map_or_else(String::new, |(name, _)| name.clone()))
+            let lent = || self.library.shapes.iter().find(|(_, source)| *source == spec.shapes);
+            let shapes = match &spec.shapes {
+                ShapeSource::Files(_) => {
+                    ShapeSource::OfField(lent().map_or_else(String::new, |(name, _)| name.clone()))
                 }
+                other => other.clone(),
             };
-            FieldForm {
-                name: spec.name.clone(),
-                position_m: spec.position_m,
-                orientation: spec.orientation,
-                parameters: spec.parameters,
-                shapes,
-                law: spec.law,
-                geometric_albedo: spec.geometric_albedo,
-            }
+            FieldSpec { shapes, ..(**spec).clone() }
         };
-        self.made.iter().map(form).collect()
+        self.made.iter().map(seen).collect()
     }
 
     /// Checks that ephemeris kernels cover the time of a client's change of `before`: for all bodies if the change sets
@@ -282,22 +244,14 @@ impl Objects {
         Ok(same.map_or_else(|| Arc::new(body), Arc::clone))
     }
 
-    fn spec(&self, form: &FieldForm) -> Result<Arc<FieldSpec>, String> {
-        let prefixed = |problem: &dyn Display| format!("asteroid_fields.{}: {problem}", form.name);
-        let shapes = match &form.shapes {
-            ShapesForm::Seed(seed) => ShapeSource::Procedural { seed: *seed },
-            ShapesForm::Of(name) => known(&self.library.shapes, name, "shapes_of", "fields with shapes from files")
-                .map_err(|e| prefixed(&e))?,
-        };
-        let spec = FieldSpec {
-            name: form.name.clone(),
-            position_m: form.position_m,
-            orientation: form.orientation,
-            parameters: form.parameters,
-            shapes,
-            law: form.law,
-            geometric_albedo: form.geometric_albedo,
-        };
+    /// Returns the specification of a field with the files of the shapes that it refers to, checked.
+    fn spec(&self, given: &FieldSpec) -> Result<Arc<FieldSpec>, String> {
+        let prefixed = |problem: &dyn Display| format!("asteroid_fields.{}: {problem}", given.name);
+        let mut spec = given.clone();
+        if let ShapeSource::OfField(name) = &given.shapes {
+            let found = known(&self.library.shapes, name, "shapes_of", "fields with shapes from files");
+            spec.shapes = found.map_err(|problem| prefixed(&problem))?;
+        }
         spec.check().map_err(|error| prefixed(&error))?;
         Ok(Arc::new(spec))
     }
@@ -307,7 +261,7 @@ impl Objects {
     pub(crate) fn make(
         &self,
         bodies: &Change<BodyForm>,
-        fields: &Change<FieldForm>,
+        fields: &Change<FieldSpec>,
         observer: &ObserverChange,
     ) -> Result<MadeChange, String> {
         let observer = match (self.observer.as_deref().zip(self.drawn.observer.as_ref()), observer.is_nothing()) {
@@ -318,7 +272,7 @@ impl Objects {
             }
         };
         let bodies = bodies.map(|form| self.body(form))?;
-        let specs = fields.map(|form| self.spec(form))?;
+        let specs = fields.map(|given| self.spec(given))?;
         let now: Vec<Arc<FieldSpec>> = self.made.iter().map(|made| Arc::clone(&made.spec)).collect();
         let after = specs.applied(&now, "asteroid_fields", |spec| &spec.name)?;
         check_fields(after.iter().map(Arc::as_ref)).map_err(|(_, error)| format!("asteroid_fields: {error}"))?;

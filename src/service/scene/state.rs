@@ -2,14 +2,14 @@
 //! The render thread holds it; every change increases its revision.
 
 use super::{
-    objects::{BodyForm, Change, FieldForm, MadeChange, Objects},
+    objects::{BodyForm, Change, MadeChange, Objects},
     observer::ObserverChange,
     overlay::OverlayChange,
     views::ViewSet,
 };
 use crate::{
     plan::settings::{AsteroidSettings, ImpostorMethod, StarMethod, StarSettings},
-    scene::SceneClock,
+    scene::{SceneClock, asteroids::FieldSpec},
 };
 use std::{sync::Arc, time::SystemTime};
 
@@ -62,7 +62,7 @@ pub struct SceneUpdate {
     /// Bodies.
     pub bodies: Change<BodyForm>,
     /// Fields of asteroids.
-    pub asteroid_fields: Change<FieldForm>,
+    pub asteroid_fields: Change<FieldSpec>,
     /// Lines and text over display images.
     pub overlay: OverlayChange,
     /// Observer, if the scene has one.

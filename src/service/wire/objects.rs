@@ -7,13 +7,13 @@ use prost_types::Timestamp;
 use super::camera::{quaternion_from_pb, vector_from_pb, vector_to_pb};
 use crate::{
     scene::{
-        asteroids::{FieldParameters, Placement},
+        asteroids::{FieldParameters, FieldSpec, Placement, ShapeSource},
         bodies::{Body, Emission, Ephemeris, ReflectionLaw, SolarBody, Spin, Surface, check_name},
         unit_quaternion,
     },
     service::{
         proto,
-        scene::objects::{BodyForm, Change, FieldForm, ShapesForm},
+        scene::objects::{BodyForm, Change},
     },
     units::J2000_UNIX_S,
 };
@@ -146,7 +146,7 @@ fn needed_range(range: Option<proto::Range>, key: &str) -> Result<[f64; 2], Stri
     range.map(|range| [range.least, range.most]).ok_or_else(|| format!("{key} is missing"))
 }
 
-pub(crate) fn field_to_pb(form: &FieldForm) -> proto::AsteroidField {
+pub(crate) fn field_to_pb(form: &FieldSpec) -> proto::AsteroidField {
     use proto::asteroid_field::{Placement as Wire, Shapes};
     let parameters = form.parameters;
     proto::AsteroidField {
@@ -169,15 +169,17 @@ pub(crate) fn field_to_pb(form: &FieldForm) -> proto::AsteroidField {
         spin_period_s: Some(range_to_pb(parameters.spin_period_s)),
         geometric_albedo: Some(rgb_to_pb(form.geometric_albedo)),
         law: form.law.name().to_owned(),
-        shapes: Some(match &form.shapes {
-            ShapesForm::Seed(seed) => Shapes::ShapeSeed(*seed),
-            ShapesForm::Of(name) => Shapes::ShapesOf(name.clone()),
-        }),
+        shapes: match &form.shapes {
+            ShapeSource::Procedural { seed } => Some(Shapes::ShapeSeed(*seed)),
+            ShapeSource::OfField(name) => Some(Shapes::ShapesOf(name.clone())),
+            // Clients see no files: `Objects::field_specs` names the field.
+            ShapeSource::Files(_) => None,
+        },
     }
 }
 
 /// Reads a field without checking ranges.
-pub(crate) fn field_from_pb(field: proto::AsteroidField) -> Result<FieldForm, String> {
+pub(crate) fn field_from_pb(field: proto::AsteroidField) -> Result<FieldSpec, String> {
     use proto::asteroid_field::{Placement as Wire, Shapes};
     let placement = match field.placement.ok_or("placement is missing: it must be one of box, belt or ring")? {
         Wire::Box(given) => Placement::Box { size_m: needed_vector(given.size_m, "box.size_m")? },
@@ -188,7 +190,7 @@ pub(crate) fn field_from_pb(field: proto::AsteroidField) -> Result<FieldForm, St
             Placement::Ring { inner_m, outer_m, thickness_m }
         }
     };
-    Ok(FieldForm {
+    Ok(FieldSpec {
         position_m: needed_vector(field.position_m, "position_m")?,
         orientation: orientation_from_pb(field.orientation)?,
         parameters: FieldParameters {
@@ -200,9 +202,9 @@ pub(crate) fn field_from_pb(field: proto::AsteroidField) -> Result<FieldForm, St
             spin_period_s: needed_range(field.spin_period_s, "spin_period_s")?,
         },
         shapes: match field.shapes {
-            None => ShapesForm::Seed(0),
-            Some(Shapes::ShapeSeed(seed)) => ShapesForm::Seed(seed),
-            Some(Shapes::ShapesOf(name)) => ShapesForm::Of(name),
+            None => ShapeSource::Procedural { seed: 0 },
+            Some(Shapes::ShapeSeed(seed)) => ShapeSource::Procedural { seed },
+            Some(Shapes::ShapesOf(name)) => ShapeSource::OfField(name),
         },
         law: law_from_pb(&field.law)?,
         geometric_albedo: rgb_from_pb(field.geometric_albedo),
@@ -282,8 +284,8 @@ mod tests {
         body_to_pb(&Body::preset(SolarBody::Mars, "mars", DVec3::X).into())
     }
 
-    fn swarm() -> FieldForm {
-        FieldForm {
+    fn swarm() -> FieldSpec {
+        FieldSpec {
             name: "swarm".to_owned(),
             position_m: DVec3::Y,
             orientation: DQuat::from_rotation_x(0.5),
@@ -295,7 +297,7 @@ mod tests {
                 size_index: 2.5,
                 spin_period_s: [60.0, 70.0],
             },
-            shapes: ShapesForm::Of("rocks".to_owned()),
+            shapes: ShapeSource::OfField("rocks".to_owned()),
             law: ReflectionLaw::Lambert,
             geometric_albedo: [0.1, 0.2, 0.3],
         }
@@ -315,7 +317,7 @@ mod tests {
             field.parameters.placement = placement;
             let back = field_from_pb(field_to_pb(&field)).unwrap();
             assert!(back.orientation.angle_between(field.orientation) < 1e-7);
-            assert_eq!(FieldForm { orientation: field.orientation, ..back }, field);
+            assert_eq!(FieldSpec { orientation: field.orientation, ..back }, field);
         }
         for time_s in [0.0, 820_497_600.25, -3e9 + 0.5, 1e11] {
             assert!((time_from_pb(Some(time_to_pb(time_s))).unwrap() - time_s).abs() <= 1e-6, "{time_s}");

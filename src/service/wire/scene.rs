@@ -31,7 +31,7 @@ pub(crate) fn scene_to_pb(scene: &SceneState, catalogues: &[SceneCatalogue]) -> 
             magnitude_limit: scene.stars.magnitude_limit,
         }),
         bodies: scene.objects.body_forms(time_s).iter().map(body_to_pb).collect(),
-        asteroid_fields: scene.objects.field_forms().iter().map(field_to_pb).collect(),
+        asteroid_fields: scene.objects.field_specs().iter().map(field_to_pb).collect(),
         time: Some(time_to_pb(time_s)),
         time_rate: scene.clock.rate,
         time_told: Some(now.into()),

@@ -21,6 +21,9 @@ pub enum ShapeSource {
     },
     /// glTF files, one shape each ([`ShapeSet::from_gltf`]).
     Files(Vec<PathBuf>),
+    /// Files of the field of the configuration with this name: clients cannot name files. The daemon replaces it by
+    /// these files before it makes the field.
+    OfField(String),
 }
 
 /// Specification of a field.
@@ -96,6 +99,10 @@ impl FieldSpec {
             (Some(made), _) => Arc::clone(&made.field.shapes),
             (None, ShapeSource::Procedural { seed }) => Arc::new(ShapeSet::procedural(*seed)),
             (None, ShapeSource::Files(paths)) => Arc::new(ShapeSet::from_gltf(paths)?),
+            (None, ShapeSource::OfField(name)) => {
+                let problem = format!("`{name}`: only a daemon's clients can refer to the shapes of another field");
+                return Err(BodyError::new("shapes_of", problem).into());
+            }
         };
         let like_instances = before
             .iter()
@@ -215,6 +222,7 @@ mod tests {
         assert!(message(&|spec| spec.geometric_albedo[2] = 3.0).contains("between 0 and 2"));
         assert!(message(&|spec| spec.orientation.x = 1.0).contains("unit quaternion"));
         assert!(message(&|spec| spec.shapes = ShapeSource::Files(vec!["no.glb".into()])).contains("no.glb"));
+        assert!(message(&|spec| spec.shapes = ShapeSource::OfField("rocks".to_owned())).contains("shapes_of"));
         let mut many = [spec("a"), spec("b")];
         many[1].parameters.instances = MOST_INSTANCES;
         let (place, error) = check_fields(many.iter()).unwrap_err();
