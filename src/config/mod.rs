@@ -8,6 +8,7 @@
 
 mod asteroids;
 mod bodies;
+mod camera;
 mod document;
 mod dome;
 mod effects;
@@ -39,10 +40,8 @@ pub use dome::{DomeFault, DomeProjector};
 pub use error::ConfigError;
 use error::{Fault, join};
 pub use film::{Easing, ExposureKey, FilmPath, FovKey, FrameValues, Keyframe};
-use glam::{DQuat, DVec3};
 pub use keys::{KeyError, with_keys_of, with_same_keys};
 pub use look::Look;
-use look::{Aim, Towards};
 pub use observer::ObserverConfig;
 pub use overlay::{GridConfig, LabelConfig, OverlayConfig, TrajectoryConfig};
 pub use projector::{BlendConfig, ProjectorConfig, ProjectorMethod, RowsConfig};
@@ -63,10 +62,9 @@ use crate::catalogue::bright;
 use crate::catalogue::epoch::Epoch;
 use crate::catalogue::galaxy::GalaxyParameters;
 use crate::catalogue::healpix::LightMap;
-use crate::coordinates::lon_lat_from_direction;
 use crate::ephemeris::{Ephemeris, Kernels};
 use crate::files;
-use crate::observer::{Moment, Observer, Refraction, frame_from_camera};
+use crate::observer::{Moment, Observer};
 use crate::plan::settings::{
     AccuracySettings, AsteroidSettings, ExposureKeys, ExposureSettings, ExposureValues, GlareSettings, HeadsetSettings,
     RenderSettings, StarSettings, ToneMapSettings,
@@ -76,8 +74,7 @@ use crate::scene::asteroids::{FieldSpec, SpecError, check_fields, make_fields};
 use crate::scene::bodies::{MOST_BODIES, check_names, check_suns};
 use crate::scene::loader::StarSource;
 use crate::scene::overlay::Overlay;
-use crate::scene::surroundings::BEYOND_AIR_M;
-use crate::scene::{Camera, SceneClock, SceneObjects};
+use crate::scene::{SceneClock, SceneObjects};
 use crate::solar_system::SolarBody;
 use crate::units::JULIAN_YEAR_S;
 use crate::view::Rig;
@@ -410,16 +407,6 @@ impl Config {
         self.build_rig().map_err(|fault| self.error(fault))
     }
 
-    /// The camera at the start, with revision 0.
-    pub fn camera(&self) -> Result<Camera, ConfigError> {
-        self.camera_at(self.scene.time_s())
-    }
-
-    /// The camera at a moment, s since 2000-01-01T12:00:00Z, with revision 0. A camera in the horizon frame turns with the Earth.
-    pub fn camera_at(&self, time_s: f64) -> Result<Camera, ConfigError> {
-        self.camera_of(time_s).map_err(|fault| self.error(fault.within("scene")))
-    }
-
     /// The scene's time, which runs in `serve`, `show` and `xr`.
     pub fn clock(&self) -> SceneClock {
         SceneClock::running(self.scene.time_s(), self.scene.time_rate, SystemTime::now())
@@ -436,69 +423,6 @@ impl Config {
         match observer {
             Some(Observer { epoch, .. }) => epoch.of_stars(),
             None => Epoch { years: self.scene.time_s() / JULIAN_YEAR_S, seen_from: None },
-        }
-    }
-
-    /// A fault names the key below `scene`.
-    fn camera_of(&self, time_s: f64) -> Result<Camera, Fault> {
-        let observer = self.observer();
-        let camera = &self.scene.camera;
-        let of_camera = |fault: Fault| fault.within("camera");
-        let at_rest = camera.camera(observer.map(|observer| observer.epoch.position_m), None).map_err(of_camera)?;
-        let Some(aim) = self.scene.aim()? else { return Ok(at_rest) };
-        let of_look = if observer.is_some() { "observer.look" } else { "camera.look" };
-        let turned = self
-            .turned(&aim, (time_s, observer.as_ref()), at_rest.position_m)
-            .map_err(|fault| fault.within(of_look))?;
-        let turned = camera.camera(Some(at_rest.position_m), Some(turned)).map_err(of_camera)?;
-        Ok(Camera { frame: aim.frame, as_of_s: time_s, ..turned })
-    }
-
-    /// Rotation from camera axes to those of ICRS.
-    fn turned(&self, aim: &Aim, seen: (f64, Option<&Observer>), camera_m: DVec3) -> Result<DQuat, Fault> {
-        let (time_s, observer) = seen;
-        let Some(icrs_from_frame) = aim.frame.icrs_from(observer, time_s) else {
-            return Err(Fault::new("frame", "horizon: needs [scene.observer]"));
-        };
-        let frame_from_camera = match &aim.towards {
-            Towards::Direction([longitude_rad, latitude_rad]) => {
-                frame_from_camera(*longitude_rad, *latitude_rad, aim.roll_rad)
-            }
-            Towards::Body(name) => {
-                let Some(body) = self.bodies.iter().find(|body| body.name == *name) else {
-                    let names: Vec<&str> = self.bodies.iter().map(|body| &body.name[..]).collect();
-                    let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-                    return Err(Fault::new("at", format!("`{name}`: no such body; the bodies are: {names}")));
-                };
-                let place_m = match body.ephemeris {
-                    Some(of) => {
-                        let kernels = self.kernels()?;
-                        let placed = Moment::new(time_s, observer).place(of, kernels.as_deref());
-                        placed.map_err(|problem| Fault::new("at", format!("`{name}`: {problem}")))?.0
-                    }
-                    None => body.body()?.position_m,
-                };
-                if place_m == camera_m {
-                    return Err(Fault::new("at", format!("`{name}`: the camera is at its centre")));
-                }
-                let seen_m = self.seen_m(place_m - camera_m, seen);
-                let in_frame = icrs_from_frame.transpose() * seen_m;
-                let (longitude_rad, latitude_rad) = lon_lat_from_direction(in_frame);
-                frame_from_camera(longitude_rad, latitude_rad, aim.roll_rad)
-            }
-        };
-        Ok(DQuat::from_mat3(&icrs_from_frame) * frame_from_camera)
-    }
-
-    /// Apparent position of a distant object through the observer's air, m relative to the camera.
-    fn seen_m(&self, place_m: DVec3, (time_s, observer): (f64, Option<&Observer>)) -> DVec3 {
-        let air = self.scene.observer.as_ref().and_then(ObserverConfig::refracting);
-        let (Some(observer), Some(air)) = (observer, air) else { return place_m };
-        let zenith = observer.icrs_from_horizon(time_s) * DVec3::Y;
-        if place_m.length() > BEYOND_AIR_M {
-            Refraction { zenith, density: air.density() }.seen(place_m)
-        } else {
-            place_m
         }
     }
 

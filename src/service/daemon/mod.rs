@@ -2,10 +2,12 @@
 //! connection, ends streams, finishes calls in flight, and ends the render thread. Work that exceeds the drain time is
 //! abandoned. The rules for listening are in [`listen`].
 
+mod initial_state;
 mod listen;
 mod options;
+mod threads;
 
-use std::{io, sync::Arc, time::Duration};
+use std::{io, pin::Pin, sync::Arc, time::Duration};
 
 use tokio::{
     signal,
@@ -16,25 +18,26 @@ use tonic::{server::NamedService, transport::Server};
 use tonic_health::{ServingStatus, server::HealthReporter};
 use tonic_web::GrpcWebLayer;
 
-use self::listen::{bind, keep_access};
+use self::{
+    initial_state::Begun,
+    listen::{bind, keep_access},
+    threads::{FAREWELL, Threads},
+};
 pub use self::{
     listen::check_listen,
     options::{Address, LimitOptions, NetworkOptions, Reloads, SceneOptions, ServeOptions, Shutdown, ViewOptions},
 };
 use crate::{
-    config::ViewSpec,
-    plan::settings::RenderSettings,
-    scene::{SceneClock, SceneSnapshot, SeenStars},
     service::{
         displays::{
-            headset::{Headset, HeadsetOptions, HeadsetThread},
-            windows::{Windows, WindowsOptions, WindowsThread},
+            headset::Headset,
+            windows::{Windows, WindowsOptions},
         },
         engine::{
             background_jobs::BackgroundJobs,
             interface::EngineError,
-            render_handle::Capacity,
-            render_thread::{self, RenderThread},
+            render_thread::{self},
+            shared_state::Capacity,
         },
         handlers::{metrics::Metrics, service::Service},
         network::{
@@ -48,12 +51,9 @@ use crate::{
             self, camera_service_server::CameraServiceServer, diagnostics_service_server::DiagnosticsServiceServer,
             scene_service_server::SceneServiceServer, view_service_server::ViewServiceServer,
         },
-        scene::{objects::Objects, state::SceneState, views::ViewSet},
         state_file::{StateError, StateFile},
-        threads::panic_message,
-        wire::camera::camera_from_pb,
     },
-    view::{RigError, check_name},
+    view::RigError,
 };
 
 /// A client that has been silent for this long is pinged.
@@ -66,8 +66,6 @@ const CALLS: u32 = 128;
 const HEADER_BYTES: u32 = 16 << 10;
 /// Maximum bytes of a message, except for changes of the scene.
 const SMALL_REQUEST_BYTES: usize = 64 << 10;
-/// Minimum time for an idle thread to end, even if clients used up the drain time.
-const FAREWELL: Duration = Duration::from_millis(500);
 
 /// Services whose health is reported, besides the overall health (the empty name).
 const SERVICES: [&str; 4] = [
@@ -181,96 +179,39 @@ async fn end_health(health: &mut HealthReporter) {
     }
 }
 
-/// Waits until `deadline`, and at least [`FAREWELL`], for the render thread, which was told to stop. A busy thread is
-/// abandoned: it holds nothing that outlives the process.
-async fn join(mut thread: RenderThread, ended: bool, deadline: Instant) -> Result<(), ServeError> {
-    let deadline = deadline.max(Instant::now() + FAREWELL);
-    // The receiver must not be polled again after it has resolved.
-    if !ended && timeout_at(deadline, &mut thread.ended).await.is_err() {
-        tracing::warn!("the render thread is still busy with a frame: ending without it");
-        return Ok(());
-    }
-    match thread.join.join() {
-        Ok(end) => end.map_err(ServeError::Lost),
-        Err(payload) => Err(ServeError::Panicked { message: panic_message(payload.as_ref()) }),
+impl Shutdown {
+    /// The future that resolves when the daemon is to end.
+    fn future(self) -> io::Result<Pin<Box<dyn Future<Output = ()> + Send>>> {
+        Ok(match self {
+            Self::Signals => Box::pin(signals()?),
+            Self::When(future) => future,
+        })
     }
 }
 
-/// Waits for the headset's thread in the same way. Its result is known already.
-async fn join_headset(mut thread: HeadsetThread, deadline: Instant) {
-    let deadline = deadline.max(Instant::now() + FAREWELL);
-    if timeout_at(deadline, &mut thread.ended).await.is_err() {
-        tracing::warn!("the headset's thread is still busy: ending without it");
-    } else if thread.join.join().is_err() {
-        tracing::warn!("the headset's thread did not end in order");
+impl Address {
+    /// Removes the file of a Unix socket; a failure is logged.
+    fn remove_socket(&self) {
+        if let Self::Unix(path) = self
+            && let Err(error) = std::fs::remove_file(path)
+        {
+            tracing::warn!("cannot remove {self}: {error}");
+        }
     }
 }
 
-/// Waits for the thread of the windows in the same way.
-async fn join_windows(mut thread: WindowsThread, deadline: Instant) {
-    let deadline = deadline.max(Instant::now() + FAREWELL);
-    if timeout_at(deadline, &mut thread.ended).await.is_err() {
-        tracing::warn!("the thread of the windows is still busy: ending without it");
-    } else if thread.join.join().is_err() {
-        tracing::warn!("the thread of the windows did not end in order");
+/// Waits until the task that saves the camera has ended, until `deadline` and at least [`FAREWELL`].
+async fn wait_for_camera(keeper: tokio::task::JoinHandle<()>, deadline: Instant) {
+    if !matches!(timeout_at(deadline.max(Instant::now() + FAREWELL), keeper).await, Ok(Ok(()))) {
+        tracing::warn!("the last camera may not be saved");
     }
 }
 
-/// Initial state of a daemon.
-struct Begun {
-    scene: SceneSnapshot,
-    objects: Objects,
-    clock: SceneClock,
-    views: ViewSet,
-    settings: RenderSettings,
-}
-
-/// Returns the initial state with the saved values of a state file.
-fn restored(file: &StateFile, begun: Begun) -> Result<Begun, StateError> {
-    let Begun { mut scene, mut objects, mut clock, mut views, mut settings } = begun;
-    let (saved, camera) = file.current_state()?;
-    if let Some(saved) = saved {
-        let configured = SceneState {
-            revision: scene.revision,
-            stars: settings.stars.clone(),
-            asteroids: settings.asteroids.clone(),
-            objects,
-            clock,
-            views: Arc::new(views),
-            jumps: 0,
-        };
-        let restored = saved.applied(&configured, &settings).map_err(|problem| file.content(problem))?;
-        let revision = saved.scene.as_ref().map_or(restored.revision, |scene| scene.revision);
-        tracing::info!("restored revision {revision} of the scene");
-        let of_clients = restored.views.kept().filter(|view| view.geometry.has_keys()).map(|view| view.name);
-        let of_clients: Vec<String> = of_clients.collect();
-        if !of_clients.is_empty() {
-            tracing::info!("restored views that clients have defined: {}", of_clients.join(", "));
-        }
-        let deleted: Vec<&str> = restored.views.deleted().collect();
-        if !deleted.is_empty() {
-            tracing::info!("views of the configuration that clients have deleted: {}", deleted.join(", "));
-        }
-        let kept = |name: &str| restored.objects.drawn.bodies.iter().any(|body| body.name == name);
-        let bodies = scene.objects.bodies.iter().map(|body| body.name.as_str());
-        let gone: Vec<&str> = bodies.filter(|name| !kept(name)).collect();
-        if !gone.is_empty() {
-            tracing::info!("bodies of the configuration that the state file lacks: {}", gone.join(", "));
-        }
-        let (before, after) = (scene.objects.observer, restored.objects.drawn.observer);
-        if before.map(|observer| observer.place) != after.map(|observer| observer.place) {
-            tracing::info!("the place of the observer comes from the state file, not from the configuration");
-        }
-        let camera = scene.camera.on_horizon_of(before.as_ref(), after.as_ref());
-        scene = SceneSnapshot { revision, objects: Arc::clone(&restored.objects.drawn), camera, ..scene };
-        clock = saved.clock(restored.clock);
-        (settings.stars, settings.asteroids) = (restored.stars, restored.asteroids);
-        (objects, views) = (restored.objects, Arc::unwrap_or_clone(restored.views));
-    }
-    if let Some(camera) = camera {
-        scene.camera = camera_from_pb(camera).map_err(|error| file.content(format!("the camera: {error}")))?;
-    }
-    Ok(Begun { scene, objects, clock, views, settings })
+/// Builder of the reflection services, for the protocol and the health service.
+fn reflection<'a>() -> tonic_reflection::server::Builder<'a> {
+    tonic_reflection::server::Builder::configure()
+        .register_encoded_file_descriptor_set(proto::DESCRIPTORS)
+        .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
 }
 
 /// Serves until told to end. Needs a tokio runtime with I/O and time. Encoders and a frame that exceed the drain time
@@ -284,44 +225,17 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         options;
     let NetworkOptions { listen, hosts, access } = network;
     let LimitOptions { drain, pending_renders, subscribers } = limits;
-    let SceneOptions { snapshot: scene, clock, catalogues, asteroid_fields, observer, star_sources } = scene;
-    let ViewOptions { rig, settings, specs, folder } = views;
-    let objects = Objects::new(Arc::clone(&scene.objects), &asteroid_fields, observer).map_err(ServeError::Objects)?;
-    if let Some(HeadsetOptions { name, .. }) = &headset {
-        check_name(name).map_err(ServeError::Headset)?;
-    }
-    let specified = rig.views().iter().enumerate().map(|(index, view)| {
-        let spec = specs.get(index).cloned();
-        (spec.unwrap_or_else(|| ViewSpec::custom(&view.name)), view.clone())
-    });
-    let views = ViewSet::new(&settings, specified.collect(), &folder).map_err(ServeError::Views)?;
     let file = state.map(|path| StateFile::open(&path)).transpose()?;
-    let clock = clock.unwrap_or_else(|| SceneClock::stopped(scene.objects.time_s));
-    // The state file may have another place of the observer.
-    let seen_stars = SeenStars::new(Arc::clone(&scene.stars), scene.objects.observer.as_ref(), star_sources);
-    let begun = Begun { scene, objects, clock, views, settings };
-    let Begun { scene, objects, clock, views, settings } = match &file {
-        Some(file) => restored(file, begun)?,
-        None => begun,
-    };
-    if let Some(HeadsetOptions { name, .. }) = headset.as_ref().filter(|headset| views.named(&headset.name).is_some()) {
-        return Err(ServeError::Headset(RigError::Duplicate { name: name.clone() }));
-    }
+    let catalogues = scene.catalogues.clone();
+    let (Begun { scene, objects, clock, views, settings }, seen_stars) =
+        Begun::new(scene, views, headset.as_ref(), file.as_ref())?;
     let first = access.as_ref().map_or_else(|| Ok(Access::default()), |source| source()).map_err(ServeError::Access)?;
     let (listener, address) = bind(&listen, &first).await?;
     let (new_access, current_access) = watch::channel(Arc::new(first));
     let hangups = signal::unix::signal(signal::unix::SignalKind::hangup())?;
     let access_keeper = tokio::spawn(keep_access(reloads, hangups, access, new_access));
-    let mut shutdown = match shutdown {
-        Shutdown::Signals => Box::pin(signals()?),
-        Shutdown::When(future) => future,
-    };
+    let mut shutdown = shutdown.future()?;
 
-    let reflection = || {
-        tonic_reflection::server::Builder::configure()
-            .register_encoded_file_descriptor_set(proto::DESCRIPTORS)
-            .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
-    };
     let (reflection_v1, reflection_v1alpha) = (reflection().build_v1()?, reflection().build_v1alpha()?);
     let (mut health, health_service) = tonic_health::server::health_reporter();
     report_health(&health, ServingStatus::Serving).await;
@@ -331,7 +245,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     let shares: Arc<Shares> = Arc::default();
     let stars = scene.stars.stars.len() as u64;
     let capacity = Capacity { requests: pending_renders, subscribers };
-    let (handle, mut thread) =
+    let (handle, thread) =
         render_thread::spawn(engine, (scene, seen_stars), (objects, clock, views), settings, capacity)?;
     let (headset, drive) =
         headset.map(|options| (Arc::new(Headset::new(options.name, handle.clone())), options.drive)).unzip();
@@ -351,10 +265,8 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         (background_jobs, Arc::clone(&shares), file),
     );
     let keeper = keeps_state.then(|| tokio::spawn(service.clone().keep_camera()));
-    let headset_thread = match headset.as_ref().zip(drive) {
-        Some((headset, drive)) => Some(headset.spawn(drive).inspect_err(|_| handle.stop())?),
-        None => None,
-    };
+    let headset_thread = headset.as_ref().zip(drive).map(|(headset, drive)| headset.spawn(drive)).transpose();
+    let headset_thread = headset_thread.inspect_err(|_| handle.stop())?;
     let windows_thread = match windows.as_ref().zip(window_work) {
         Some((known, (open, of_windows, pressed))) => {
             // The task ends with the windows.
@@ -363,18 +275,15 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         }
         None => None,
     };
-    let drain_all = || {
-        handle.drain();
-        if let Some(windows) = &windows {
-            windows.drain();
-        }
-        if let Some(headset) = &headset {
-            headset.drain();
-        }
+    let mut threads = Threads {
+        handle: handle.clone(),
+        render: thread,
+        headset: headset.zip(headset_thread),
+        windows: windows.zip(windows_thread),
+        render_ended: false,
     };
 
     let (close, closed) = oneshot::channel::<()>();
-    let incoming = Incoming::new(listener, current_access.clone(), shares);
     let serving = Server::builder()
         .accept_http1(true)
         .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
@@ -382,7 +291,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         .max_concurrent_streams(CALLS)
         .http2_max_header_list_size(HEADER_BYTES)
         .layer(Bounds::new(hosts))
-        .layer(Gate::new(current_access))
+        .layer(Gate::new(current_access.clone()))
         .layer(HandleFirst(Metrics { service: service.clone() }))
         .layer(HandleFirst(Page::new()))
         .layer(GrpcWebLayer::new())
@@ -393,7 +302,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         .add_service(health_service)
         .add_service(reflection_v1)
         .add_service(reflection_v1alpha)
-        .serve_with_incoming_shutdown(incoming, async move {
+        .serve_with_incoming_shutdown(Incoming::new(listener, current_access, shares), async move {
             // A dropped sender has the same meaning.
             let _ = closed.await;
         });
@@ -402,31 +311,20 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     ready(address.clone());
 
     // Wait until told to end, or until a vital part fails.
-    let mut render_ended = false;
     let mut outcome = tokio::select! {
         () = &mut shutdown => Ok(()),
-        _ = &mut thread.ended => {
-            render_ended = true;
-            Ok(())
-        }
+        () = threads.render_end() => Ok(()),
         result = &mut serving => {
-            let deadline = Instant::now() + drain;
-            drain_all();
+            threads.drain();
             handle.stop();
-            if let Some(thread) = headset_thread {
-                join_headset(thread, deadline).await;
-            }
-            if let Some(thread) = windows_thread {
-                join_windows(thread, deadline).await;
-            }
-            join(thread, false, deadline).await?;
+            threads.join(Instant::now() + drain).await?;
             return result.map_err(ServeError::from);
         }
     };
 
     let deadline = Instant::now() + drain;
     report_health(&health, ServingStatus::NotServing).await;
-    drain_all();
+    threads.drain();
     drop(close);
     end_health(&mut health).await;
     match timeout_at(deadline, &mut serving).await {
@@ -434,23 +332,11 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         Err(_) => tracing::warn!("cut off clients that did not finish within {} s", drain.as_secs_f64()),
     }
     handle.stop();
-    if let Some(keeper) = keeper
-        && !matches!(timeout_at(deadline.max(Instant::now() + FAREWELL), keeper).await, Ok(Ok(())))
-    {
-        tracing::warn!("the last camera may not be saved");
-    }
-    if let Some(thread) = headset_thread {
-        join_headset(thread, deadline).await;
-    }
-    if let Some(thread) = windows_thread {
-        join_windows(thread, deadline).await;
+    if let Some(keeper) = keeper {
+        wait_for_camera(keeper, deadline).await;
     }
     access_keeper.abort();
-    if let Address::Unix(path) = &address
-        && let Err(error) = std::fs::remove_file(path)
-    {
-        tracing::warn!("cannot remove {address}: {error}");
-    }
-    join(thread, render_ended, deadline).await?;
+    address.remove_socket();
+    threads.join(deadline).await?;
     outcome
 }

@@ -26,7 +26,7 @@ use tokio::sync::{oneshot, watch};
 use crate::{
     render::Wanted,
     service::{
-        engine::render_handle::{RenderHandle, Reply},
+        engine::{render_handle::RenderHandle, shared_state::Reply},
         frames::{
             errors::{Refused, RenderFailure},
             image_encoding::EncodedImages,

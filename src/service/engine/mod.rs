@@ -8,3 +8,4 @@ pub(crate) mod interface;
 pub(crate) mod quality;
 pub(crate) mod render_handle;
 pub(crate) mod render_thread;
+pub(crate) mod shared_state;

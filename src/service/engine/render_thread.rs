@@ -1,4 +1,4 @@
-//! The render thread, which alone owns the engine. Its input is in [`super::render_handle`].
+//! The render thread, which alone owns the engine. Its input is in [`super::shared_state`].
 //!
 //! It sleeps until a request arrives or a subscriber is due, then begins **one** frame for all of them, with the newest
 //! camera. Views with different settings, and HDR images that are drawn separately, need separate frames, which take
@@ -6,6 +6,7 @@
 //! wait ([`super::forecast`]). At most two frames are in flight, and they are finished in order. Long work runs
 //! elsewhere ([`super::background_jobs`]). Failed frames are handled in [`recovery`].
 
+mod job;
 mod recovery;
 #[cfg(test)]
 mod tests;
@@ -22,33 +23,30 @@ use glam::DVec3;
 use tokio::sync::{oneshot, watch};
 use tracing::{Span, field};
 
+use self::job::{EyeOf, Groups, Job, Kind, next_kind};
 use super::{
     auditor::{AuditReport, AuditedFrame, Auditor},
     camera_path::CameraPath,
     forecast::{Expected, Forecast},
     interface::{Engine, EngineError},
     quality::{self, Quality},
-    render_handle::{
-        CameraControl, Capacity, FrameQueue, RenderHandle, RenderStatistics, Request, SceneControl, Shared, State,
-    },
+    render_handle::RenderHandle,
+    shared_state::{CameraControl, Capacity, FrameQueue, RenderStatistics, Request, SceneControl, Shared, State},
 };
 use crate::{
-    catalogue::chunks::StarSet,
     plan::{
         adaptation::Adaptation,
-        budget::draws_outputs_apart,
         glare::sky_cube::map_place_pc,
         settings::{ExposureSettings, RenderSettings},
-        view_settings::{ExposureGroup, FrameGroup},
+        view_settings::FrameGroup,
     },
     render::{FrameRequest, SkyMapUse, Wanted},
-    scene::{Camera, SceneClock, SceneObjects, SceneSnapshot, SeenStars},
+    scene::{SceneClock, SceneSnapshot, SeenStars},
     service::{
         SPANS,
         frames::{
             errors::RenderFailure,
             image_encoding::EncodedImages,
-            latest_frame::LatestFrame,
             rendered_frame::{GivenUp, RenderedFrame},
             schedule::{Pace, Revisions},
             subscriptions::Streams,
@@ -174,122 +172,6 @@ fn spawn_with(
     })?;
     Ok((RenderHandle { shared }, RenderThread { join, ended }))
 }
-
-/// Recipients of the next frame, and its content.
-struct Job {
-    requests: Vec<Request>,
-    subscribers: Vec<Arc<LatestFrame>>,
-    /// Requested images of each view of the group.
-    wanted: Vec<Wanted>,
-    /// Frame groups of the scene, and the index of this frame's group.
-    groups: Arc<Groups>,
-    group: usize,
-    camera: Camera,
-    pose_time: SystemTime,
-    scene: SceneState,
-    /// Step of the scene's clock.
-    step: u64,
-    /// Scene time of the frame.
-    time_s: f64,
-    /// Objects at that time.
-    objects: Arc<SceneObjects>,
-    stars: Arc<StarSet>,
-    start: Instant,
-}
-
-impl Job {
-    fn frame_group(&self) -> &FrameGroup {
-        &self.frame_groups()[self.group]
-    }
-
-    /// The exposure state that this frame uses.
-    fn eye(&self) -> &EyeOf {
-        &self.groups.eyes[self.group]
-    }
-
-    /// Settings of the adaptation, and the number of jumps of the scene.
-    fn adapts_by(&self) -> (ExposureSettings, u64) {
-        (self.frame_group().settings.exposure, self.scene.jumps)
-    }
-
-    /// Returns the groups of frames of this kind: HDR images keep full quality.
-    fn frame_groups(&self) -> &[FrameGroup] {
-        if self.wanted.iter().any(|wanted| wanted.hdr) { &self.groups.all } else { &self.groups.reduced }
-    }
-
-    /// Returns the quality level of the frame; `None` if it has full quality in any case.
-    fn level(&self) -> Option<u32> {
-        (!self.wanted.iter().any(|wanted| wanted.hdr)).then_some(self.groups.level)
-    }
-
-    fn shows(&self) -> Revisions {
-        Revisions { scene: self.scene.revision, camera: self.camera.revision, step: self.step }
-    }
-}
-
-/// Grouping of a scene's views into frames.
-struct Groups {
-    /// Revision of the scene.
-    revision: u64,
-    all: Vec<FrameGroup>,
-    /// The same groups for display images at the present quality level.
-    reduced: Vec<FrameGroup>,
-    /// That level; 0: as configured.
-    level: u32,
-    /// For each view, the index of its group and its index within the group.
-    of_view: HashMap<ViewId, (usize, usize)>,
-    /// For each group, its exposure state.
-    eyes: Vec<EyeOf>,
-    /// For each group, whether requesting HDR images changes its other images.
-    apart: Vec<bool>,
-}
-
-impl Groups {
-    fn new(general: &RenderSettings, scene: &SceneState, level: u32) -> Self {
-        let common =
-            RenderSettings { stars: scene.stars.clone(), asteroids: scene.asteroids.clone(), ..general.clone() };
-        let (all, ids) = (scene.views.frame_groups(&common), scene.views.ids());
-        let mut of_view = HashMap::new();
-        for (number, group) in all.iter().enumerate() {
-            of_view.extend(group.views.iter().enumerate().map(|(own, view)| (ids[*view], (number, own))));
-        }
-        // A new view with the name of a deleted one has its own exposure state.
-        let alone =
-            |group: &FrameGroup| matches!(group.exposure_group, ExposureGroup::OfView(_)).then(|| ids[group.views[0]]);
-        let eyes = all.iter().map(|group| (group.exposure_group.clone(), alone(group))).collect();
-        let is_apart = |group: &FrameGroup| {
-            let viewports = group.rig.viewports(glam::DQuat::IDENTITY);
-            draws_outputs_apart(&group.settings, &scene.objects.drawn, &viewports)
-        };
-        let apart = all.iter().map(is_apart).collect();
-        // The exposure is the configured one.
-        let at_level =
-            |group: &FrameGroup| FrameGroup { settings: quality::settings_at(level, &group.settings), ..group.clone() };
-        let reduced = all.iter().map(at_level).collect();
-        Self { revision: scene.revision, all, reduced, level, of_view, eyes, apart }
-    }
-
-    /// Returns the exposure settings of a view, and its exposure state.
-    fn exposure_of(&self, view: ViewId) -> Option<(&ExposureSettings, &EyeOf)> {
-        let (group, _) = self.of_view.get(&view)?;
-        Some((&self.all[*group].settings.exposure, &self.eyes[*group]))
-    }
-
-    /// Returns the frame for the requested images of a view: the index of its group, and whether it is a separate HDR
-    /// frame. Display images have their own error budget, which a request for HDR images must not change, so both need
-    /// separate frames. With an exact budget, one frame serves both.
-    fn kind_of(&self, view: ViewId, wanted: Wanted) -> Kind {
-        // No request refers to a view that the scene lacks.
-        let group = self.of_view[&view].0;
-        (group, self.apart[group] && wanted.hdr)
-    }
-}
-
-/// Index of a group, and whether its frame is a separate HDR frame.
-type Kind = (usize, bool);
-
-/// Key of an exposure state: the exposure group, and the view if it has its own exposure.
-type EyeOf = (ExposureGroup, Option<ViewId>);
 
 /// Exposure state of all views of an exposure group.
 #[derive(Default)]
@@ -667,11 +549,4 @@ impl Worker {
             start,
         }
     }
-}
-
-/// Chooses the next frame among those that are due: they take turns.
-fn next_kind(due: impl Iterator<Item = Kind>, last: Kind) -> Kind {
-    let due: Vec<Kind> = due.collect();
-    let after = due.iter().filter(|kind| **kind > last).min();
-    after.or(due.iter().min()).copied().unwrap_or(last)
 }

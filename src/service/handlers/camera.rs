@@ -14,7 +14,7 @@ use crate::{
     observer::Frame,
     scene::Camera,
     service::{
-        engine::render_handle::{CameraError, RenderHandle},
+        engine::{render_handle::RenderHandle, shared_state::CameraError},
         frames::errors::{Refused, refused},
         network::access::By,
         proto::{self, CameraLease},

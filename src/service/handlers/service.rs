@@ -20,10 +20,7 @@ use crate::{
     plan::{Limits, Planner},
     service::{
         displays::{headset::Headset, windows::Windows},
-        engine::{
-            background_jobs::BackgroundJobs,
-            render_handle::{Capacity, RenderHandle},
-        },
+        engine::{background_jobs::BackgroundJobs, render_handle::RenderHandle, shared_state::Capacity},
         frames::{
             errors::{Refused, RenderFailure, failed, refused},
             frame_stream::{FrameStream, Source},

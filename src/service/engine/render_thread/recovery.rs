@@ -7,7 +7,7 @@ use std::{
 
 use super::{Job, Worker};
 use crate::service::{
-    engine::{interface::EngineError, render_handle::Subscriber},
+    engine::{interface::EngineError, shared_state::Subscriber},
     frames::{errors::RenderFailure, schedule::Revisions},
 };
 

@@ -13,6 +13,7 @@ use crate::{
         settings::{ExposureMode, ExposureValues},
     },
     render::{Frame, FrameTimes},
+    scene::Camera,
     service::{engine::interface::OpenBeside, frames::errors::Refused, scene::camera::CameraUpdate},
     view::{View, ViewKind},
 };
