@@ -7,8 +7,8 @@ use tonic::Status;
 use super::{identify::star_to_pb, service::Service};
 use crate::{
     catalogue::{
-        bright::BrightStar,
         constellations::{CONSTELLATIONS, areas_sr, middles},
+        names::{self, NamedStar},
     },
     coordinates::lon_lat_from_direction,
     observer::{Frame, frame_from_camera},
@@ -45,7 +45,7 @@ pub(crate) fn body_to_pb(scene: &SceneSnapshot, body: &Body) -> proto::Identifie
     }
 }
 
-fn seen_star(scene: &SceneSnapshot, BrightStar { star, .. }: &BrightStar) -> SeenStar {
+fn seen_star(scene: &SceneSnapshot, NamedStar { star, .. }: &NamedStar) -> SeenStar {
     let camera = &scene.camera;
     let from_camera_pc = if star.distance_known { star.position - camera.position_m / PARSEC_M } else { star.position };
     let distance_pc = star.distance_known.then(|| from_camera_pc.length());
@@ -79,7 +79,7 @@ fn seen_afar(scene: &SceneSnapshot, direction: DVec3) -> DVec3 {
     scene.objects.refraction(scene.camera.position_m).map_or(seen, |refraction| refraction.seen(seen))
 }
 
-/// Finds an object by name: a body of the scene, a star of the built-in table by name or designation, or a
+/// Finds an object by name: a body of the scene, a star of the built-in table or of a file by name or designation, or a
 /// constellation by name or abbreviation. The error suggests similar names.
 fn found(scene: &SceneSnapshot, name: &str) -> Result<proto::IdentifiedObject, String> {
     let is = |of: &str| of.to_lowercase() == name.to_lowercase();
@@ -87,7 +87,7 @@ fn found(scene: &SceneSnapshot, name: &str) -> Result<proto::IdentifiedObject, S
         return Ok(body_to_pb(scene, body));
     }
     let named = scene.stars.named();
-    if let Some(star) = named.iter().find(|star| (!star.name.is_empty() && is(star.name)) || is(star.designation)) {
+    if let Some(star) = names::find(named.iter(), name) {
         return Ok(star_to_pb(&seen_star(scene, star), &scene.stars));
     }
     if let Some(number) = CONSTELLATIONS.iter().position(|(short, full)| is(short) || is(full)) {
@@ -95,7 +95,7 @@ fn found(scene: &SceneSnapshot, name: &str) -> Result<proto::IdentifiedObject, S
     }
     let start: String = name.to_lowercase().chars().take(2).collect();
     let of_bodies = scene.objects.bodies.iter().map(|body| &body.name[..]);
-    let near = of_bodies.chain(named.iter().map(|star| star.name)).chain(CONSTELLATIONS.map(|(_, full)| full));
+    let near = of_bodies.chain(named.iter().map(|star| star.name.as_ref())).chain(CONSTELLATIONS.map(|(_, full)| full));
     let near: Vec<&str> =
         near.filter(|name| !name.is_empty() && name.to_lowercase().starts_with(&start)).take(SUGGESTIONS).collect();
     let near = if near.is_empty() { String::new() } else { format!("; similar names: {}", near.join(", ")) };

@@ -8,7 +8,7 @@ use tonic::Status;
 
 use super::{find::body_to_pb, service::Service};
 use crate::{
-    catalogue::{bright::BrightStar, chunks::StarSet, constellations::constellation_of},
+    catalogue::{chunks::StarSet, constellations::constellation_of, names::NamedStar},
     plan::stars::identify::{MOST_RADIUS_RAD, SeenStar, stars_near},
     relativity::seen_direction,
     scene::{
@@ -163,18 +163,18 @@ fn in_order(nearby: Vec<NearbyBody>, radius_rad: f64) -> Vec<proto::IdentifiedOb
 }
 
 /// Returns the star of the built-in table at a place.
-fn named<'a>(star: &SeenStar, stars: &'a StarSet) -> Option<&'a BrightStar> {
+fn named<'a>(star: &SeenStar, stars: &'a StarSet) -> Option<&'a NamedStar> {
     let is_known = star.distance_pc.is_some();
     let named = stars.named().iter().filter(|named| named.star.distance_known == is_known);
     // For several stars at one place, choose the one of equal brightness.
-    let off = |named: &BrightStar| named.star.position.distance(star.position) / named.star.position.length();
+    let off = |named: &NamedStar| named.star.position.distance(star.position) / named.star.position.length();
     let at_1_pc = magnitude_from_illuminance_lx(star.illuminance_lx * star.distance_pc.map_or(1.0, |pc| pc * pc));
-    let unlike = |named: &BrightStar| {
+    let unlike = |named: &NamedStar| {
         let magnitude = f64::from(named.star.magnitude) - if named.star.distance_known { 5.0 } else { 0.0 };
         (magnitude - at_1_pc).abs()
     };
     // Places are rounded to a tenth of this.
-    let key = |named: &BrightStar| ((10.0 * off(named) / SAME_PLACE).round(), unlike(named));
+    let key = |named: &NamedStar| ((10.0 * off(named) / SAME_PLACE).round(), unlike(named));
     let there = named.filter(|named| off(named) < SAME_PLACE).map(|named| (key(named), named));
     there.min_by(|(a, _), (b, _)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))).map(|(_, named)| named)
 }
@@ -183,8 +183,8 @@ pub(crate) fn star_to_pb(star: &SeenStar, stars: &StarSet) -> proto::IdentifiedO
     let named = named(star, stars);
     proto::IdentifiedObject {
         kind: proto::ObjectKind::Star.into(),
-        name: named.map(|named| named.name.to_owned()).unwrap_or_default(),
-        designation: named.map(|named| named.designation.to_owned()).unwrap_or_default(),
+        name: named.map(|named| named.name.to_string()).unwrap_or_default(),
+        designation: named.map(|named| named.designation.to_string()).unwrap_or_default(),
         direction: Some(vector_to_pb(star.direction)),
         separation_deg: star.separation_rad.to_degrees(),
         v_mag: Some(magnitude_from_illuminance_lx(star.illuminance_lx)),

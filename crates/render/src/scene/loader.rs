@@ -15,6 +15,7 @@ use crate::catalogue::diffuse::DiffuseSky;
 use crate::catalogue::epoch::Epoch;
 use crate::catalogue::galaxy::{self, Galaxy, GalaxyError, GalaxyParameters};
 use crate::catalogue::healpix::{LightMap, LightMapError};
+use crate::catalogue::names::NamedStar;
 use crate::catalogue::overlap::{Overlap, find_overlaps};
 use crate::catalogue::reader::{CatalogueError, ReadReport, read_file};
 use crate::catalogue::store::{self, StoreError};
@@ -151,10 +152,11 @@ pub fn load_stars(
 
     let mut report = LoadReport::default();
     let mut loaded: Vec<Vec<StarRecord>> = Vec::with_capacity(sources.len());
-    let (mut unresolved, mut map) = (None, None);
+    let (mut unresolved, mut map, mut named) = (None, None, Vec::new());
     for (index, source) in sources.iter().enumerate() {
         progress(LoadStep::Catalogue { name: source.to_string(), index, of: sources.len() });
-        let Read { stars, rows, unresolved: source_light } = read(source, index, epoch.years)?;
+        let Read { stars, rows, named: source_names, unresolved: source_light } = read(source, index, epoch.years)?;
+        named.extend(source_names);
         report.catalogues.push(LoadedCatalogue { name: source.to_string(), stars: stars.len(), rows });
         loaded.push(stars);
         // There is one map of unresolved light: that of a light map, else that of the last galaxy.
@@ -187,7 +189,9 @@ pub fn load_stars(
     if epoch.seen_from.is_some() {
         records.par_iter_mut().for_each(|record| *record = epoch.seen(*record));
     }
-    Ok((StarSet::from_records(records).of_epoch(*epoch).with_unresolved(map.or(unresolved).map(Arc::new)), report))
+    named.iter_mut().for_each(|named: &mut NamedStar| named.star = epoch.seen(named.star));
+    let stars = StarSet::from_records(records).of_epoch(*epoch).with_names(named);
+    Ok((stars.with_unresolved(map.or(unresolved).map(Arc::new)), report))
 }
 
 /// Whether the file is a store: by its first bytes, or by its extension, so that a damaged store is reported as such.
@@ -202,11 +206,12 @@ fn is_store(path: &Path) -> Result<bool, LoadError> {
 struct Read {
     stars: Vec<StarRecord>,
     rows: Option<ReadReport>,
+    named: Vec<NamedStar>,
     unresolved: Option<DiffuseSky>,
 }
 
 fn read(source: &StarSource, index: usize, years: f64) -> Result<Read, LoadError> {
-    let of_stars = |stars: Vec<StarRecord>| Read { stars, rows: None, unresolved: None };
+    let of_stars = |stars: Vec<StarRecord>| Read { stars, rows: None, named: Vec::new(), unresolved: None };
     match source {
         StarSource::Bright => Ok(of_stars(bright::bright_stars(years))),
         StarSource::Galaxy(parameters) => {
@@ -218,7 +223,7 @@ fn read(source: &StarSource, index: usize, years: f64) -> Result<Read, LoadError
         StarSource::File(path) if is_store(path)? => Ok(of_stars(store::records_of(&store::read(path)?.stars))),
         StarSource::File(path) => {
             let read = read_file(path, years)?;
-            Ok(Read { rows: Some(read.report), ..of_stars(read.stars) })
+            Ok(Read { rows: Some(read.report), named: read.named, ..of_stars(read.stars) })
         }
     }
 }

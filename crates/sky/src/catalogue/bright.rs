@@ -4,6 +4,7 @@
 //! catalogue. Its header names the columns and the sources of their values.
 
 use super::StarRecord;
+use super::names::NamedStar;
 use super::reader::read_csv_from;
 
 /// Name of this catalogue in configurations.
@@ -14,17 +15,6 @@ pub const COMPLETE_TO_V_MAG: f64 = 6.5;
 
 const TABLE: &str = include_str!("bright_stars.csv");
 
-/// A star of the table with its names.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BrightStar {
-    /// Name in the IAU's list, empty if it has none.
-    pub name: &'static str,
-    /// Bayer or Flamsteed designation with the constellation's abbreviation, such as `alf CMa`, or the number in the Bright Star Catalogue, such as `HR 9077`.
-    pub designation: &'static str,
-    /// Position, brightness and temperature.
-    pub star: StarRecord,
-}
-
 /// Returns the brightest stars of the night sky, without the Sun, at their positions `years` Julian years after
 /// J2000.0, sorted by right ascension at J2000.0.
 pub fn bright_stars(years: f64) -> Vec<StarRecord> {
@@ -34,14 +24,18 @@ pub fn bright_stars(years: f64) -> Vec<StarRecord> {
     read.stars
 }
 
-/// Returns the same stars with their names.
-pub fn named_bright_stars(years: f64) -> Vec<BrightStar> {
+/// Returns the same stars with their names: designations are those of Bayer or Flamsteed with the constellation's abbreviation, such as
+/// `alf CMa`, and the number in the Bright Star Catalogue, such as `HR 9077`.
+pub fn named_bright_stars(years: f64) -> Vec<NamedStar> {
     let rows = TABLE.lines().filter(|line| !line.starts_with('#')).skip(1);
     rows.zip(bright_stars(years))
         .map(|(row, star)| {
-            let mut fields = row.split(',').skip(1);
+            let mut fields = row.split(',');
             let mut next = || fields.next().unwrap_or_default();
-            BrightStar { name: next(), designation: next(), star }
+            let number = format!("HR {}", next());
+            let (name, designation) = (next(), next());
+            let others = if number == designation { Vec::new() } else { vec![number.into()] };
+            NamedStar { name: name.into(), designation: designation.into(), others, star }
         })
         .collect()
 }
@@ -61,7 +55,7 @@ mod tests {
         let stars = named_bright_stars(0.0);
         assert_eq!(stars.len(), bright_stars(0.0).len());
         assert_eq!(stars.len(), 9096);
-        for BrightStar { designation, star, .. } in &stars {
+        for NamedStar { designation, star, .. } in &stars {
             assert!((-1.5..10.1).contains(&star.apparent_magnitude()), "{designation}: {}", star.apparent_magnitude());
             assert!((1_000.0..45_000.0).contains(&star.temperature_k), "{designation}: {}", star.temperature_k);
             if star.distance_known {
@@ -79,8 +73,8 @@ mod tests {
         let stars = named_bright_stars(0.0);
         let mut seen = HashSet::new();
         for s in &stars {
-            assert!(!s.designation.is_empty() && seen.insert(s.designation), "{} twice", s.designation);
-            assert!(s.name.is_empty() || seen.insert(s.name), "{} twice", s.name);
+            assert!(!s.designation.is_empty() && seen.insert(s.designation.clone()), "{} twice", s.designation);
+            assert!(s.name.is_empty() || seen.insert(s.name.clone()), "{} twice", s.name);
         }
     }
 
@@ -111,6 +105,6 @@ mod tests {
         let brightest =
             stars.iter().min_by(|a, b| a.star.apparent_magnitude().total_cmp(&b.star.apparent_magnitude())).unwrap();
         assert_eq!(brightest.name, "Sirius");
-        assert!(stars.iter().all(|s| !matches!(s.name, "Sun" | "Sol")));
+        assert!(stars.iter().all(|s| !matches!(s.name.as_ref(), "Sun" | "Sol")));
     }
 }

@@ -13,9 +13,10 @@ use rayon::prelude::*;
 
 use super::{
     StarRecord,
-    bright::{BrightStar, named_bright_stars},
+    bright::named_bright_stars,
     diffuse::DiffuseSky,
     epoch::Epoch,
+    names::NamedStar,
     packed::PackedStar,
     spectra::{self, Spectrum},
 };
@@ -76,8 +77,10 @@ pub struct StarSet {
     spectra: OnceLock<Vec<Spectrum>>,
     /// Illuminance at the barycentre of the faintest star of each chunk, computed on first use.
     faintest_seen_lx: OnceLock<Vec<f32>>,
-    /// Stars with names, computed on first use.
-    named: OnceLock<Vec<BrightStar>>,
+    /// Named stars of files, as seen at the epoch.
+    named_in_files: Arc<Vec<NamedStar>>,
+    /// All named stars, computed on first use.
+    named: OnceLock<Vec<NamedStar>>,
 }
 
 /// Sort key: shell of distance, then cell of the sky, then the star's own values, so that the order does not depend
@@ -127,12 +130,24 @@ impl StarSet {
         self.spectra.get_or_init(|| spectra::of_chunks(self))
     }
 
-    /// The stars of the built-in table as seen at the set's epoch, whether or not they are in the set. Computed at
-    /// the first call.
-    pub fn named(&self) -> &[BrightStar] {
+    /// Returns the set with the named stars of its files, as seen at the set's epoch.
+    #[must_use]
+    pub fn with_names(self, named_in_files: Vec<NamedStar>) -> Self {
+        Self { named_in_files: Arc::new(named_in_files), ..self }
+    }
+
+    /// The named stars of the set's files, as seen at its epoch.
+    pub fn named_in_files(&self) -> &[NamedStar] {
+        &self.named_in_files
+    }
+
+    /// The named stars as seen at the set's epoch: those of the built-in table, whether or not they are in the set, then those of files.
+    /// Computed at the first call.
+    pub fn named(&self) -> &[NamedStar] {
         self.named.get_or_init(|| {
-            let named = named_bright_stars(self.epoch.years).into_iter();
-            named.map(|named| BrightStar { star: self.epoch.seen(named.star), ..named }).collect()
+            let built_in = named_bright_stars(self.epoch.years).into_iter();
+            let built_in = built_in.map(|named| NamedStar { star: self.epoch.seen(named.star), ..named });
+            built_in.chain(self.named_in_files.iter().cloned()).collect()
         })
     }
 

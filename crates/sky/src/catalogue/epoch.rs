@@ -57,7 +57,9 @@ pub fn seen_from(set: &StarSet, vantage: Vantage) -> StarSet {
     let mut records = records_of(set);
     records.par_iter_mut().for_each(|record| *record = epoch.seen(set.epoch.unseen(*record)));
     // Diffuse light varies over degrees only, so it is not moved.
-    StarSet::from_records(records).of_epoch(epoch).with_unresolved(set.unresolved.clone())
+    let mut named = set.named_in_files().to_vec();
+    named.iter_mut().for_each(|named| named.star = epoch.seen(set.epoch.unseen(named.star)));
+    StarSet::from_records(records).of_epoch(epoch).with_names(named).with_unresolved(set.unresolved.clone())
 }
 
 #[cfg(test)]

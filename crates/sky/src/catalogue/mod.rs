@@ -8,6 +8,7 @@ pub mod epoch;
 pub mod galaxy;
 pub mod healpix;
 pub mod motion;
+pub mod names;
 pub mod overlap;
 pub mod packed;
 pub mod reader;

@@ -1,7 +1,8 @@
 //! Readers of star catalogues in CSV and JSON files.
 //!
-//! A reader first recognises the columns ([`columns`]: this program's names, those of HYG, AT-HYG and Gaia archive
-//! exports, and a plain `magnitude,temperature,x,y,z`). It then converts each row to a [`StarRecord`] ([`row`]). An
+//! A reader first recognises the source of the file by its set of columns ([`sources`]) and their meaning ([`columns`]): this program's
+//! names, those of HYG, AT-HYG, Gaia archive exports and VizieR, and a plain `magnitude,temperature,x,y,z`. It then converts each row to a
+//! [`StarRecord`] ([`row`]). An
 //! unusable row is counted, and the first few are kept with their line and reason; it is always reported and never
 //! stops the rest. A file without a usable row is an error. Besides the stars, reading CSV needs memory for one line
 //! only.
@@ -13,13 +14,21 @@ mod columns;
 mod csv;
 mod json;
 mod row;
+mod rows;
 mod sexagesimal;
+mod sources;
 
 use std::fmt;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
+use flate2::read::MultiGzDecoder;
+
 use super::StarRecord;
+use super::names::NamedStar;
 use crate::files;
+
+pub use sources::Source;
 
 pub use csv::{read_csv, read_csv_from};
 pub use json::{read_json, read_json_from};
@@ -27,23 +36,32 @@ pub use json::{read_json, read_json_from};
 /// Number of rejected rows that [`ReadReport`] keeps with their reason.
 pub const REJECTED_ROWS_KEPT: usize = 10;
 
-/// Extensions that [`read_file`] accepts.
-pub const EXTENSIONS: &str = ".csv, .txt (CSV) and .json";
+/// Number of stars of a file whose names are kept.
+pub const NAMED_STARS_KEPT: usize = 300_000;
+
+/// Formats that [`read_file`] reads.
+pub const FORMATS: &str = "CSV or TSV (also ECSV, or compressed with gzip) or JSON";
 
 /// Result of reading one file.
 #[derive(Clone, Debug)]
 pub struct CatalogueRead {
     /// The usable stars in the order of the file.
     pub stars: Vec<StarRecord>,
+    /// The named stars among the first [`NAMED_STARS_KEPT`] stars.
+    pub named: Vec<NamedStar>,
     /// Counts of used and rejected rows.
     pub report: ReadReport,
 }
 
-/// Counts of the rows of one file: `rows == used + rejected`.
+/// Counts of the rows of one file: `rows == used + rejected + repeated`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReadReport {
     /// The file's name as passed to the reader.
     pub file: String,
+    /// The source that the file's columns show.
+    pub source: Source,
+    /// Columns that drawing could use and that are not read, with the reason if it is known.
+    pub unused: Vec<String>,
     /// Rows (CSV) or entries (JSON) after the header; blank lines and comments do not count.
     pub rows: usize,
     /// Rows that became stars.
@@ -54,6 +72,12 @@ pub struct ReadReport {
     pub without_colour: usize,
     /// Used rows with a temperature or colour outside the valid range, which was clamped.
     pub temperature_clamped: usize,
+    /// Used rows with a colour index that no star has, which counts as missing.
+    pub colour_ignored: usize,
+    /// Used rows with Hipparcos' Hp instead of V.
+    pub hp_taken_as_v: usize,
+    /// Rows that repeat another row of the file: position, brightness and temperature are the same.
+    pub repeated: usize,
     /// Used rows with Gaia's G instead of V, because BP-RP is missing.
     pub g_taken_as_v: usize,
     /// Rows that could not be used.
@@ -90,16 +114,22 @@ impl ReadReport {
         self.without_distance += usize::from(notes.without_distance);
         self.without_colour += usize::from(notes.without_colour);
         self.temperature_clamped += usize::from(notes.temperature_clamped);
+        self.colour_ignored += usize::from(notes.colour_ignored);
         self.g_taken_as_v += usize::from(notes.g_taken_as_v);
+        self.hp_taken_as_v += usize::from(notes.hp_taken_as_v);
     }
 
     /// Returns the result for a whole file: an error if none of its rows is usable.
-    fn finish(self, stars: Vec<StarRecord>) -> Result<CatalogueRead, CatalogueError> {
+    fn finish(mut self, stars: Vec<StarRecord>, named: Vec<NamedStar>) -> Result<CatalogueRead, CatalogueError> {
         if self.rows == 0 {
             return Err(CatalogueError::NoRow { file: self.file });
         }
         let Some(first) = self.first_rejected.first().filter(|_| stars.is_empty()) else {
-            return Ok(CatalogueRead { stars, report: self });
+            let rows = stars.len();
+            let stars = rows::without_repetitions(stars);
+            self.repeated = rows - stars.len();
+            self.used -= self.repeated;
+            return Ok(CatalogueRead { stars, named, report: self });
         };
         let (line, reason) = (first.line, first.reason.clone());
         Err(CatalogueError::NoUsableRow { file: self.file, rejected: self.rejected, line, reason })
@@ -108,16 +138,23 @@ impl ReadReport {
 
 impl fmt::Display for ReadReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {} of {} rows used", self.file, self.used, self.rows)?;
+        let Self { file, used, rows, source, .. } = self;
+        write!(f, "{file}: {used} of {rows} rows used, read as {} ({})", source.name(), source.conventions())?;
         for (count, note) in [
             (self.without_distance, "without distance (at infinity)"),
             (self.without_colour, "without colour (5772 K)"),
             (self.temperature_clamped, "with a temperature outside 500 to 100000 K (moved to the edge)"),
+            (self.colour_ignored, "with a colour index outside -1.5 to 8.5 (taken as missing)"),
             (self.g_taken_as_v, "without BP-RP (G taken as V)"),
+            (self.hp_taken_as_v, "without V (Hp taken as V)"),
+            (self.repeated, "repeated (drawn once)"),
         ] {
             if count > 0 {
                 write!(f, ", {count} {note}")?;
             }
+        }
+        if !self.unused.is_empty() {
+            write!(f, "; columns that are not read: {}", self.unused.join(", "))?;
         }
         write!(f, "; {} rejected", self.rejected)?;
         for row in &self.first_rejected {
@@ -153,11 +190,13 @@ pub enum CatalogueError {
         /// The system's error.
         source: std::io::Error,
     },
-    /// The extension is not supported.
-    #[error("file {}: a star catalogue must be one of {EXTENSIONS}", path.display())]
-    Extension {
+    /// The format is not supported.
+    #[error("file {}: {found}; a star catalogue must be {FORMATS}", path.display())]
+    Format {
         /// Path of the file.
         path: PathBuf,
+        /// The format that its first bytes show.
+        found: String,
     },
     /// The columns are not those of a star catalogue.
     #[error("file {file}: line {line}: {reason}; columns found: {found}; {}", columns::NEEDED)]
@@ -201,20 +240,43 @@ pub enum CatalogueError {
     },
 }
 
-/// Reads a catalogue in the format given by the extension of `path`. Stars are placed `years` Julian years after
-/// J2000.0.
+/// Reads a catalogue in the format that its first bytes show; a file compressed with gzip is expanded while it is read. Stars are placed
+/// `years` Julian years after J2000.0.
 ///
 /// # Errors
-/// [`CatalogueError::Extension`] for extensions other than [`EXTENSIONS`] (in upper or lower case), otherwise as
-/// [`read_csv`] and [`read_json`].
+/// [`CatalogueError::Format`] for a format other than [`FORMATS`], otherwise as [`read_csv`] and [`read_json`].
 pub fn read_file(path: &Path, years: f64) -> Result<CatalogueRead, CatalogueError> {
-    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-    match extension.as_deref() {
-        Some("csv" | "txt") => read_csv(path, years),
-        Some("json") => read_json(path, years),
-        _ => Err(CatalogueError::Extension { path: path.to_owned() }),
+    let name = path.display().to_string();
+    let io_error = |source| CatalogueError::Io { file: name.clone(), line: 1, source };
+    let mut file = BufReader::new(open(path)?);
+    let mut source: Box<dyn BufRead> = if file.fill_buf().map_err(io_error)?.starts_with(GZIP) {
+        Box::new(BufReader::new(MultiGzDecoder::new(file)))
+    } else {
+        Box::new(file)
+    };
+    let start = source.fill_buf().map_err(io_error)?;
+    let known = [
+        (&b"SIMPLE  ="[..], "it is a FITS file"),
+        (b"PAR1", "it is a Parquet file"),
+        (b"<", "it is XML, such as a VOTable"),
+        (b"PK\x03\x04", "it is a ZIP archive"),
+        (b"\x89HDF", "it is an HDF5 file"),
+    ];
+    let text = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start).trim_ascii_start();
+    if let Some((_, found)) = known.iter().find(|(bytes, _)| text.starts_with(bytes)) {
+        return Err(CatalogueError::Format { path: path.to_owned(), found: (*found).to_owned() });
+    }
+    if start.iter().take(512).any(|byte| *byte == 0) {
+        return Err(CatalogueError::Format { path: path.to_owned(), found: "it is not text".to_owned() });
+    }
+    match text.first() {
+        Some(b'{' | b'[') => read_json_from(source, &name, years),
+        _ => read_csv_from(source, &name, years),
     }
 }
+
+/// First bytes of a file compressed with gzip.
+const GZIP: &[u8] = b"\x1f\x8b";
 
 /// Opens `path` for reading.
 fn open(path: &Path) -> Result<std::fs::File, CatalogueError> {
@@ -231,5 +293,7 @@ fn excerpt(text: &str) -> String {
     short
 }
 
+#[cfg(test)]
+mod source_tests;
 #[cfg(test)]
 mod tests;

@@ -9,6 +9,13 @@
 /// Range of BP-RP, in magnitudes, for which [`v_from_gaia`] was fitted (Riello et al. 2021, A&A 649, A3, Table C.1).
 pub const GAIA_V_BP_RP_RANGE: (f64, f64) = (-0.5, 5.0);
 
+/// V and B-V of Johnson from the magnitudes BT and VT of Tycho (ESA 1997, SP-1200, volume 1, equation 1.3.20; fitted for BT-VT from -0.2 to
+/// 1.8).
+pub fn johnson_from_tycho(bt: f64, vt: f64) -> [f64; 2] {
+    let colour = bt - vt;
+    [vt - 0.090 * colour, 0.850 * colour]
+}
+
 /// (BP-RP in magnitudes, temperature in kelvin). For stars hotter than B9, where the source has no Gaia colour, the
 /// points continue the slope of V-I.
 const BP_RP_TEMPERATURE: [(f64, f64); 29] = [

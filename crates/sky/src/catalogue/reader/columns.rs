@@ -1,22 +1,47 @@
 //! Recognition of a file's columns by their names.
 //!
-//! Names are compared without case and surrounding blanks. `ra` alone is in hours in HYG and AT-HYG and in degrees in
-//! exports of the Gaia archive; other columns of the file show which of these it is. If they do not, a decimal `ra`
-//! is an error: a guess could be wrong by a factor of 15.
+//! Names are compared without case and surrounding blanks. The set of columns shows the source of the file ([`super::sources`]), and the
+//! source their meaning: `dist` is a distance in HYG and an angle in a cone search of the Gaia archive; `ra` is in hours in HYG and in
+//! degrees in the archive. If nothing shows which of them it is, a decimal `ra` is an error: a guess could be wrong by a factor of 15. A
+//! line of units, as VizieR writes one, is believed before the source.
+
+use super::sources::{DEGREES, Source};
 
 /// Required columns, for messages.
 pub(super) const NEEDED: &str = "needed: a direction (ra_deg,dec_deg or x,y,z in parsecs), a brightness (v_mag or \
      phot_g_mean_mag, or abs_mag with a distance), and if known teff_k, bp_rp or b_v, parallax_mas or distance_pc, and \
      pm_ra_mas_yr, pm_dec_mas_yr and radial_velocity_km_s; \
-     the headers of HYG, AT-HYG and Gaia exports and magnitude,temperature,x,y,z are known too";
+     the headers of HYG, AT-HYG, Gaia exports and VizieR, and magnitude,temperature,x,y,z are known too";
 
 /// HYG and AT-HYG write this distance in parsecs, or a larger one, if it is unknown.
 pub(super) const HYG_UNKNOWN_DISTANCE_PC: f64 = 100_000.0;
 
-/// Epoch of positions if the file does not give one.
+/// Epoch to which motions refer, Julian years.
 pub(super) const J2000_EPOCH: f64 = 2000.0;
-/// Epoch of positions in Gaia's third data release.
-const GAIA_EPOCH: f64 = 2016.0;
+
+/// Beginnings of names of columns that drawing could use: those that are not read are reported.
+const USEFUL: [&str; 16] = [
+    "pm",
+    "plx",
+    "parallax",
+    "dist",
+    "radial",
+    "rv",
+    "teff",
+    "epoch",
+    "ref_epoch",
+    "b_v",
+    "b-v",
+    "bp_rp",
+    "bp-rp",
+    "vmag",
+    "v_mag",
+    "gmag",
+];
+/// Parts of names of columns that hold no value of a star itself, such as errors and flags.
+const AUXILIARY: [&str; 14] = [
+    "_error", "_err", "_corr", "_over_", "_src", "e_", "err", "flag", "_lower", "_upper", "num", "count", "nb_", "_msc",
+];
 
 /// Unit of a decimal number in the right ascension column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,6 +50,8 @@ pub(super) enum RaUnit {
     Degrees,
     /// Hours.
     Hours,
+    /// Radians.
+    Radians,
     /// Unknown: only sexagesimal right ascensions, always in hours, can be read.
     Unknown,
 }
@@ -48,96 +75,194 @@ pub(super) enum Direction {
 /// Columns of a file by their meaning; numbers are column indices from 0.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Columns {
+    /// The source of the file.
+    pub source: Source,
     pub direction: Direction,
     pub v_mag: Option<usize>,
     pub g_mag: Option<usize>,
+    /// Magnitudes of Tycho, BT and VT.
+    pub tycho_mag: Option<[usize; 2]>,
+    /// Magnitude of Hipparcos.
+    pub hp_mag: Option<usize>,
     pub abs_mag: Option<usize>,
     pub teff_k: Option<usize>,
     pub bp_rp: Option<usize>,
+    /// Gaia's BP and RP magnitudes, if BP-RP is missing.
+    pub bp_and_rp: Option<[usize; 2]>,
     pub b_v: Option<usize>,
     pub parallax_mas: Option<usize>,
     pub distance_pc: Option<usize>,
-    pub pm_ra_mas_yr: Option<usize>,
-    pub pm_dec_mas_yr: Option<usize>,
+    pub pm_ra: Option<usize>,
+    pub pm_dec: Option<usize>,
+    /// Milliarcseconds per unit of proper motion.
+    pub pm_unit_mas: f64,
     pub radial_velocity_km_s: Option<usize>,
+    /// Names and numbers of the star.
+    pub names: NameColumns,
     /// Epoch of the positions, Julian years.
     pub ref_epoch: Option<usize>,
     /// Epoch of the positions without such a column.
     pub epoch: f64,
     /// Distances from this one on mean "unknown".
     pub unknown_from_pc: f64,
-    names: Vec<String>,
+    /// Columns that drawing could use and that are not read, with the reason if it is known.
+    pub unused: Vec<String>,
+    header: Vec<String>,
+}
+
+/// Columns that name a star.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct NameColumns {
+    /// A proper name.
+    pub name: Option<usize>,
+    /// A designation such as `9Alp CMa` (HYG).
+    pub bayer_flamsteed: Option<usize>,
+    /// A Greek letter such as `Alp`, its constellation, and a Flamsteed number (AT-HYG).
+    pub bayer: Option<usize>,
+    pub flamsteed: Option<usize>,
+    pub constellation: Option<usize>,
+    pub hip: Option<usize>,
+    pub hd: Option<usize>,
+    pub hr: Option<usize>,
+    /// Gaia's number.
+    pub gaia: Option<usize>,
+}
+
+/// Finds columns by their names.
+struct Finder<'a> {
+    names: &'a [String],
+    used: Vec<usize>,
+}
+
+impl Finder<'_> {
+    fn has(&self, name: &str) -> bool {
+        self.names.iter().any(|known| known == name)
+    }
+
+    /// The first of these columns that exists; an error if it exists twice.
+    fn find(&mut self, candidates: &[&str]) -> Result<Option<usize>, String> {
+        for candidate in candidates {
+            let mut matches =
+                self.names.iter().enumerate().filter(|(_, name)| name == candidate).map(|(index, _)| index);
+            if let Some(first) = matches.next() {
+                if matches.next().is_some() {
+                    return Err(format!("the column {candidate} appears twice"));
+                }
+                self.used.push(first);
+                return Ok(Some(first));
+            }
+        }
+        Ok(None)
+    }
+
+    fn pair(&mut self, first: &[&str], second: &[&str]) -> Result<Option<[usize; 2]>, String> {
+        Ok(self.find(first)?.zip(self.find(second)?).map(|(first, second)| [first, second]))
+    }
+
+    fn xyz(&mut self, axes: [&str; 3]) -> Result<Option<[usize; 3]>, String> {
+        Ok(match (self.find(&[axes[0]])?, self.find(&[axes[1]])?, self.find(&[axes[2]])?) {
+            (Some(x), Some(y), Some(z)) => Some([x, y, z]),
+            _ => None,
+        })
+    }
+}
+
+/// Name of a column without byte order mark, mark of a comment, quotation marks, blanks and case.
+fn normalised(name: &str) -> String {
+    name.trim_start_matches('\u{feff}').trim().trim_start_matches('#').trim().trim_matches('"').to_lowercase()
 }
 
 impl Columns {
-    /// Recognises the columns by their names. The error describes a missing or contradictory column.
-    pub fn recognise<S: AsRef<str>>(header: &[S]) -> Result<Self, String> {
-        // Names without byte order mark, blanks and case.
-        let names: Vec<String> =
-            header.iter().map(|n| n.as_ref().trim_start_matches('\u{feff}').trim().to_lowercase()).collect();
-        let find = |candidates: &[&str]| -> Result<Option<usize>, String> {
-            for candidate in candidates {
-                let mut matches = names.iter().enumerate().filter(|(_, n)| n == candidate).map(|(i, _)| i);
-                if let Some(first) = matches.next() {
-                    return match matches.next() {
-                        None => Ok(Some(first)),
-                        Some(_) => Err(format!("the column {candidate} appears twice")),
-                    };
-                }
-            }
-            Ok(None)
+    /// Recognises the columns by their names, and their units if a line of the file gives them. The error describes a missing or
+    /// contradictory column.
+    pub fn recognise<S: AsRef<str>>(header: &[S], units: Option<&[S]>) -> Result<Self, String> {
+        let names: Vec<String> = header.iter().map(|name| normalised(name.as_ref())).collect();
+        let source = Source::recognise(&names);
+        let unit_of = |column: usize| -> Option<String> {
+            let unit = units?.get(column)?.as_ref().trim().to_lowercase();
+            (!unit.is_empty()).then_some(unit)
         };
-        let has = |name: &str| names.iter().any(|n| n == name);
+        let mut finder = Finder { names: &names, used: Vec::new() };
 
         // Position, brightness and distance.
-        let xyz = |axes: [&str; 3]| -> Result<Option<[usize; 3]>, String> {
-            Ok(match (find(&[axes[0]])?, find(&[axes[1]])?, find(&[axes[2]])?) {
-                (Some(x), Some(y), Some(z)) => Some([x, y, z]),
-                _ => None,
-            })
-        };
-        let cartesian = match xyz(["x", "y", "z"])? {
-            None => xyz(["x0", "y0", "z0"])?,
+        let cartesian = match finder.xyz(["x", "y", "z"])? {
+            None => finder.xyz(["x0", "y0", "z0"])?,
             found => found,
         };
-        let v_mag = find(&["v_mag", "mag"])?;
-        let g_mag = find(&["phot_g_mean_mag"])?;
-        let parallax_mas = find(&["parallax_mas", "parallax"])?;
-        let distance_pc = find(&["distance_pc", "dist"])?;
+        let v_mag = finder.find(if source.is_hyg() { &["mag"] } else { &["v_mag", "vmag", "mag", "flux_v"] })?;
+        let g_mag = if source.is_gaia() { finder.find(&["phot_g_mean_mag", "gmag"])? } else { None };
+        let tycho_mag = finder.pair(&["btmag", "bt_mag"], &["vtmag", "vt_mag"])?;
+        let hp_mag = finder.find(&["hpmag"])?;
+        let parallax_mas = finder.find(&["parallax_mas", "parallax", "plx", "plx_value"])?;
+        let mut unused = Vec::new();
+        let distance_pc = match source {
+            Source::Gaia | Source::Gaia2 => {
+                // A cone search adds this column.
+                if finder.find(&["dist"])?.is_some() {
+                    unused.push("dist: the angle from the centre of a cone search, degrees".to_owned());
+                }
+                finder.find(&["distance_pc"])?
+            }
+            _ => finder.find(if source.is_hyg() { &["dist", "distance"] } else { &["distance_pc", "dist"] })?,
+        };
+        for (column, allowed) in [(parallax_mas, "mas"), (distance_pc, "pc")] {
+            if let Some((column, unit)) = column.and_then(|column| Some((column, unit_of(column)?)))
+                && unit != allowed
+            {
+                return Err(format!("{} is in {unit}; it must be in {allowed}", names[column]));
+            }
+        }
 
-        // Columns that occur only in one family of files.
-        let is_hyg = has("mag") && (has("dist") || has("ci") || has("absmag"));
-        let is_gaia = has("source_id") || has("phot_g_mean_mag") || has("parallax");
-        // Right ascension and declination, and their unit.
-        let equatorial = match (find(&["ra_deg"])?, find(&["dec_deg"])?, find(&["ra"])?, find(&["dec"])?) {
-            (Some(ra), Some(dec), ..) => Some(Direction::Equatorial { ra, dec, unit: RaUnit::Degrees }),
-            (_, dec_deg, Some(ra), dec) if dec.is_some() || dec_deg.is_some() => {
-                let unit = match (is_hyg, is_gaia) {
+        // Right ascension and declination, their unit and their epoch.
+        let is_degrees =
+            |column: usize| unit_of(column).is_none_or(|unit| unit.starts_with("deg") || unit == "\"d:m:s\"");
+        let mut equatorial = None;
+        for (ra, dec, epoch) in DEGREES {
+            if let (Some(ra_column), Some(dec_column)) = (finder.find(&[ra])?, finder.find(&[dec])?) {
+                let unit = match unit_of(ra_column) {
+                    Some(unit) if unit == "rad" => RaUnit::Radians,
+                    Some(unit) if unit.contains('h') => RaUnit::Hours,
+                    // The table of the Hipparcos reduction is in radians, VizieR's answers are in degrees.
+                    None if *ra == "rarad" => {
+                        return Err("rarad may be radians or degrees: name it ra_deg, or keep the line of units".into());
+                    }
+                    _ => RaUnit::Degrees,
+                };
+                equatorial = Some((Direction::Equatorial { ra: ra_column, dec: dec_column, unit }, *epoch));
+                break;
+            }
+        }
+        if equatorial.is_none() {
+            let columns = (finder.find(&["ra", "ra_deg"])?, finder.find(&["dec", "dec_deg", "de"])?);
+            if let (Some(ra), Some(dec)) = columns {
+                let says_degrees = finder.has("ra_deg") || (unit_of(ra).is_some() && is_degrees(ra));
+                let like_gaia = source.is_gaia() || parallax_mas.is_some();
+                let unit = match (source.is_hyg(), like_gaia) {
+                    _ if says_degrees => RaUnit::Degrees,
                     (true, false) => RaUnit::Hours,
                     (false, true) => RaUnit::Degrees,
                     _ => RaUnit::Unknown,
                 };
-                dec.or(dec_deg).map(|dec| Direction::Equatorial { ra, dec, unit })
+                equatorial = Some((Direction::Equatorial { ra, dec, unit }, None));
             }
-            (Some(ra), None, _, Some(dec)) => Some(Direction::Equatorial { ra, dec, unit: RaUnit::Degrees }),
-            _ => None,
-        };
+        }
         // If a file has both, angles are the measured values; but without a distance, x, y and z hold more.
         let has_distance = parallax_mas.is_some() || distance_pc.is_some();
-        let direction = match (equatorial, cartesian) {
+        let (direction, epoch) = match (equatorial, cartesian) {
             (Some(angles), None) => angles,
             (Some(angles), Some(_)) if has_distance => angles,
-            (_, Some(position)) => Direction::Cartesian(position),
+            (_, Some(position)) => (Direction::Cartesian(position), None),
             (None, None) => return Err("no direction".into()),
         };
 
         // `magnitude` alone is ambiguous; with x, y, z and without any other brightness it is the absolute magnitude.
-        let mut abs_mag = find(&["abs_mag", "absmag"])?;
-        if abs_mag.is_none() && v_mag.is_none() && g_mag.is_none() && cartesian.is_some() {
-            abs_mag = find(&["magnitude"])?;
+        let mut abs_mag = finder.find(&["abs_mag", "absmag"])?;
+        let has_apparent = [v_mag, g_mag, hp_mag].iter().any(Option::is_some) || tycho_mag.is_some();
+        if abs_mag.is_none() && !has_apparent && cartesian.is_some() {
+            abs_mag = finder.find(&["magnitude"])?;
         }
         // Without any brightness, or a distance for an absolute magnitude, the file is unusable.
-        if v_mag.is_none() && g_mag.is_none() {
+        if !has_apparent {
             if abs_mag.is_none() {
                 return Err("no brightness".into());
             }
@@ -145,35 +270,78 @@ impl Columns {
                 return Err("an absolute magnitude, but no distance".into());
             }
         }
-        let hyg_distance = has("dist") || is_hyg;
+
+        // Motion, colour and names.
+        let pm_ra = finder.find(&["pm_ra_mas_yr", "pmra", "pm_ra", "pm_ra_cosdec", "pm_racosdec"])?;
+        let pm_dec = finder.find(&["pm_dec_mas_yr", "pmdec", "pm_dec", "pmde"])?;
+        let pm_unit_mas = match pm_ra.and_then(unit_of).map(|unit| unit.replace(' ', "")).as_deref() {
+            None | Some("mas/yr" | "mas/a" | "mas.yr-1" | "mas*yr-1" | "masyr-1" | "mas.yr**-1") => 1.0,
+            Some("arcsec/yr" | "arcsec/a" | "arcsec.yr-1" | "arcsecyr-1" | "arcsec.yr**-1") => 1000.0,
+            Some(unit) => return Err(format!("the proper motion is in {unit}; it must be in mas/yr or arcsec/yr")),
+        };
+        let teff_k = finder.find(&["teff_k", "teff_gspphot", "teff_val", "teff", "temperature"])?;
+        let bp_rp = finder.find(&["bp_rp", "bp-rp"])?;
+        let bp_and_rp = finder.pair(&["phot_bp_mean_mag", "bpmag"], &["phot_rp_mean_mag", "rpmag"])?;
+        let b_v = finder.find(&["b_v", "b-v", "ci", "colorindex"])?;
+        let radial = ["radial_velocity_km_s", "radial_velocity", "rv", "radvel", "rv_value", "rvel"];
+        let radial_velocity_km_s = finder.find(&radial)?;
+        let ref_epoch = finder.find(&["ref_epoch"])?;
+        let name_columns = NameColumns {
+            name: finder.find(&["proper", "propername", "name"])?,
+            bayer_flamsteed: finder.find(&["bf", "bayerflamsteed"])?,
+            bayer: finder.find(&["bayer"])?,
+            flamsteed: finder.find(&["flam"])?,
+            constellation: finder.find(&["con"])?,
+            hip: finder.find(&["hip"])?,
+            hd: finder.find(&["hd"])?,
+            hr: finder.find(&["hr"])?,
+            gaia: finder.find(&["source_id", "source", "gaia"])?,
+        };
+        let used = finder.used;
+        let is_useful = |name: &str| {
+            USEFUL.iter().any(|start| name.starts_with(start)) && !AUXILIARY.iter().any(|part| name.contains(part))
+        };
+        let left = names.iter().enumerate().filter(|(index, name)| !used.contains(index) && is_useful(name));
+        unused.extend(left.map(|(_, name)| name.clone()));
         Ok(Self {
+            source,
             direction,
             v_mag,
             g_mag,
+            tycho_mag,
+            hp_mag,
             abs_mag,
-            teff_k: find(&["teff_k", "teff_gspphot", "teff_val", "temperature"])?,
-            bp_rp: find(&["bp_rp"])?,
-            b_v: find(&["b_v", "ci"])?,
+            teff_k,
+            bp_rp,
+            bp_and_rp,
+            b_v,
             parallax_mas,
             distance_pc,
-            pm_ra_mas_yr: find(&["pm_ra_mas_yr", "pmra"])?,
-            pm_dec_mas_yr: find(&["pm_dec_mas_yr", "pmdec"])?,
-            radial_velocity_km_s: find(&["radial_velocity_km_s", "radial_velocity", "rv"])?,
-            ref_epoch: find(&["ref_epoch"])?,
-            epoch: if has("source_id") || has("phot_g_mean_mag") { GAIA_EPOCH } else { J2000_EPOCH },
-            unknown_from_pc: if hyg_distance { HYG_UNKNOWN_DISTANCE_PC } else { f64::INFINITY },
-            names,
+            pm_ra,
+            pm_dec,
+            pm_unit_mas,
+            radial_velocity_km_s,
+            names: name_columns,
+            ref_epoch,
+            epoch: epoch.unwrap_or(source.epoch()),
+            unknown_from_pc: if source.is_hyg() || names.iter().any(|name| name == "dist") {
+                HYG_UNKNOWN_DISTANCE_PC
+            } else {
+                f64::INFINITY
+            },
+            unused,
+            header: names,
         })
     }
 
     /// Name of a column, in lower case, for messages.
     pub fn name(&self, column: usize) -> &str {
-        &self.names[column]
+        &self.header[column]
     }
 
     /// Number of columns in the file.
     pub fn len(&self) -> usize {
-        self.names.len()
+        self.header.len()
     }
 }
 
@@ -191,7 +359,7 @@ mod tests {
     use super::*;
 
     fn recognise(header: &str) -> Result<Columns, String> {
-        Columns::recognise(&header.split(',').collect::<Vec<_>>())
+        Columns::recognise(&header.split(',').collect::<Vec<_>>(), None)
     }
 
     fn unit(header: &str) -> RaUnit {

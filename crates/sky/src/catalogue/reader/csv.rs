@@ -7,18 +7,25 @@
 //! line is a new row. Only one line is ever in memory. `Lines` also counts the lines: the crate's position of a
 //! record is the end of the previous one, which is too early after blank lines, comments and CRLF.
 //!
-//! The separator is the most frequent one of comma, tab and semicolon in the header. A field is quoted only if the
-//! mark is its first character; otherwise blanks around fields are ignored. Text that is not UTF-8 matters only in
-//! the columns that are used.
+//! The separator is the most frequent one of comma, tab, semicolon and bar in the header; a blank if the header has none of them but
+//! blanks. A field is quoted only if the mark is its first character; otherwise blanks around fields are ignored. Text that is not UTF-8
+//! matters only in the columns that are used.
+//!
+//! The head is the first line. Three programs write it in another way. VizieR writes a line of units and a line of dashes below it. numpy
+//! writes it as a comment: if all fields of the first line are numbers, the comment before it is the head. ECSV (astropy) gives the units of
+//! its columns in comments.
 
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 
-use ::csv::{ByteRecord, ErrorKind, ReaderBuilder, StringRecord, Terminator};
+use ::csv::{ByteRecord, ErrorKind, Reader, ReaderBuilder, StringRecord, Terminator};
 
 use super::columns::{self, Columns};
-use super::row::{self, Refusal};
-use super::{CatalogueError, CatalogueRead, ReadReport};
+use super::rows::Rows;
+use super::{CatalogueError, CatalogueRead};
+
+/// Most bytes of comments before the head that are kept, to look for a head, units and the mark of ECSV.
+const COMMENTS_LIMIT: usize = 1 << 16;
 
 /// Longest accepted line, bytes.
 const LINE_LIMIT: usize = 1 << 20;
@@ -46,65 +53,97 @@ pub fn read_csv_from(source: impl Read, file: &str, years: f64) -> Result<Catalo
     if !lines.advance()? {
         return Err(CatalogueError::NoRow { file: file.to_owned() });
     }
+    let head_in_comment = lines.head_in_comment();
+    let separator = separator_of(head_in_comment.as_deref().map_or(&lines.bytes, str::as_bytes));
     // Rows end at the line feed alone, so that a carriage return within a line does not split it. The crate's own
     // trimming would copy every record; users of a field trim it instead.
     let mut reader = ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
-        .delimiter(separator_of(&lines.bytes))
+        .delimiter(separator)
         .terminator(Terminator::Any(b'\n'))
         .from_reader(lines);
-    let parser_error = |error: ::csv::Error, line: usize| match error.into_kind() {
+    // Head.
+    let mut record = ByteRecord::new();
+    let (names, head_line, is_closed): (Vec<String>, usize, bool) = match head_in_comment {
+        Some(head) => (head.split(char::from(separator)).map(str::to_owned).collect(), 1, true),
+        None => {
+            let (line, is_closed) = read_row(&mut reader, file, &mut record)?.unwrap_or((1, true));
+            let head = StringRecord::from_byte_record_lossy(record);
+            let names = head.iter().map(str::to_owned).collect();
+            record = head.into_byte_record();
+            (names, line, is_closed)
+        }
+    };
+    let recognised = |units: Option<&[String]>| {
+        let columns = if is_closed { Columns::recognise(&names, units) } else { Err(UNCLOSED.to_owned()) };
+        columns.map_err(|reason| CatalogueError::Columns {
+            file: file.to_owned(),
+            line: head_line,
+            reason,
+            found: columns::listing(&names),
+        })
+    };
+
+    // The first rows: units and a line of dashes, or stars.
+    let mut first_rows: Vec<(StringRecord, usize, bool)> = Vec::new();
+    while first_rows.len() < 2
+        && let Some((line, is_closed)) = read_row(&mut reader, file, &mut record)?
+    {
+        first_rows.push((StringRecord::from_byte_record_lossy(record), line, is_closed));
+        record = ByteRecord::new();
+    }
+    let is_dashes = |row: &StringRecord| {
+        let mut fields = row.iter().map(str::trim).filter(|field| !field.is_empty());
+        fields.clone().any(|field| field.len() > 1) && fields.all(|field| field.bytes().all(|byte| byte == b'-'))
+    };
+    let dashes = first_rows.iter().position(|(row, ..)| is_dashes(row));
+    let units: Option<Vec<String>> = match dashes {
+        Some(1) => Some(first_rows[0].0.iter().map(str::to_owned).collect()),
+        _ => reader.get_ref().units(&names),
+    };
+    let columns = recognised(units.as_deref())?;
+    first_rows.drain(..dashes.map_or(0, |dashes| dashes + 1));
+
+    // Rows.
+    let mut rows = Rows::new(file, &columns, years);
+    let add = |rows: &mut Rows, fields: &StringRecord, line: usize, is_closed: bool| {
+        let read = if !is_closed {
+            Err(UNCLOSED.to_owned())
+        } else if fields.len() != columns.len() {
+            Err(format!("{} fields instead of {}", fields.len(), columns.len()))
+        } else {
+            Ok(|i: usize| &fields[i])
+        };
+        rows.add(&columns, read, (line, ""))
+    };
+    for (fields, line, is_closed) in &first_rows {
+        add(&mut rows, fields, *line, *is_closed)?;
+    }
+    while let Some((line, is_closed)) = read_row(&mut reader, file, &mut record)? {
+        let fields = StringRecord::from_byte_record_lossy(record);
+        add(&mut rows, &fields, line, is_closed)?;
+        record = fields.into_byte_record();
+    }
+    rows.finish()
+}
+
+/// Reads the next row: its line, and whether its quotation marks are closed; `None` after the last.
+fn read_row<R: Read>(
+    reader: &mut Reader<Lines<'_, R>>,
+    file: &str,
+    record: &mut ByteRecord,
+) -> Result<Option<(usize, bool)>, CatalogueError> {
+    let line = reader.get_ref().number;
+    let is_row = reader.read_byte_record(record).map_err(|error| match error.into_kind() {
         ErrorKind::Io(source) => source.downcast::<CatalogueError>().unwrap_or_else(|source| CatalogueError::Io {
             file: file.to_owned(),
             line,
             source,
         }),
         kind => CatalogueError::Malformed { file: file.to_owned(), line, reason: format!("not CSV: {kind:?}") },
-    };
-
-    // Header.
-    let mut record = ByteRecord::new();
-    reader.read_byte_record(&mut record).map_err(|e| parser_error(e, reader.get_ref().number))?;
-    let (header_line, is_closed) = reader.get_mut().end_row();
-    let header = StringRecord::from_byte_record_lossy(record);
-    let names: Vec<&str> = header.iter().collect();
-    let columns = if is_closed { Columns::recognise(&names) } else { Err(UNCLOSED.to_owned()) };
-    let columns = columns.map_err(|reason| CatalogueError::Columns {
-        file: file.to_owned(),
-        line: header_line,
-        reason,
-        found: columns::listing(&names),
     })?;
-
-    // Rows.
-    let mut report = ReadReport::new(file);
-    let mut stars = Vec::new();
-    record = header.into_byte_record();
-    while reader.read_byte_record(&mut record).map_err(|e| parser_error(e, reader.get_ref().number))? {
-        let (line, is_closed) = reader.get_mut().end_row();
-        let fields = StringRecord::from_byte_record_lossy(record);
-        report.rows += 1;
-        let star = if !is_closed {
-            Err(Refusal::Row(UNCLOSED.to_owned()))
-        } else if fields.len() != columns.len() {
-            Err(Refusal::Row(format!("{} fields instead of {}", fields.len(), columns.len())))
-        } else {
-            row::star(&columns, |i| &fields[i], years)
-        };
-        match star {
-            Ok((star, notes)) => {
-                report.count(notes);
-                stars.push(star);
-            }
-            Err(Refusal::Row(reason)) => report.reject(line, reason),
-            Err(Refusal::File(reason)) => {
-                return Err(CatalogueError::Malformed { file: file.to_owned(), line, reason });
-            }
-        }
-        record = fields.into_byte_record();
-    }
-    report.finish(stars)
+    Ok(is_row.then(|| reader.get_mut().end_row()))
 }
 
 /// Passes the rows of a file to the parser, one line at a time.
@@ -124,12 +163,58 @@ struct Lines<'f, R> {
     /// Whether the parser is in the row that begins on this line.
     in_row: bool,
     is_closed: bool,
+    /// Comments before the first row, without their mark; at most [`COMMENTS_LIMIT`] bytes.
+    comments: Vec<String>,
+    comment_bytes: usize,
+    has_row: bool,
 }
 
 impl<'f, R: Read> Lines<'f, R> {
     fn new(source: R, file: &'f str) -> Self {
         let source = BufReader::with_capacity(1 << 16, source);
-        Self { source, file, number: 0, bytes: Vec::new(), taken: 0, in_row: false, is_closed: true }
+        Self {
+            source,
+            file,
+            number: 0,
+            bytes: Vec::new(),
+            taken: 0,
+            in_row: false,
+            is_closed: true,
+            comments: Vec::new(),
+            comment_bytes: 0,
+            has_row: false,
+        }
+    }
+
+    /// The last comment before the first row, if it is the head: all fields of that row are numbers, and the comment has as many fields, of
+    /// which at least one is a word.
+    fn head_in_comment(&self) -> Option<String> {
+        let row = String::from_utf8_lossy(&self.bytes);
+        let separator = char::from(separator_of(&self.bytes));
+        let is_number = |field: &str| field.trim().parse::<f64>().is_ok();
+        let comment = self.comments.last()?.trim();
+        let fields = comment.split(separator).count();
+        let is_head = fields > 1
+            && fields == row.trim().split(separator).count()
+            && row.trim().split(separator).all(is_number)
+            && !comment.split(separator).any(is_number);
+        is_head.then(|| comment.to_owned())
+    }
+
+    /// Units of these columns in the comments of ECSV, which have a line such as `- {name: ra, unit: deg, datatype: float64}` for each
+    /// column; `None` if there are none.
+    fn units(&self, names: &[String]) -> Option<Vec<String>> {
+        self.comments.first().filter(|first| first.trim_start().starts_with("%ECSV"))?;
+        let value = |line: &str, key: &str| -> Option<String> {
+            let (_, rest) = line.split_once(&format!("{key}:"))?;
+            let end = rest.find([',', '}']).unwrap_or(rest.len());
+            Some(rest[..end].trim().trim_matches(['\'', '"']).to_owned())
+        };
+        let unit = |name: &String| {
+            let own = |line: &&String| line.contains("{name:") && value(line, "name").as_ref() == Some(name);
+            self.comments.iter().find(own).and_then(|line| value(line, "unit")).unwrap_or_default()
+        };
+        Some(names.iter().map(unit).collect())
     }
 
     /// Advances to the next line that is neither blank nor a comment; false after the last.
@@ -153,8 +238,16 @@ impl<'f, R: Read> Lines<'f, R> {
                 self.bytes.drain(..BYTE_ORDER_MARK.len());
             }
             let trimmed = self.bytes.trim_ascii();
-            if !trimmed.is_empty() && trimmed[0] != b'#' {
-                break;
+            match trimmed.split_first() {
+                None => {}
+                Some((b'#', comment)) if !self.has_row => {
+                    self.comment_bytes += comment.len();
+                    if self.comment_bytes <= COMMENTS_LIMIT {
+                        self.comments.push(String::from_utf8_lossy(comment).into_owned());
+                    }
+                }
+                Some((b'#', _)) => {}
+                Some(_) => break,
             }
         }
         if self.bytes.last() != Some(&b'\n') {
@@ -162,6 +255,7 @@ impl<'f, R: Read> Lines<'f, R> {
         }
         self.in_row = true;
         self.is_closed = true;
+        self.has_row = true;
         Ok(true)
     }
 
@@ -190,10 +284,12 @@ impl<R: Read> Read for Lines<'_, R> {
     }
 }
 
-/// The most frequent separator of the header; a comma if there is none.
-fn separator_of(header: &[u8]) -> u8 {
-    let count = |separator: u8| header.iter().filter(|&&c| c == separator).count();
-    [b',', b'\t', b';'].into_iter().rev().max_by_key(|&c| count(c)).unwrap_or(b',')
+/// The most frequent separator of the head; a blank if it has words between blanks; else a comma.
+fn separator_of(head: &[u8]) -> u8 {
+    let head = head.trim_ascii();
+    let count = |separator: u8| head.iter().filter(|&&c| c == separator).count();
+    let most = [b',', b'\t', b';', b'|'].into_iter().rev().max_by_key(|&c| count(c)).unwrap_or(b',');
+    if count(most) == 0 && count(b' ') > 0 { b' ' } else { most }
 }
 
 #[cfg(test)]

@@ -8,8 +8,8 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::columns::{self, Columns};
-use super::row::{self, Refusal};
-use super::{CatalogueError, CatalogueRead, ReadReport};
+use super::rows::Rows;
+use super::{CatalogueError, CatalogueRead};
 
 /// Largest document, bytes: it is held in memory and needs several times as much there.
 const MOST_BYTES: u64 = 1 << 30;
@@ -64,7 +64,7 @@ pub fn read_json_from(source: impl Read, file: &str, years: f64) -> Result<Catal
     for (key, &column) in &column_of_key {
         names[column] = key;
     }
-    let columns = Columns::recognise(&names).map_err(|reason| CatalogueError::Columns {
+    let columns = Columns::recognise(&names, None).map_err(|reason| CatalogueError::Columns {
         file: file.to_owned(),
         line: line_of(0),
         reason,
@@ -72,27 +72,15 @@ pub fn read_json_from(source: impl Read, file: &str, years: f64) -> Result<Catal
     })?;
 
     // Entries.
-    let mut report = ReadReport::new(file);
-    let mut stars = Vec::new();
+    let mut rows = Rows::new(file, &columns, years);
     let mut fields = vec![String::new(); names.len()];
     let mut filled = Vec::new();
     for (index, entry) in entries.iter().enumerate() {
-        report.rows += 1;
-        let star = fill(entry, &column_of_key, &mut fields, &mut filled)
-            .map_err(Refusal::Row)
-            .and_then(|()| row::star(&columns, |i| fields[i].as_str(), years));
-        match star {
-            Ok((star, notes)) => {
-                report.count(notes);
-                stars.push(star);
-            }
-            Err(Refusal::Row(reason)) => report.reject(line_of(index), format!("entry {}: {reason}", index + 1)),
-            Err(Refusal::File(reason)) => {
-                return Err(malformed(line_of(index), format!("entry {}: {reason}", index + 1)));
-            }
-        }
+        let filled = fill(entry, &column_of_key, &mut fields, &mut filled);
+        let read = filled.map(|()| |i: usize| fields[i].as_str());
+        rows.add(&columns, read, (line_of(index), &format!("entry {}: ", index + 1)))?;
     }
-    report.finish(stars)
+    rows.finish()
 }
 
 /// Writes the values of `entry` as text into `fields`, by column. `filled` lists the columns that the previous entry

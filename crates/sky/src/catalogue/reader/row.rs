@@ -6,15 +6,31 @@ use glam::DVec3;
 
 use super::super::StarRecord;
 use super::super::motion::StarMotion;
+use super::super::names::{self, StarNames};
 use super::super::packed::ILLUMINANCE_RANGE_LX;
-use super::columns::{self, Columns, Direction, RaUnit};
+use super::columns::{self, Columns, Direction, NameColumns, RaUnit};
 use super::excerpt;
 use super::sexagesimal::{self, Angle, Unit};
-use crate::photometry::colour_index::{temperature_k_from_b_v, temperature_k_from_bp_rp, v_from_gaia};
+use crate::photometry::colour_index::{
+    johnson_from_tycho, temperature_k_from_b_v, temperature_k_from_bp_rp, v_from_gaia,
+};
 use crate::units::{SOLAR_TEMPERATURE_K, illuminance_lx_from_magnitude};
 
 /// Plausible magnitudes, from a nearby supernova to far below any survey.
 const MAGNITUDE_RANGE: RangeInclusive<f64> = -40.0..=60.0;
+
+/// Magnitudes at least this far from 0 mark a missing value, such as 99.999 or -99.9.
+const MISSING_MAGNITUDE: f64 = 90.0;
+
+/// Plausible colour indices, magnitudes: B-V and BP-RP from the hottest stars to the reddest carbon stars. Others mark a missing value, such
+/// as 9.999, 99.999 or -9999.
+const COLOUR_RANGE: RangeInclusive<f64> = -1.5..=8.5;
+
+/// A star nearer than this, pc (200 astronomical units), with about the Sun's absolute magnitude is the Sun.
+const SUN_WITHIN_PC: f64 = 1e-3;
+/// The Sun's absolute magnitude (Willmer 2018), and the largest difference of catalogues.
+const SUN_ABSOLUTE_MAG: f64 = 4.81;
+const SUN_TOLERANCE_MAG: f64 = 0.5;
 
 /// Range of a star's temperature, kelvin.
 const TEMPERATURE_RANGE_K: (f64, f64) = (500.0, 100_000.0);
@@ -39,7 +55,9 @@ pub(super) struct Notes {
     pub without_distance: bool,
     pub without_colour: bool,
     pub temperature_clamped: bool,
+    pub colour_ignored: bool,
     pub g_taken_as_v: bool,
+    pub hp_taken_as_v: bool,
 }
 
 /// Reason why a row did not become a star.
@@ -61,28 +79,46 @@ pub(super) fn star<'a>(
     let row = Row { columns, field };
     let mut notes = Notes::default();
     let (direction, distance_pc) = row.place()?;
-    let bp_rp = row.finite(columns.bp_rp)?;
-    let temperature_k = row.temperature_k(bp_rp, &mut notes)?;
+    let tycho = row.tycho()?;
+    let bp_rp = row.bp_rp(&mut notes)?;
+    let b_v = row.colour(columns.b_v, &mut notes)?.or(tycho.and_then(|[_, b_v]| b_v));
+    let temperature_k = row.temperature_k(bp_rp, b_v, &mut notes)?;
 
-    // Apparent V magnitude, from G if V is missing.
-    let apparent = match row.magnitude(columns.v_mag)? {
-        Some(v) => Some(v),
-        None => row.magnitude(columns.g_mag)?.map(|g| match bp_rp {
-            Some(colour) => v_from_gaia(g, colour),
-            None => {
-                notes.g_taken_as_v = true;
-                g
-            }
-        }),
-    };
+    // Apparent V magnitude: catalogued, else from that of another photometric system.
+    let mut apparent = row.magnitude(columns.v_mag)?.or(tycho.and_then(|[v, _]| v));
+    if apparent.is_none()
+        && let Some(g) = row.magnitude(columns.g_mag)?
+    {
+        notes.g_taken_as_v = bp_rp.is_none();
+        apparent = Some(bp_rp.map_or(g, |colour| v_from_gaia(g, colour)));
+    }
+    if apparent.is_none()
+        && let Some(hp) = row.magnitude(columns.hp_mag)?
+    {
+        notes.hp_taken_as_v = true;
+        apparent = Some(hp);
+    }
     // Absolute magnitude if the distance is known, otherwise the apparent one.
     let magnitude = match (apparent, row.magnitude(columns.abs_mag)?, distance_pc) {
         (Some(v), _, Some(d)) => v - 5.0 * (d / 10.0).log10(),
         (Some(v), _, None) => v,
         (None, Some(absolute), Some(_)) => absolute,
         (None, Some(_), None) => return Err(Refusal::Row("an absolute magnitude needs a distance".into())),
-        (None, None, _) => return Err(Refusal::Row("no brightness".into())),
+        (None, None, _) => {
+            let given = [columns.v_mag, columns.g_mag, columns.hp_mag].into_iter().find_map(|column| row.text(column));
+            return Err(given.map_or_else(
+                || Refusal::Row("no brightness".into()),
+                |(column, text)| row.refuse(column, text, "is no magnitude: no brightness"),
+            ));
+        }
     };
+    if let Some(distance_pc) = distance_pc.filter(|distance| *distance < SUN_WITHIN_PC)
+        && (magnitude - SUN_ABSOLUTE_MAG).abs() < SUN_TOLERANCE_MAG
+    {
+        return Err(Refusal::Row(format!(
+            "it is the Sun, at {distance_pc:e} pc: the Sun is a body of the scene, not a star of a catalogue"
+        )));
+    }
     // As the renderer stores it, from the rounded magnitude; a star at infinity is treated as if at 1 pc.
     let magnitude_at_1_pc = f64::from(magnitude as f32) - if distance_pc.is_some() { 5.0 } else { 0.0 };
     let illuminance_lx = illuminance_lx_from_magnitude(magnitude_at_1_pc);
@@ -143,11 +179,40 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
 
     fn magnitude(&self, column: Option<usize>) -> Result<Option<f64>, Refusal> {
         match (self.finite(column)?, self.text(column)) {
+            (Some(value), _) if value.abs() >= MISSING_MAGNITUDE => Ok(None),
             (Some(value), Some((column, text))) if !MAGNITUDE_RANGE.contains(&value) => {
                 Err(self.refuse(column, text, "is outside -40 to 60"))
             }
             (value, _) => Ok(value),
         }
+    }
+
+    /// A colour index; one outside [`COLOUR_RANGE`] is noted and counts as missing.
+    fn colour(&self, column: Option<usize>, notes: &mut Notes) -> Result<Option<f64>, Refusal> {
+        let value = self.finite(column)?;
+        let plausible = value.filter(|value| COLOUR_RANGE.contains(value));
+        notes.colour_ignored |= plausible != value;
+        Ok(plausible)
+    }
+
+    /// BP-RP, catalogued or from both magnitudes.
+    fn bp_rp(&self, notes: &mut Notes) -> Result<Option<f64>, Refusal> {
+        if let Some(colour) = self.colour(self.columns.bp_rp, notes)? {
+            return Ok(Some(colour));
+        }
+        let Some([bp, rp]) = self.columns.bp_and_rp else { return Ok(None) };
+        let (bp, rp) = (self.magnitude(Some(bp))?, self.magnitude(Some(rp))?);
+        Ok(bp.zip(rp).map(|(bp, rp)| bp - rp).filter(|colour| COLOUR_RANGE.contains(colour)))
+    }
+
+    /// V and B-V of Johnson from the magnitudes of Tycho: V alone from VT alone.
+    fn tycho(&self) -> Result<Option<[Option<f64>; 2]>, Refusal> {
+        let Some([bt, vt]) = self.columns.tycho_mag else { return Ok(None) };
+        let (bt, vt) = (self.magnitude(Some(bt))?, self.magnitude(Some(vt))?);
+        Ok(match (bt, vt) {
+            (Some(bt), Some(vt)) => Some(johnson_from_tycho(bt, vt).map(Some)),
+            (_, vt) => Some([vt, None]),
+        })
     }
 
     /// Unit vector towards the star, and the distance in parsecs if it is known.
@@ -189,7 +254,10 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         };
         let (ra_angle, ra_text) = angle(ra)?;
         let (ra_deg, range) = match (ra_angle, unit) {
-            (Angle::Decimal(v), RaUnit::Degrees) => (v, "is outside 0 to 360 degrees"),
+            // Some programs write the western half of the sky as negative.
+            (Angle::Decimal(v), RaUnit::Degrees) if (-180.0..0.0).contains(&v) => (v + 360.0, ""),
+            (Angle::Decimal(v), RaUnit::Degrees) => (v, "is outside -180 to 360 degrees"),
+            (Angle::Decimal(v), RaUnit::Radians) => (v.to_degrees(), "is outside 0 to 2 pi radians"),
             (Angle::Decimal(v), RaUnit::Hours) => (v * 15.0, "is outside 0 to 24 hours"),
             (Angle::Decimal(_), RaUnit::Unknown) => {
                 return Err(Refusal::File(format!(
@@ -207,6 +275,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         }
         let (dec_angle, dec_text) = angle(dec)?;
         let dec_deg = match dec_angle {
+            Angle::Decimal(v) if unit == RaUnit::Radians => v.to_degrees(),
             Angle::Sexagesimal { unit: Some(Unit::Hours), .. } => {
                 return Err(self.refuse(dec, dec_text, "is in hours, which a declination cannot be"));
             }
@@ -252,16 +321,17 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
 
     /// Position of the star after its motion, pc, or a unit vector if the distance is unknown.
     fn moved(&self, direction: DVec3, distance_pc: Option<f64>, years: f64) -> Result<DVec3, Refusal> {
-        let Columns { pm_ra_mas_yr, pm_dec_mas_yr, radial_velocity_km_s, ref_epoch, epoch, .. } = self.columns;
+        let Columns { pm_ra, pm_dec, pm_unit_mas, radial_velocity_km_s, ref_epoch, epoch, .. } = self.columns;
         let bounded = |column: Option<usize>, most: f64| match (self.finite(column)?, self.text(column)) {
+            (Some(value), Some((_, text))) if value.abs() >= 999.0 && is_nines(text) => Ok(0.0),
             (Some(value), Some((column, text))) if value.abs() > most => {
                 Err(self.refuse(column, text, &format!("is outside -{most} to {most}")))
             }
             (value, _) => Ok(value.unwrap_or(0.0)),
         };
         let motion = StarMotion {
-            pm_ra_arcsec: 1e-3 * bounded(*pm_ra_mas_yr, MOST_MAS_YR)?,
-            pm_dec_arcsec: 1e-3 * bounded(*pm_dec_mas_yr, MOST_MAS_YR)?,
+            pm_ra_arcsec: 1e-3 * pm_unit_mas * bounded(*pm_ra, MOST_MAS_YR)?,
+            pm_dec_arcsec: 1e-3 * pm_unit_mas * bounded(*pm_dec, MOST_MAS_YR)?,
             radial_velocity_km_s: bounded(*radial_velocity_km_s, MOST_KM_S)?,
         };
         if motion == StarMotion::default() {
@@ -280,25 +350,69 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         Ok(place)
     }
 
-    fn temperature_k(&self, bp_rp: Option<f64>, notes: &mut Notes) -> Result<f64, Refusal> {
+    fn temperature_k(&self, bp_rp: Option<f64>, b_v: Option<f64>, notes: &mut Notes) -> Result<f64, Refusal> {
         if let (Some(t), Some((column, text))) = (self.finite(self.columns.teff_k)?, self.text(self.columns.teff_k)) {
-            if t <= 0.0 {
+            if t == 0.0 || (t < 0.0 && !is_nines(text)) {
                 return Err(self.refuse(column, text, "is not above 0 K"));
+            }
+            if t < 0.0 {
+                return Ok(temperature_of_colour_k(bp_rp, b_v, notes));
             }
             let clamped = t.clamp(TEMPERATURE_RANGE_K.0, TEMPERATURE_RANGE_K.1);
             notes.temperature_clamped = clamped != t;
             return Ok(clamped);
         }
-        let b_v = self.finite(self.columns.b_v)?;
-        Ok(match (bp_rp, b_v) {
-            (Some(colour), _) => temperature_k_from_bp_rp(colour),
-            (None, Some(colour)) => temperature_k_from_b_v(colour),
-            (None, None) => {
-                notes.without_colour = true;
-                f64::from(SOLAR_TEMPERATURE_K)
-            }
-        })
+        Ok(temperature_of_colour_k(bp_rp, b_v, notes))
     }
+
+    /// The names and numbers of the star; `None` if it has none.
+    fn names(&self) -> Option<StarNames> {
+        let NameColumns { name, bayer_flamsteed, bayer, flamsteed, constellation, hip, hd, hr, gaia } =
+            self.columns.names;
+        let text = |column: Option<usize>| self.text(column).map(|(_, text)| text);
+        let mut designations = Vec::new();
+        designations.extend(text(bayer_flamsteed).and_then(names::of_hyg));
+        if let Some(constellation) = text(constellation) {
+            let letters = [text(bayer), text(flamsteed)].into_iter().flatten();
+            designations.extend(letters.filter_map(|letter| names::of_hyg(&format!("{letter} {constellation}"))));
+        }
+        for (catalogue, column) in [("HR", hr), ("HIP", hip), ("HD", hd)] {
+            // Some programs write whole numbers with a decimal point.
+            let number = text(column).map(|text| text.trim_start_matches(catalogue).trim().trim_end_matches(".0"));
+            designations
+                .extend(number.filter(|text| text.parse::<u64>().is_ok()).map(|text| format!("{catalogue} {text}")));
+        }
+        if self.columns.source.is_gaia() {
+            designations
+                .extend(text(gaia).filter(|text| text.parse::<u64>().is_ok()).map(|text| format!("Gaia {text}")));
+        }
+        let name = text(name).unwrap_or_default().to_owned();
+        designations.dedup();
+        (!name.is_empty() || !designations.is_empty()).then_some(StarNames { name, designations })
+    }
+}
+
+/// Temperature of a colour index, K; the Sun's if there is none.
+fn temperature_of_colour_k(bp_rp: Option<f64>, b_v: Option<f64>, notes: &mut Notes) -> f64 {
+    match (bp_rp, b_v) {
+        (Some(colour), _) => temperature_k_from_bp_rp(colour),
+        (None, Some(colour)) => temperature_k_from_b_v(colour),
+        (None, None) => {
+            notes.without_colour = true;
+            f64::from(SOLAR_TEMPERATURE_K)
+        }
+    }
+}
+
+/// The names and numbers in a row; `None` if it has none.
+pub(super) fn names<'a>(columns: &Columns, field: impl Fn(usize) -> &'a str) -> Option<StarNames> {
+    Row { columns, field }.names()
+}
+
+/// Whether a number has no digits other than 9, at least two of them: a mark for a missing value, such as -9999.
+fn is_nines(text: &str) -> bool {
+    let digits = text.chars().filter(char::is_ascii_digit);
+    digits.clone().count() >= 2 && digits.clone().all(|digit| digit == '9')
 }
 
 /// Describes a distance below [`NEAREST_PC`].

@@ -1,0 +1,307 @@
+//! Names of stars: proper names, designations by Bayer and Flamsteed, and numbers of catalogues, as people write them.
+
+use std::borrow::Cow;
+
+use super::{StarRecord, constellations::CONSTELLATIONS};
+
+/// Greek letters: abbreviation of the IAU as the built-in table writes it, name, and character.
+const GREEK: [(&str, &str, char); 24] = [
+    ("alf", "alpha", 'α'),
+    ("bet", "beta", 'β'),
+    ("gam", "gamma", 'γ'),
+    ("del", "delta", 'δ'),
+    ("eps", "epsilon", 'ε'),
+    ("zet", "zeta", 'ζ'),
+    ("eta", "eta", 'η'),
+    ("tet", "theta", 'θ'),
+    ("iot", "iota", 'ι'),
+    ("kap", "kappa", 'κ'),
+    ("lam", "lambda", 'λ'),
+    ("mu", "mu", 'μ'),
+    ("nu", "nu", 'ν'),
+    ("ksi", "xi", 'ξ'),
+    ("omi", "omicron", 'ο'),
+    ("pi", "pi", 'π'),
+    ("rho", "rho", 'ρ'),
+    ("sig", "sigma", 'σ'),
+    ("tau", "tau", 'τ'),
+    ("ups", "upsilon", 'υ'),
+    ("phi", "phi", 'φ'),
+    ("chi", "chi", 'χ'),
+    ("psi", "psi", 'ψ'),
+    ("ome", "omega", 'ω'),
+];
+/// Other spellings of Greek letters in catalogues.
+const OTHER_GREEK: [(&str, &str); 8] = [
+    ("alp", "alf"),
+    ("the", "tet"),
+    ("xi", "ksi"),
+    ("mu.", "mu"),
+    ("nu.", "nu"),
+    ("pi.", "pi"),
+    ("ksi.", "ksi"),
+    ("ϑ", "tet"),
+];
+
+/// Genitives of constellations, as in "Alpha Canis Majoris", with their abbreviations.
+const GENITIVES: [(&str, &str); 88] = [
+    ("And", "Andromedae"),
+    ("Ant", "Antliae"),
+    ("Aps", "Apodis"),
+    ("Aqr", "Aquarii"),
+    ("Aql", "Aquilae"),
+    ("Ara", "Arae"),
+    ("Ari", "Arietis"),
+    ("Aur", "Aurigae"),
+    ("Boo", "Bootis"),
+    ("Cae", "Caeli"),
+    ("Cam", "Camelopardalis"),
+    ("Cnc", "Cancri"),
+    ("CVn", "Canum Venaticorum"),
+    ("CMa", "Canis Majoris"),
+    ("CMi", "Canis Minoris"),
+    ("Cap", "Capricorni"),
+    ("Car", "Carinae"),
+    ("Cas", "Cassiopeiae"),
+    ("Cen", "Centauri"),
+    ("Cep", "Cephei"),
+    ("Cet", "Ceti"),
+    ("Cha", "Chamaeleontis"),
+    ("Cir", "Circini"),
+    ("Col", "Columbae"),
+    ("Com", "Comae Berenices"),
+    ("CrA", "Coronae Australis"),
+    ("CrB", "Coronae Borealis"),
+    ("Crv", "Corvi"),
+    ("Crt", "Crateris"),
+    ("Cru", "Crucis"),
+    ("Cyg", "Cygni"),
+    ("Del", "Delphini"),
+    ("Dor", "Doradus"),
+    ("Dra", "Draconis"),
+    ("Equ", "Equulei"),
+    ("Eri", "Eridani"),
+    ("For", "Fornacis"),
+    ("Gem", "Geminorum"),
+    ("Gru", "Gruis"),
+    ("Her", "Herculis"),
+    ("Hor", "Horologii"),
+    ("Hya", "Hydrae"),
+    ("Hyi", "Hydri"),
+    ("Ind", "Indi"),
+    ("Lac", "Lacertae"),
+    ("Leo", "Leonis"),
+    ("LMi", "Leonis Minoris"),
+    ("Lep", "Leporis"),
+    ("Lib", "Librae"),
+    ("Lup", "Lupi"),
+    ("Lyn", "Lyncis"),
+    ("Lyr", "Lyrae"),
+    ("Men", "Mensae"),
+    ("Mic", "Microscopii"),
+    ("Mon", "Monocerotis"),
+    ("Mus", "Muscae"),
+    ("Nor", "Normae"),
+    ("Oct", "Octantis"),
+    ("Oph", "Ophiuchi"),
+    ("Ori", "Orionis"),
+    ("Pav", "Pavonis"),
+    ("Peg", "Pegasi"),
+    ("Per", "Persei"),
+    ("Phe", "Phoenicis"),
+    ("Pic", "Pictoris"),
+    ("Psc", "Piscium"),
+    ("PsA", "Piscis Austrini"),
+    ("Pup", "Puppis"),
+    ("Pyx", "Pyxidis"),
+    ("Ret", "Reticuli"),
+    ("Sge", "Sagittae"),
+    ("Sgr", "Sagittarii"),
+    ("Sco", "Scorpii"),
+    ("Scl", "Sculptoris"),
+    ("Sct", "Scuti"),
+    ("Ser", "Serpentis"),
+    ("Sex", "Sextantis"),
+    ("Tau", "Tauri"),
+    ("Tel", "Telescopii"),
+    ("Tri", "Trianguli"),
+    ("TrA", "Trianguli Australis"),
+    ("Tuc", "Tucanae"),
+    ("UMa", "Ursae Majoris"),
+    ("UMi", "Ursae Minoris"),
+    ("Vel", "Velorum"),
+    ("Vir", "Virginis"),
+    ("Vol", "Volantis"),
+    ("Vul", "Vulpeculae"),
+];
+
+/// Names of a star in a file.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct StarNames {
+    /// Proper name; empty if it has none.
+    pub name: String,
+    /// Designations, such as `alf CMa` and `HIP 32349`, the most usual first.
+    pub designations: Vec<String>,
+}
+
+/// A star with its names.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedStar {
+    /// Proper name; empty if it has none.
+    pub name: Cow<'static, str>,
+    /// Its most usual designation, such as `alf CMa`; may be empty.
+    pub designation: Cow<'static, str>,
+    /// Its other designations, such as `HR 2491`.
+    pub others: Vec<Cow<'static, str>>,
+    /// Position, brightness and temperature.
+    pub star: StarRecord,
+}
+
+impl NamedStar {
+    /// A star of a file with its names.
+    pub fn from_file(names: StarNames, star: StarRecord) -> Self {
+        let mut designations = names.designations.into_iter().map(Cow::Owned);
+        let designation = designations.next().unwrap_or_default();
+        Self { name: names.name.into(), designation, others: designations.collect(), star }
+    }
+
+    /// All its names and designations.
+    fn all(&self) -> impl Iterator<Item = &str> {
+        [&self.name, &self.designation]
+            .into_iter()
+            .chain(&self.others)
+            .map(AsRef::as_ref)
+            .filter(|name| !name.is_empty())
+    }
+}
+
+/// Abbreviation of a constellation, in lower case, from its abbreviation, name or genitive in lower case.
+fn constellation(words: &str) -> Option<String> {
+    let named = CONSTELLATIONS
+        .iter()
+        .find(|(short, full)| short.eq_ignore_ascii_case(words) || full.eq_ignore_ascii_case(words));
+    let genitive = || GENITIVES.iter().find(|(_, genitive)| genitive.eq_ignore_ascii_case(words));
+    named.or_else(genitive).map(|(short, _)| short.to_lowercase())
+}
+
+/// Greek letter and index of the first word of a designation, such as `zet` and `1` of `zeta1`, `ζ1`, `Zet-1` or `ζ¹`.
+fn greek(word: &str) -> Option<(&'static str, String)> {
+    let superscript = |digit: char| "⁰¹²³⁴⁵⁶⁷⁸⁹".chars().position(|known| known == digit);
+    let digits: String = word
+        .chars()
+        .filter_map(|c| c.to_digit(10).or_else(|| superscript(c).map(|digit| digit as u32)))
+        .filter_map(|digit| char::from_digit(digit, 10))
+        .collect();
+    let digits = digits.trim_start_matches('0').to_owned();
+    let letter: String =
+        word.chars().filter(|c| !c.is_ascii_digit() && superscript(*c).is_none() && *c != '-').collect();
+    let other = OTHER_GREEK.iter().find(|(known, _)| *known == letter).map(|(_, short)| *short);
+    let known = GREEK
+        .iter()
+        .find(|(short, full, character)| *short == letter || *full == letter || letter.chars().eq([*character]));
+    other.or(known.map(|(short, ..)| *short)).map(|short| (short, digits))
+}
+
+/// A name in the form in which names are compared: lower case, single blanks, Greek letters and constellations abbreviated, without blanks
+/// between the name of a catalogue and its number.
+fn canonical(name: &str) -> String {
+    let lower = name.to_lowercase();
+    let words: Vec<&str> = lower.split_whitespace().collect();
+    let Some((first, rest)) = words.split_first() else { return String::new() };
+    // Letters and numbers of catalogues: HR2491, HR 2491.
+    let letters = first.trim_end_matches(|c: char| c.is_ascii_digit());
+    let number = &first[letters.len()..];
+    if ["hr", "hip", "hd", "gaia"].contains(&letters) {
+        return format!("{letters}{number}{}", rest.concat());
+    }
+    let Some(constellation) = constellation(&rest.join(" ")) else { return words.join(" ") };
+    match greek(first) {
+        Some((letter, digits)) => format!("{letter}{digits} {constellation}"),
+        None => format!("{first} {constellation}"),
+    }
+}
+
+/// Designation by Bayer or Flamsteed from the form of HYG, such as `9Alp CMa`, `Alp-1 Cru` or `61 Cyg`; the letter goes before the number.
+pub(super) fn of_hyg(text: &str) -> Option<String> {
+    let mut words = text.split_whitespace();
+    let (first, constellation_name) = (words.next()?, words.next_back()?);
+    let (short, _) = CONSTELLATIONS.iter().find(|(short, _)| short.eq_ignore_ascii_case(constellation_name))?;
+    let middle: String = words.collect();
+    let joined = format!("{first}{middle}").to_lowercase();
+    let after_number = joined.trim_start_matches(|c: char| c.is_ascii_digit());
+    if after_number.is_empty() {
+        return Some(format!("{joined} {short}"));
+    }
+    greek(after_number).map(|(letter, digits)| format!("{letter}{digits} {short}"))
+}
+
+/// The star with a name or designation, as people write it: `Sirius`, `alf CMa`, `α CMa`, `Alpha Canis Majoris`, `HR 2491`. A Greek letter
+/// without an index also finds the first star that has one: `zet UMa` is `zet1 UMa`.
+pub fn find<'a>(stars: impl Iterator<Item = &'a NamedStar> + Clone, name: &str) -> Option<&'a NamedStar> {
+    let wanted = canonical(name);
+    let exact = stars.clone().find(|star| star.all().any(|known| canonical(known) == wanted));
+    exact.or_else(|| {
+        let (letter, constellation) = wanted.split_once(' ')?;
+        GREEK.iter().find(|(short, ..)| *short == letter)?;
+        let indexed: Vec<String> = (1..=9).map(|index| format!("{letter}{index} {constellation}")).collect();
+        stars.clone().find(|star| star.all().any(|known| indexed.contains(&canonical(known))))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalogue::bright::named_bright_stars;
+
+    #[test]
+    fn stars_are_found_as_people_write_their_names() {
+        let stars = named_bright_stars(0.0);
+        for (name, designation) in [
+            ("HR 2491", "alf CMa"),
+            ("hr2491", "alf CMa"),
+            ("sirius", "alf CMa"),
+            ("α CMa", "alf CMa"),
+            ("Alpha Canis Majoris", "alf CMa"),
+            ("alp cma", "alf CMa"),
+            ("zet UMa", "zet1 UMa"),
+            ("ζ¹ UMa", "zet1 UMa"),
+            ("zeta1 Ursae Majoris", "zet1 UMa"),
+            ("61 Cygni", "61 Cyg"),
+            ("theta Ori", "tet1 Ori"),
+            ("xi Boo", "ksi Boo"),
+        ] {
+            let found = find(stars.iter(), name).unwrap_or_else(|| panic!("{name} is not found"));
+            assert!(found.designation.starts_with(designation), "{name}: {}", found.designation);
+        }
+        for name in ["", "HR", "HR 99999", "alf", "alf Xyz", "HIP"] {
+            assert!(find(stars.iter(), name).is_none(), "{name}");
+        }
+    }
+
+    #[test]
+    fn designations_of_hyg_have_the_form_of_the_table() {
+        for (text, expected) in [
+            ("9Alp CMa", "alf CMa"),
+            ("9    CMa", "9 CMa"),
+            ("Alp1Cen", ""),
+            ("  Zet1UMa", ""),
+            ("79Zet1 UMa", "zet1 UMa"),
+            ("61    Cyg", "61 Cyg"),
+            ("The-1 Ori", "tet1 Ori"),
+            ("Xi  Boo", "ksi Boo"),
+            ("Mu Cep", "mu Cep"),
+        ] {
+            assert_eq!(of_hyg(text).unwrap_or_default(), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn every_constellation_has_a_genitive() {
+        for (short, _) in CONSTELLATIONS.iter().filter(|(short, _)| !short.starts_with("Ser")) {
+            assert!(GENITIVES.iter().any(|(known, _)| known == short), "{short}");
+        }
+        for (short, genitive) in GENITIVES {
+            assert_eq!(constellation(genitive), Some(short.to_lowercase()), "{genitive}");
+        }
+    }
+}

@@ -1,0 +1,202 @@
+//! Files of every source as they are delivered, against independent values.
+
+use std::io::Write;
+
+use super::tests::{direction, path, read};
+use super::*;
+use crate::catalogue::names;
+use crate::units::ARCSECOND_RAD;
+
+/// Angle between a star and a direction, arcseconds.
+fn off_arcsec(star: &StarRecord, ra_deg: f64, dec_deg: f64) -> f64 {
+    let towards = direction(ra_deg, dec_deg);
+    star.position.normalize().cross(towards).length().asin() / ARCSECOND_RAD
+}
+
+/// Reads a file with stars placed a century after J2000.0.
+fn in_2100(name: &str) -> CatalogueRead {
+    read_file(&path(name), 100.0).unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[test]
+fn the_sun_of_hyg_and_athyg_is_left_out() {
+    for (name, source, used) in
+        [("hyg41.csv", Source::Hyg, 3), ("athyg32.csv", Source::AtHyg, 2), ("hyg2.csv", Source::Hyg, 1)]
+    {
+        let CatalogueRead { stars, report, .. } = read(name);
+        assert_eq!((report.source, stars.len(), report.rejected), (source, used, 1), "{report}");
+        assert!(report.first_rejected[0].reason.contains("it is the Sun"), "{report}");
+        assert!(report.to_string().contains(source.name()), "{report}");
+    }
+    // A star as near and far fainter is not the Sun; nor is the Sun's twin elsewhere.
+    let text = "ra_deg,dec_deg,abs_mag,distance_pc\n10,20,15,0.0005\n10,20,4.83,1.3\n10,20,4.83,0.0005\n";
+    let CatalogueRead { stars, report, .. } = read_csv_from(text.as_bytes(), "test.csv", 0.0).unwrap();
+    assert_eq!((stars.len(), report.rejected), (2, 1), "{report}");
+}
+
+/// Barnard's star in 2100: motion by hand from Gaia's values, with perspective.
+#[test]
+fn proper_motions_of_every_source_move_barnards_star() {
+    for name in ["athyg32.csv", "hyg41.csv", "gaia_vizier.tsv", "gaia.ecsv"] {
+        let years: f64 = if name.starts_with("gaia") { 84.0 } else { 100.0 };
+        let CatalogueRead { stars, report, .. } = in_2100(name);
+        let star = stars.iter().find(|star| star.position.z > 0.0 && star.position.y < 0.0).unwrap();
+        // Places of 2000 (HYG, AT-HYG) and of 2016 (Gaia).
+        let (ra_deg, dec_deg) = if years == 84.0 { (269.448_502_5, 4.739_420_1) } else { (269.452_076, 4.693_365) };
+        let north_arcsec = 10.362_4 * years;
+        let west_arcsec = 0.8015 * years;
+        let moved = off_arcsec(star, ra_deg, dec_deg);
+        assert!((moved - north_arcsec.hypot(west_arcsec)).abs() < 10.0, "{name}: {moved} arcsec; {report}");
+        assert!(star.position.z.atan2(star.position.truncate().length()).to_degrees() > dec_deg + 0.2, "{name}");
+    }
+}
+
+#[test]
+fn sentinels_are_missing_values() {
+    let CatalogueRead { stars, report, .. } = read("gaia_sentinels.csv");
+    assert_eq!(
+        (stars.len(), report.colour_ignored, report.without_colour, report.g_taken_as_v),
+        (4, 3, 3, 3),
+        "{report}"
+    );
+    for star in &stars[1..] {
+        assert_eq!(star.temperature_k, 5772.0);
+        assert!((star.apparent_magnitude() - 12.0).abs() < 1e-5, "{}", star.apparent_magnitude());
+    }
+    // A missing V falls back to G; a missing motion or temperature does not refuse the row.
+    let text = "source_id,ra_deg,dec_deg,v_mag,phot_g_mean_mag,bp_rp,teff_val,pmra,radial_velocity\n\
+                1,10,20,99.999,12.0,0.8,-9999,-9999,9999\n2,10,21,9.99,12.0,0.8,5000,10,20\n";
+    let CatalogueRead { stars, report, .. } = read_csv_from(text.as_bytes(), "test.csv", 50.0).unwrap();
+    assert_eq!(stars.len(), 2, "{report}");
+    assert!((stars[0].apparent_magnitude() - 12.16).abs() < 0.1, "{}", stars[0].apparent_magnitude());
+    assert!(off_arcsec(&stars[0], 10.0, 20.0) < 1e-6, "a sentinel is no motion");
+    assert!((stars[1].apparent_magnitude() - 9.99).abs() < 1e-5, "9.99 is a magnitude");
+}
+
+#[test]
+fn a_row_that_repeats_another_is_drawn_once() {
+    let CatalogueRead { stars, report, .. } = read("repeated.csv");
+    assert_eq!((stars.len(), report.rows, report.used, report.repeated), (1, 2, 1, 1), "{report}");
+    assert!(report.to_string().contains("1 repeated (drawn once)"), "{report}");
+    // A double star is not a repetition.
+    let text = "ra_deg,dec_deg,v_mag\n10,20,3.5\n10.0005,20,3.5\n10,20,3.6\n";
+    assert_eq!(read_csv_from(text.as_bytes(), "test.csv", 0.0).unwrap().stars.len(), 3);
+}
+
+#[test]
+fn the_distance_of_a_cone_search_is_an_angle() {
+    let CatalogueRead { stars, report, .. } = read("gaia_cone.csv");
+    assert!(report.unused[0].contains("dist: the angle"), "{report}");
+    assert!((stars[1].position.length() - 1000.0 / 2.0969).abs() < 1e-6, "{}", stars[1].position.length());
+    // Elsewhere it is a distance.
+    let text = "ra_deg,dec_deg,v_mag,dist\n10,20,3.5,12\n";
+    assert_eq!(read_csv_from(text.as_bytes(), "test.csv", 0.0).unwrap().stars[0].position.length().round(), 12.0);
+}
+
+/// V and B-V of Sirius and Vega from Tycho: -1.41 and 0.06 in Tycho's own system, -1.44 and 0.03 in Johnson's (Hipparcos catalogue).
+#[test]
+fn magnitudes_of_tycho_become_those_of_johnson() {
+    let CatalogueRead { stars, report, .. } = read("tycho2.tsv");
+    assert_eq!((report.source, stars.len(), report.rows), (Source::Tycho2, 3, 3), "{report}");
+    for (star, v_mag, ra_deg, dec_deg) in
+        [(&stars[0], -1.413, 101.287_155, -16.716_116), (&stars[1], 0.062, 279.234_735, 38.783_689)]
+    {
+        assert!((star.apparent_magnitude() - v_mag).abs() < 0.002, "{}", star.apparent_magnitude());
+        assert!(off_arcsec(star, ra_deg, dec_deg) < 0.01);
+    }
+    assert!((8_500.0..11_000.0).contains(&stars[1].temperature_k), "{}", stars[1].temperature_k);
+}
+
+#[test]
+fn tables_of_vizier_have_units_and_dashes_below_their_head() {
+    let CatalogueRead { stars, report, .. } = read("vizier_hip2.tsv");
+    assert_eq!((report.rows, report.rejected, report.hp_taken_as_v), (2, 0, 2), "{report}");
+    assert!(stars.iter().all(|star| star.distance_known), "{report}");
+    // Wrong units are refused, and those of the Bright Star Catalogue are converted.
+    let table = |unit: &str, pm: &str| {
+        format!(
+            "_RAJ2000\t_DEJ2000\tVmag\tPlx\tpmRA\tpmDE\ndeg\tdeg\tmag\t{unit}\t{pm}\t{pm}\n---\t---\t---\t---\t---\t---\n10\t20\t3\t5\t1\t0\n"
+        )
+    };
+    let read = |text: String| read_csv_from(text.as_bytes(), "test.tsv", 100.0);
+    let moved = |pm: &str| off_arcsec(&read(table("mas", pm)).unwrap().stars[0], 10.0, 20.0);
+    assert!((moved("arcsec/yr") - 100.0).abs() < 0.1 && (moved("mas/yr") - 0.1).abs() < 1e-4);
+    for (unit, pm, part) in [("arcsec", "mas/yr", "plx is in arcsec"), ("mas", "deg/yr", "proper motion is in deg/yr")]
+    {
+        let error = read(table(unit, pm)).unwrap_err().to_string();
+        assert!(error.contains(part), "{error}");
+    }
+}
+
+#[test]
+fn heads_in_comments_and_units_of_ecsv_are_read() {
+    let CatalogueRead { stars, report, .. } = read("savetxt.csv");
+    assert_eq!((stars.len(), report.without_colour), (1, 0), "{report}");
+    assert!((stars[0].apparent_magnitude() + 1.46).abs() < 1e-6);
+    let CatalogueRead { stars, report, .. } = read("gaia.ecsv");
+    assert_eq!((report.source, stars.len()), (Source::Gaia, 1), "{report}");
+    let other = std::fs::read_to_string(path("gaia.ecsv")).unwrap().replace("unit: mas,", "unit: arcsec,");
+    let error = read_csv_from(other.as_bytes(), "test.ecsv", 0.0).unwrap_err().to_string();
+    assert!(error.contains("parallax is in arcsec"), "{error}");
+    // A comment that is not a head does not become one.
+    let error = read_csv_from(&b"# made on 3 May\n10,20,3\n"[..], "test.csv", 0.0).unwrap_err().to_string();
+    assert!(error.contains("no direction"), "{error}");
+}
+
+#[test]
+fn compressed_files_are_read_and_other_formats_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let written = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    let mut zipped = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    zipped.write_all(&std::fs::read(path("gaia.csv")).unwrap()).unwrap();
+    let zipped = zipped.finish().unwrap();
+    let whole = read_file(&written("gaia.csv.gz", &zipped), 0.0).unwrap();
+    assert_eq!(whole.stars, read("gaia.csv").stars);
+    // The name does not matter; a damaged end is an error.
+    assert_eq!(read_file(&written("gaia", &zipped), 0.0).unwrap().stars, whole.stars);
+    let error = read_file(&written("short.csv.gz", &zipped[..zipped.len() / 2]), 0.0).unwrap_err();
+    assert!(matches!(error, CatalogueError::Io { .. }), "{error}");
+    for (bytes, part) in [
+        (&b"SIMPLE  =                    T"[..], "FITS"),
+        (b"PAR1....", "Parquet"),
+        (b"<?xml version='1.0'?><VOTABLE/>", "VOTable"),
+        (b"PK\x03\x04....", "ZIP"),
+        (b"\x00\x01\x02\x03", "not text"),
+    ] {
+        let error = read_file(&written("stars.csv", bytes), 0.0).unwrap_err().to_string();
+        assert!(error.contains(part) && error.contains("CSV or TSV"), "{error}");
+    }
+}
+
+#[test]
+fn western_right_ascensions_may_be_negative() {
+    let text = "ra_deg,dec_deg,v_mag\n-90,20,3\n-180,0,3\n180,0,3.1\n-180.5,0,3\n";
+    let CatalogueRead { stars, report, .. } = read_csv_from(text.as_bytes(), "test.csv", 0.0).unwrap();
+    assert_eq!((stars.len(), report.rejected), (3, 1), "{report}");
+    assert!(off_arcsec(&stars[0], 270.0, 20.0) < 1e-6 && stars[0].position.y < 0.0);
+    assert!(report.first_rejected[0].reason.contains("-180 to 360"), "{report}");
+}
+
+#[test]
+fn names_and_numbers_of_files_are_kept() {
+    let CatalogueRead { named, .. } = read("athyg32.csv");
+    let designation = |name: &str| names::find(named.iter(), name).map(|star| star.designation.as_ref());
+    for (name, expected) in [
+        ("Aldebaran", "alf Tau"),
+        ("alpha tauri", "alf Tau"),
+        ("87 Tau", "alf Tau"),
+        ("HIP 21421", "alf Tau"),
+        ("HR 1457", "alf Tau"),
+        ("hd29139", "alf Tau"),
+        ("Barnard's Star", "HIP 87937"),
+    ] {
+        assert_eq!(designation(name), Some(expected), "{name}");
+    }
+    assert_eq!(designation("Sol"), None, "the Sun is no star of the file");
+    let CatalogueRead { named, .. } = read("gaia.ecsv");
+    assert!(names::find(named.iter(), "Gaia 4472832130942575872").is_some());
+}

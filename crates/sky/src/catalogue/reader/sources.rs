@@ -1,0 +1,151 @@
+//! The sources of catalogue files that the reader knows, recognised by their sets of columns, with their conventions.
+
+/// Right ascension columns in degrees with the declination column beside each and the epoch of both, Julian years; `None`: that of the
+/// source. Positions at J2000.0 come first.
+pub(super) const DEGREES: &[(&str, &str, Option<f64>)] = &[
+    ("ra_deg", "dec_deg", None),
+    ("_raj2000", "_dej2000", Some(2000.0)),
+    ("raj2000", "dej2000", Some(2000.0)),
+    ("ramdeg", "demdeg", Some(2000.0)),
+    ("ra_icrs", "de_icrs", None),
+    ("raicrs", "deicrs", None),
+    ("_ra.icrs", "_de.icrs", None),
+    ("ra(icrs)", "de(icrs)", None),
+    ("rahms", "dedms", None),
+    ("rarad", "derad", None),
+];
+
+/// Source of a file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Source {
+    /// This program's own column names, or a table that no other source fits.
+    #[default]
+    Plain,
+    /// HYG, versions 1 to 4.
+    Hyg,
+    /// AT-HYG, versions 1 to 4.
+    AtHyg,
+    /// The Gaia archive, third data release.
+    Gaia,
+    /// The Gaia archive, second data release.
+    Gaia2,
+    /// Gaia's third data release from VizieR (I/355).
+    VizierGaia,
+    /// Gaia's second data release from VizieR (I/345).
+    VizierGaia2,
+    /// Hipparcos from VizieR (I/239 and I/311).
+    Hipparcos,
+    /// Tycho-2 from VizieR (I/259).
+    Tycho2,
+    /// Another table from VizieR.
+    Vizier,
+}
+
+impl Source {
+    /// Recognises the source by the names of its columns, in lower case.
+    pub(super) fn recognise(names: &[String]) -> Self {
+        let has = |name: &str| names.iter().any(|known| known == name);
+        let hyg_colour_or_distance = ["ci", "colorindex", "dist", "distance", "absmag"].iter().any(|name| has(name));
+        if has("mag") && hyg_colour_or_distance {
+            return if has("dist_src") || has("mag_src") || has("pos_src") { Self::AtHyg } else { Self::Hyg };
+        }
+        if has("phot_g_mean_mag") || (has("source_id") && has("ra")) {
+            // These columns exist in the second data release only.
+            return if has("teff_val") || has("lum_val") || has("a_g_val") { Self::Gaia2 } else { Self::Gaia };
+        }
+        let from_vizier = DEGREES.iter().skip(1).any(|(ra, ..)| has(ra));
+        if !from_vizier {
+            return Self::Plain;
+        }
+        if has("gmag") && (has("bpmag") || has("bp-rp") || has("source")) {
+            return if has("ag") && has("lum") && !has("ruwe") { Self::VizierGaia2 } else { Self::VizierGaia };
+        }
+        if has("btmag") && has("vtmag") && !has("vmag") {
+            return Self::Tycho2;
+        }
+        if has("hip") && (has("hpmag") || has("raicrs") || has("rarad")) {
+            return Self::Hipparcos;
+        }
+        Self::Vizier
+    }
+
+    /// Its name, for logs and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Plain => "plain table",
+            Self::Hyg => "HYG",
+            Self::AtHyg => "AT-HYG",
+            Self::Gaia => "Gaia archive, DR3",
+            Self::Gaia2 => "Gaia archive, DR2",
+            Self::VizierGaia => "Gaia DR3 of VizieR",
+            Self::VizierGaia2 => "Gaia DR2 of VizieR",
+            Self::Hipparcos => "Hipparcos of VizieR",
+            Self::Tycho2 => "Tycho-2 of VizieR",
+            Self::Vizier => "VizieR",
+        }
+    }
+
+    /// Conventions of the source that matter for reading, for the report.
+    pub(super) fn conventions(self) -> &'static str {
+        match self {
+            Self::Plain => "V magnitudes, positions at J2000.0 unless a column says otherwise",
+            Self::Hyg | Self::AtHyg => "V magnitudes, right ascension in hours, J2000.0, distances in parsecs",
+            Self::Gaia | Self::VizierGaia => "V from G and BP-RP, positions at J2016.0 unless a column says otherwise",
+            Self::Gaia2 | Self::VizierGaia2 => {
+                "V from G and BP-RP, positions at J2015.5 unless a column says otherwise"
+            }
+            Self::Hipparcos => "V and B-V of Johnson, positions at J1991.25 unless they are those of J2000",
+            Self::Tycho2 => "V and B-V from VT and BT, positions at J2000.0",
+            Self::Vizier => "V magnitudes, positions at J2000.0",
+        }
+    }
+
+    /// Epoch of positions without a column or a name that gives it, Julian years.
+    pub(super) fn epoch(self) -> f64 {
+        match self {
+            Self::Gaia | Self::VizierGaia => 2016.0,
+            Self::Gaia2 | Self::VizierGaia2 => 2015.5,
+            // ESA 1997, SP-1200, volume 1, section 1.2.
+            Self::Hipparcos => 1991.25,
+            _ => 2000.0,
+        }
+    }
+
+    /// Whether the file belongs to HYG or AT-HYG.
+    pub(super) fn is_hyg(self) -> bool {
+        matches!(self, Self::Hyg | Self::AtHyg)
+    }
+
+    /// Whether magnitudes are those of Gaia.
+    pub(super) fn is_gaia(self) -> bool {
+        matches!(self, Self::Gaia | Self::Gaia2 | Self::VizierGaia | Self::VizierGaia2)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(header: &str) -> Source {
+        Source::recognise(&header.split(',').map(str::to_owned).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn every_source_is_recognised_by_its_columns() {
+        for (header, source) in [
+            ("ra_deg,dec_deg,v_mag", Source::Plain),
+            ("id,hip,proper,ra,dec,dist,mag,absmag,ci,x,y,z", Source::Hyg),
+            ("starid,hip,ra,dec,distance,mag,absmag,colorindex", Source::Hyg),
+            ("id,tyc,gaia,ra,dec,pos_src,dist,x0,y0,z0,dist_src,mag,absmag,ci,mag_src", Source::AtHyg),
+            ("source_id,ra,dec,parallax,phot_g_mean_mag,bp_rp", Source::Gaia),
+            ("source_id,ra,dec,parallax,phot_g_mean_mag,bp_rp,teff_val", Source::Gaia2),
+            ("ra_icrs,de_icrs,source,plx,gmag,bpmag,rpmag,bp-rp", Source::VizierGaia),
+            ("ra_icrs,de_icrs,source,plx,gmag,bpmag,rpmag,bp-rp,ag,lum", Source::VizierGaia2),
+            ("hip,rahms,dedms,vmag,raicrs,deicrs,plx,b-v", Source::Hipparcos),
+            ("tyc1,tyc2,tyc3,ramdeg,demdeg,pmra,pmde,btmag,vtmag", Source::Tycho2),
+            ("_raj2000,_dej2000,vmag,b-v", Source::Vizier),
+        ] {
+            assert_eq!(of(header), source, "{header}");
+        }
+    }
+}
