@@ -33,7 +33,6 @@ fn describe_view(view: &ViewStatistics) -> String {
     let asteroids = meshes.iter().sum::<u64>() + impostors + points + unresolved;
     let mut line = format!("view        {}: {} stars drawn", view.name, view.stars_drawn);
     let written = [
-        (view.stars_in_map > 0).then(|| format!("{} in the map of faint stars", view.stars_in_map)),
         view.limiting_magnitude.map(|magnitude| format!("shows stars to V = {magnitude:.2}")),
         (asteroids > 0).then(|| format!("{asteroids} asteroids drawn")),
         (*hidden > 0).then(|| format!("{hidden} of them hidden by nearer ones")),
@@ -42,7 +41,13 @@ fn describe_view(view: &ViewStatistics) -> String {
         line += ", ";
         line += &part;
     }
-    line + "\n"
+    line.push('\n');
+    if view.stars_in_map > 0 {
+        // Its stars are not counted in view.
+        let _ =
+            writeln!(line, "faint stars {} over the whole sky, in one map that {} reads", view.stars_in_map, view.name);
+    }
+    line
 }
 
 fn describe_plan(images: &str, plan: &FramePlan) -> String {
@@ -50,8 +55,8 @@ fn describe_plan(images: &str, plan: &FramePlan) -> String {
     let mut text = format!("{images}\n  stars     {stars}\n  sums      {accumulator}\n  glare     {glare}\n");
     for Approximation { name, bound, unit, within_budget } in certificate {
         let verdict = match within_budget {
-            Some(true) => ", within the budget",
-            Some(false) => ", beyond the budget",
+            Some(true) => ", within its limit",
+            Some(false) => ", beyond its limit",
             None => "",
         };
         // Writing to a string cannot fail.
@@ -83,8 +88,8 @@ mod tests {
         assert_eq!(
             bounds,
             [
-                "  bound     a thing: 1.20e-2 px, within the budget",
-                "  bound     a thing: 1.20e-2 px, beyond the budget",
+                "  bound     a thing: 1.20e-2 px, within its limit",
+                "  bound     a thing: 1.20e-2 px, beyond its limit",
                 "  bound     a thing: 1.20e-2 px"
             ]
         );

@@ -59,7 +59,7 @@ pub struct GroundConfig {
     /// Share of the light on it that it reflects.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub albedo: f64,
-    /// The horizon line, as pairs of azimuth, 0 to 360 and rising, and altitude, -90 to 90; straight between them and around. Empty: altitude 0.
+    /// The horizon line, as pairs of azimuth, 0 to 360 in rising order, and altitude, -90 to 90; straight between them and around. Two points of one azimuth are a vertical wall; 360 closes the line with the altitude of 0. Empty: altitude 0.
     pub horizon_deg: Vec<[f64; 2]>,
     /// A panorama instead of that line: a PNG with alpha, twice as wide as high, azimuth growing to the right, the zenith at the top. Its colour is the reflectance, its alpha the opacity
     /// in front of the sky. Relative paths start at the configuration's folder.
@@ -127,26 +127,47 @@ impl GroundConfig {
             let problem = "landscape is given too, whose alpha is the horizon: give at most one of them";
             return Err(Fault::new("horizon_deg", problem));
         }
-        let mut last = f64::NEG_INFINITY;
-        for (index, [azimuth_deg, altitude_deg]) in self.horizon_deg.iter().copied().enumerate() {
+        for (index, point) in self.horizon_deg.iter().enumerate() {
             let key = format!("horizon_deg[{index}]");
-            finite(&key, azimuth_deg)?;
-            finite(&key, altitude_deg)?;
-            if !(0.0..360.0).contains(&azimuth_deg) {
-                return Err(Fault::new(key, format!("azimuth {azimuth_deg}: must be at least 0 and below 360")));
-            }
-            if azimuth_deg <= last {
-                return Err(Fault::new(
-                    key,
-                    format!("azimuth {azimuth_deg} does not rise: must be above {last}, the one before"),
-                ));
-            }
-            if altitude_deg.abs() > 90.0 {
-                return Err(Fault::new(key, format!("altitude {altitude_deg}: must be between -90 and 90")));
-            }
-            last = azimuth_deg;
+            self.check_point(index, *point, &key).map_err(|problem| Fault::new(key, problem))?;
         }
         Ok(())
+    }
+
+    /// Checks a point of the horizon line against its range and the points before it.
+    fn check_point(&self, index: usize, [azimuth_deg, altitude_deg]: [f64; 2], key: &str) -> Result<(), String> {
+        for value in [azimuth_deg, altitude_deg] {
+            finite(key, value).map_err(|fault| fault.problem)?;
+        }
+        if !(0.0..=360.0).contains(&azimuth_deg) {
+            return Err(format!("azimuth {azimuth_deg}: must be between 0 and 360"));
+        }
+        if altitude_deg.abs() > 90.0 {
+            return Err(format!("altitude {altitude_deg}: must be between -90 and 90"));
+        }
+        let before = &self.horizon_deg[..index];
+        let [last, last_altitude] = before.last().copied().unwrap_or([f64::NEG_INFINITY; 2]);
+        if azimuth_deg < last {
+            return Err(format!("azimuth {azimuth_deg} does not rise: must be at least {last}, the one before"));
+        }
+        if azimuth_deg == last && altitude_deg == last_altitude {
+            return Err(format!("azimuth {azimuth_deg} and altitude {altitude_deg} are those of the point before"));
+        }
+        if before.iter().rev().take_while(|point| point[0] == azimuth_deg).count() > 1 {
+            return Err(format!("a third point of azimuth {azimuth_deg}: a vertical wall has two"));
+        }
+        if azimuth_deg < 360.0 {
+            return Ok(());
+        }
+        match before.first().filter(|first| first[0] == 0.0) {
+            Some([_, north_deg]) if *north_deg != altitude_deg => Err(format!(
+                "altitude {altitude_deg} at azimuth 360: must be {north_deg}, that of azimuth 0, where the line closes"
+            )),
+            _ if last == 360.0 => {
+                Err("a second point of azimuth 360: write a wall in the north with azimuth 0".to_owned())
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Reads the landscape, from a path that starts at `folder`, if there is ground; a fault names the key below `scene.observer.ground`.
@@ -175,9 +196,19 @@ mod tests {
     fn horizons_rise_round_the_compass_or_are_refused_by_point() {
         let check = |points: &[[f64; 2]]| GroundConfig { horizon_deg: points.to_vec(), ..Default::default() }.check();
         assert!(check(&[]).is_ok() && check(&[[0.0, 90.0], [359.9, -90.0]]).is_ok());
+        let wall = &[[0.0, 3.0], [60.0, 2.0], [90.0, 2.0], [90.0, 7.0], [120.0, 7.0]];
+        assert!(check(wall).is_ok() && check(&[[0.0, 3.0], [180.0, 5.0], [360.0, 3.0]]).is_ok());
+        // Without a point of azimuth 0, one of 360 is the north.
+        assert!(check(&[[90.0, 3.0], [360.0, 4.0]]).is_ok() && check(&[[360.0, 1.0]]).is_ok());
         for (points, key, part) in [
-            (&[[0.0, 1.0], [0.0, 2.0]][..], "horizon_deg[1]", "does not rise"),
-            (&[[360.0, 1.0]][..], "horizon_deg[0]", "below 360"),
+            (&[[5.0, 1.0], [4.0, 2.0]][..], "horizon_deg[1]", "does not rise"),
+            (&[[5.0, 1.0], [5.0, 1.0]][..], "horizon_deg[1]", "those of the point before"),
+            (&[[5.0, 1.0], [5.0, 2.0], [5.0, 3.0]][..], "horizon_deg[2]", "a third point of azimuth 5"),
+            (&[[0.0, 3.0], [360.0, 4.0]][..], "horizon_deg[1]", "must be 3, that of azimuth 0"),
+            (&[[0.0, 1.0], [0.0, 3.0], [360.0, 3.0]][..], "horizon_deg[2]", "must be 1"),
+            (&[[9.0, 3.0], [360.0, 4.0], [360.0, 5.0]][..], "horizon_deg[2]", "a second point of azimuth 360"),
+            (&[[360.1, 1.0]][..], "horizon_deg[0]", "between 0 and 360"),
+            (&[[-0.1, 1.0]][..], "horizon_deg[0]", "between 0 and 360"),
             (&[[1.0, 91.0]][..], "horizon_deg[0]", "between -90 and 90"),
             (&[[1.0, f64::NAN]][..], "horizon_deg[0]", "finite"),
             (&[[1.0, 0.0]; MOST_POINTS + 1][..], "horizon_deg", "10001 points"),

@@ -217,7 +217,9 @@ impl Technique for SmoothLight {
                 plan.smooth_light.face = if let SkyUse::Face(face) = inputs.sky { Some(face) } else { None };
             }
             Step::Report => {
-                let bound = plan.smooth_light.map.as_ref().map(|_| map_error(inputs.settings.accuracy.display_codes));
+                let codes = inputs.settings.accuracy.display_codes;
+                let read = plan.smooth_light.map.as_ref().zip(plan.display.step_cd_m2);
+                let bound = read.map(|(sky, step)| map_error(&sky.map, &plan.views.viewports, step, codes));
                 plan.report.certificate.extend(bound);
             }
             _ => {}
@@ -226,10 +228,15 @@ impl Technique for SmoothLight {
     }
 }
 
-/// Bound of the error of a star that is part of the map: weights of its kernel and of the tent are between 0 and 1.
-fn map_error(display_codes: f64) -> Approximation {
-    let name = "a star in the map of faint light, compared with the star drawn individually";
-    Approximation::new(name, BRIGHTEST_STEPS * display_codes, "codes of 8 bits", Some(display_codes))
+/// Bound of the error of the brightest star that a map may contain in these views: weights of its kernel and of the tent are between 0 and
+/// 1. The budget bounds the error of a pixel; a single star may have [`BRIGHTEST_STEPS`] of it, because its light is not lost but spread.
+fn map_error(map: &SkyMap, viewports: &[Viewport], step_cd_m2: f64, display_codes: f64) -> Approximation {
+    let name = "the brightest star in the map of faint light, compared with that star drawn individually";
+    let smallest_sr = viewports.iter().map(|v| v.projection.smallest_pixel_sr()).fold(f64::INFINITY, f64::min);
+    let steps = map.below_lx / (step_cd_m2 * smallest_sr);
+    // The limit has a margin for rounding.
+    let limit = BRIGHTEST_STEPS * (1.0 + 1e-9) * display_codes;
+    Approximation::new(name, steps * display_codes, "codes of 8 bits", Some(limit))
 }
 
 fn fitting(inputs: &SkyInputs<'_>) -> Option<SkyMap> {
@@ -324,6 +331,24 @@ mod tests {
             faintest_lx: illuminance_lx_from_magnitude(12.0),
             unit_cd_m2: 1e-5,
             side,
+        }
+    }
+
+    #[test]
+    fn a_map_is_within_its_limit_unless_it_has_brighter_stars_than_it_takes() {
+        let kind = ViewKind::DomeMaster { size: 256, fov_rad: PI, tilt_rad: 0.0 };
+        let view = View::new("dome", kind, DQuat::IDENTITY, DVec3::ZERO).unwrap();
+        let viewports = Rig::new(vec![view]).unwrap().viewports(DQuat::IDENTITY);
+        let pixel_sr = viewports[0].projection.smallest_pixel_sr();
+        for codes in [0.5, 1.0, 4.0] {
+            let error = |below_lx: f64| map_error(&SkyMap { below_lx, ..map(64) }, &viewports, 2e-5, codes);
+            let taken = error(1.15 * 2e-5 * pixel_sr);
+            assert!((taken.bound - 1.15 * codes).abs() < 1e-6 && taken.within_budget == Some(true), "{taken:?}");
+            let brighter = error(1.2 * 2e-5 * pixel_sr);
+            assert!(
+                (brighter.bound - 1.2 * codes).abs() < 1e-6 && brighter.within_budget == Some(false),
+                "{brighter:?}"
+            );
         }
     }
 

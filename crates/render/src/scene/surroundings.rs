@@ -45,7 +45,7 @@ const NODES: [usize; 2] = [12, 16];
 /// The upper boundary of the ground: altitudes at azimuths, interpolated linearly.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Horizon {
-    /// Azimuth and altitude, rad; azimuths increase from 0 to below 2 pi. Empty: altitude 0 all around.
+    /// Azimuth and altitude, rad; azimuths rise from 0 to 2 pi, and two equal ones are a vertical wall. Empty: altitude 0 all around.
     points: Vec<[f64; 2]>,
 }
 
@@ -53,7 +53,7 @@ pub struct Horizon {
 pub const HORIZON_STEPS: usize = 720;
 
 impl Horizon {
-    /// The line through points of azimuth and altitude, rad, with azimuths increasing from 0 to below 2 pi.
+    /// The line through points of azimuth and altitude, rad, with azimuths rising from 0 to 2 pi.
     pub fn new(points: Vec<[f64; 2]>) -> Self {
         Self { points }
     }
@@ -460,6 +460,16 @@ mod tests {
 
     #[test]
     fn a_line_of_hills_is_linear_between_its_points_and_wraps_around() {
+        // Azimuth 2 pi closes the line, and a wall rises at one azimuth.
+        let house = Horizon::new(vec![[0.0, 0.3], [1.5, 0.2], [1.5, 0.7], [2.0, 0.7], [TAU, 0.3]]);
+        let expected = [(0.0, 0.3), (0.75, 0.25), (1.5 - 1e-9, 0.2), (1.5, 0.7), (1.75, 0.7), (TAU - 1e-9, 0.3)];
+        for (azimuth, altitude) in expected {
+            assert!(
+                (house.altitude_rad(azimuth) - altitude).abs() < 1e-8,
+                "{azimuth}: {}",
+                house.altitude_rad(azimuth)
+            );
+        }
         let hills = Horizon::new(vec![[1.0, 0.1], [2.0, 0.3], [5.0, -0.1]]);
         for (azimuth, altitude) in [(1.0, 0.1), (1.5, 0.2), (2.0, 0.3), (3.5, 0.1), (5.0, -0.1), (1.0 + TAU, 0.1)] {
             assert!((hills.altitude_rad(azimuth) - altitude).abs() < 1e-12, "{azimuth}");

@@ -18,10 +18,10 @@ use self::{
     guard::{Lit, white_for_lit_cd_m2},
     pictures::Picture,
 };
-use super::settings::{Accumulator, AutoExposure, ExposureSettings, Meter, RenderSettings};
+use super::settings::{Accumulator, ExposureSettings, Meter, RenderSettings};
 use crate::{
     photometry::exposure::{WHITE_LUMINANCE_AT_EV0_CD_M2, limiting_ev100, limiting_illuminance_lx},
-    units::{illuminance_lx_from_magnitude, magnitude_from_illuminance_lx},
+    units::{ARCSECOND_RAD, illuminance_lx_from_magnitude, magnitude_from_illuminance_lx},
     view::Viewport,
 };
 
@@ -66,9 +66,9 @@ impl DisplayedStars {
         Some(magnitude_from_illuminance_lx(lx)).filter(|magnitude| magnitude.is_finite())
     }
 
-    /// The exposure at which stars of a magnitude are just visible in the first view.
-    fn ev100_for(&self, magnitude: f64) -> Option<f64> {
-        let pixel_sr = *self.pixels_sr.first()?;
+    /// The exposure at which stars of a magnitude are just visible in pixels of a solid angle, sr; `None`: in those of the first view.
+    fn ev100_for(&self, magnitude: f64, pixel_sr: Option<f64>) -> Option<f64> {
+        let pixel_sr = pixel_sr.or_else(|| self.pixels_sr.first().copied())?;
         Some(limiting_ev100(illuminance_lx_from_magnitude(magnitude), pixel_sr, self.just_seen))
     }
 }
@@ -83,15 +83,13 @@ pub fn planned_ev100(
     lit: Option<&Lit<'_>>,
 ) -> Option<f64> {
     let exposure = &settings.exposure;
-    let ExposureSettings::Auto(auto @ AutoExposure { meter: Meter::LimitingMagnitude { limiting_magnitude }, .. }) =
-        exposure
-    else {
-        return None;
-    };
+    let ExposureSettings::Auto(auto) = exposure else { return None };
+    let Meter::LimitingMagnitude { limiting_magnitude, reference_arcmin } = auto.meter else { return None };
     if let Some(white_ev100) = stars.white_ev100 {
         return Some(white_ev100);
     }
-    let dark = stars.ev100_for(*limiting_magnitude)?;
+    let reference_sr = reference_arcmin.map(|side| (side * 60.0 * ARCSECOND_RAD).powi(2));
+    let dark = stars.ev100_for(limiting_magnitude, reference_sr)?;
     let white_cd_m2 = lit.map_or(0.0, |lit| white_for_lit_cd_m2(lit, pictures));
     // Without lit objects: minus infinity.
     let bright = (white_cd_m2 / WHITE_LUMINANCE_AT_EV0_CD_M2).log2();

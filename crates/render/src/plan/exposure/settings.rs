@@ -57,6 +57,10 @@ settings! {
         // From brighter than any star to fainter than any telescope sees.
         #[schemars(range(min = -10.0, max = 30.0))]
         pub limiting_magnitude: f64 = 6.5,
+        /// Metering `limiting_magnitude`: side of the square pixels for which the exposure is meant, so that a small picture is as bright as a large one; 0: the pixels of the first view.
+        // The whole sky as one square pixel has 203 degrees.
+        #[schemars(range(min = 0.0, max = 12_000.0), extend("x-unit" = "arcminutes"))]
+        pub reference_pixel_arcmin: f64 = 0.0,
         /// `manual`: exposure value at ISO 100; display white is 1.2 * 2^ev100 cd/m^2. Unit of star methods of relative brightness.
         #[schemars(range(min = EV100[0], max = EV100[1]))]
         pub ev100: f64 = -3.0,
@@ -90,6 +94,8 @@ pub enum Meter {
     LimitingMagnitude {
         /// Magnitude of the faintest visible stars.
         limiting_magnitude: f64,
+        /// Side of the square pixels in which they are just visible, arcminutes; `None`: the pixels of the first view.
+        reference_arcmin: Option<f64>,
     },
     /// [`Metering::Mean`].
     Mean {
@@ -157,10 +163,13 @@ impl From<ExposureValues> for ExposureSettings {
 
 impl From<ExposureValues> for AutoExposure {
     fn from(values: ExposureValues) -> Self {
-        let ExposureValues { limiting_magnitude, key, spot_deg, .. } = values;
+        let ExposureValues { limiting_magnitude, reference_pixel_arcmin, key, spot_deg, .. } = values;
         Self {
             meter: match values.metering {
-                Metering::LimitingMagnitude => Meter::LimitingMagnitude { limiting_magnitude },
+                Metering::LimitingMagnitude => Meter::LimitingMagnitude {
+                    limiting_magnitude,
+                    reference_arcmin: Some(reference_pixel_arcmin).filter(|side| *side > 0.0),
+                },
                 Metering::Mean => Meter::Mean { key },
                 Metering::Spot => Meter::Spot { key, spot_deg },
             },
@@ -272,15 +281,18 @@ impl From<&ExposureSettings> for ExposureKeys {
             }
             ExposureSettings::Auto(auto) => auto,
         };
-        let (limiting_magnitude, key, spot_deg) = match auto.meter {
-            Meter::LimitingMagnitude { limiting_magnitude } => (Some(limiting_magnitude), None, None),
-            Meter::Mean { key } => (None, Some(key), None),
-            Meter::Spot { key, spot_deg } => (None, Some(key), Some(spot_deg)),
+        let (limiting_magnitude, reference_pixel_arcmin, key, spot_deg) = match auto.meter {
+            Meter::LimitingMagnitude { limiting_magnitude, reference_arcmin } => {
+                (Some(limiting_magnitude), Some(reference_arcmin.unwrap_or(0.0)), None, None)
+            }
+            Meter::Mean { key } => (None, None, Some(key), None),
+            Meter::Spot { key, spot_deg } => (None, None, Some(key), Some(spot_deg)),
         };
         Self {
             mode: Some(ExposureMode::Auto),
             metering: Some(auto.metering()),
             limiting_magnitude,
+            reference_pixel_arcmin,
             ev100: Some(auto.unit_ev100),
             key,
             spot_deg,
@@ -329,7 +341,7 @@ impl ExposureKeys {
         let Some(key) = self.without_effect(general, stars_are_relative).first().copied() else { return Ok(()) };
         let needs = match key {
             "ev100" => "mode = \"manual\"",
-            "limiting_magnitude" => "metering = \"limiting_magnitude\"",
+            "limiting_magnitude" | "reference_pixel_arcmin" => "metering = \"limiting_magnitude\"",
             "key" => "metering = \"mean\" or \"spot\"",
             "spot_deg" => "metering = \"spot\"",
             _ => "mode = \"auto\"",
@@ -354,6 +366,7 @@ mod tests {
             ExposureSettings::manual(2.0),
             ExposureSettings::default(),
             ExposureSettings::auto(Metering::Mean),
+            ExposureValues { reference_pixel_arcmin: 2.4, ..Default::default() }.into(),
             ExposureSettings::Auto(AutoExposure { adaptation_s: 3.0, ..AutoExposure::by(Metering::Spot) }),
         ] {
             assert_eq!(ExposureKeys::from(&settings).over(&ExposureSettings::default()), settings);
@@ -367,6 +380,16 @@ mod tests {
         for (keys, relative, expected) in [
             (ExposureKeys { ev100: Some(1.0), ..Default::default() }, true, None),
             (ExposureKeys { ev100: Some(1.0), ..Default::default() }, false, Some(("ev100", "mode = \"manual\""))),
+            (ExposureKeys { reference_pixel_arcmin: Some(2.4), ..Default::default() }, false, None),
+            (
+                ExposureKeys {
+                    metering: Some(Metering::Mean),
+                    reference_pixel_arcmin: Some(2.4),
+                    ..Default::default()
+                },
+                false,
+                Some(("reference_pixel_arcmin", "set metering = \"limiting_magnitude\"")),
+            ),
             (
                 ExposureKeys { spot_deg: Some(1.0), ..Default::default() },
                 false,

@@ -277,3 +277,26 @@ fn the_veil_of_the_sun_is_below_a_fifth_of_white_at_any_position_of_the_sun() {
     println!("full Moon overhead {moonlit:.2}");
     assert!(moonlit < night + 1.0, "{moonlit}");
 }
+
+#[test]
+fn a_small_picture_is_as_bright_as_the_large_one_for_whose_pixels_the_exposure_is_meant() {
+    let large = of_night(&[dome(4096)], &RenderSettings::default());
+    let side_arcmin = large.0.pixels_sr[0].sqrt().to_degrees() * 60.0;
+    // By hand: 54.47 arcminutes per degree of a dome's field of view and pixel of its size.
+    assert!((side_arcmin - 54.47 * 180.0 / 4096.0).abs() < 0.003, "{side_arcmin}");
+    let exposure: ExposureSettings =
+        ExposureValues { reference_pixel_arcmin: side_arcmin, ..Default::default() }.into();
+    let settings = RenderSettings { exposure, ..RenderSettings::default() };
+    for kind in
+        [dome(256), dome(512), dome(1024), flat([320, 240], 60.0), ViewKind::Equirectangular { size: [256, 128] }]
+    {
+        let (stars, ev100) = of_night(std::slice::from_ref(&kind), &settings);
+        assert!((ev100.unwrap() - large.1.unwrap()).abs() < 1e-9, "{kind:?}: {ev100:?} instead of {:?}", large.1);
+        let own = of_night(&[kind.clone()], &RenderSettings::default()).1.unwrap();
+        assert!((own - ev100.unwrap()).abs() > 1.0, "{kind:?}: {own}");
+        // The limit of a view is that of its own pixels.
+        let brighter = 2.5 * (stars.pixels_sr[0] / large.0.pixels_sr[0]).log10();
+        let limit = stars.limiting_magnitude(0, ev100.unwrap()).unwrap();
+        assert!((limit - 6.5 + brighter).abs() < 1e-6, "{kind:?}: {limit}");
+    }
+}
