@@ -56,7 +56,8 @@ pub use glam;
 
 pub use steradian_render::{gpu, metrics, plan, reference, render, scene, view};
 pub use steradian_sky::{
-    catalogue, coordinates, ephemeris, observer, photometry, ranges, relativity, sky_pictures, solar_system, units,
+    calendar, catalogue, coordinates, ephemeris, observer, photometry, ranges, relativity, sky_pictures, solar_system,
+    units,
 };
 
 pub use self::{

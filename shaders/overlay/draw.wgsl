@@ -52,6 +52,44 @@ fn item_coverage(item: OverlayItem, pixel: vec2<u32>) -> vec2<f32> {
     return vec2(coverage, item.nearness.x);
 }
 
+// A texel of a picture: linear light times alpha, and alpha. Outside of the picture: nothing.
+fn picture_texel(first: u32, size: vec2<u32>, at: vec2<i32>) -> vec4<f32> {
+    if any(at < vec2(0)) || any(at >= vec2<i32>(size)) {
+        return vec4(0.0);
+    }
+    let word = texels[first + u32(at.y) * size.x + u32(at.x)];
+    let alpha = f32(word >> 24u) / 255.0;
+    return vec4(light_of(word) * alpha, alpha);
+}
+
+// A picture in a direction, view axes: linear light and alpha, interpolated between four texels.
+fn picture_in(header: u32, direction: vec3<f32>) -> vec4<f32> {
+    var along = vec3(0.0);
+    for (var i = 0u; i < 3u; i++) {
+        let row = header + 3u * i;
+        let axis = bitcast<vec3<f32>>(vec3(texels[row], texels[row + 1u], texels[row + 2u]));
+        along[i] = dot(axis, direction);
+    }
+    if along.z <= 0.0 {
+        return vec4(0.0);
+    }
+    let extent = bitcast<vec2<f32>>(vec2(texels[header + 9u], texels[header + 10u]));
+    let size = vec2(texels[header + 11u], texels[header + 12u]);
+    let first = texels[header + 13u];
+    let place = (along.xy / along.z + 0.5) * extent - 0.5;
+    // Far outside, whole numbers overflow.
+    if any(place < vec2(-1.0)) || any(place > vec2<f32>(size)) {
+        return vec4(0.0);
+    }
+    let corner = floor(place);
+    let part = place - corner;
+    let at = vec2<i32>(corner);
+    let top = mix(picture_texel(first, size, at), picture_texel(first, size, at + vec2(1, 0)), part.x);
+    let bottom = mix(picture_texel(first, size, at + vec2(0, 1)), picture_texel(first, size, at + vec2(1, 1)), part.x);
+    let sum = mix(top, bottom, part.y);
+    return vec4(sum.rgb / max(sum.a, 1e-6), sum.a);
+}
+
 fn light_of(codes: u32) -> vec3<f32> {
     return linear_from_srgb(vec3<f32>(vec3(codes, codes >> 8u, codes >> 16u) & vec3(0xffu)) / 255.0);
 }
@@ -86,7 +124,7 @@ fn draw_overlay(
     var touched = false;
     var stroke = NO_STROKE;
     var share = 0.0;
-    var colour = 0u;
+    var ink = vec3(0.0);
     var opacity = 0.0;
     for (var i = 0u; i <= block.entries; i++) {
         var item: OverlayItem;
@@ -96,16 +134,22 @@ fn draw_overlay(
         }
         if item.stroke != stroke {
             if share > 0.0 {
-                light = mix(light, light_of(colour), share * opacity);
+                light = mix(light, ink, share * opacity);
                 touched = true;
             }
             stroke = item.stroke;
-            colour = item.colour;
+            ink = light_of(item.colour);
             opacity = item.opacity;
             share = 0.0;
         }
         if i < block.entries {
-            let covered = item_coverage(item, pixel);
+            var covered = item_coverage(item, pixel);
+            if item.shape == SHAPE_PICTURE && covered.x > 0.0 {
+                let towards = direction_from_pixel(viewport, vec2<f32>(pixel) + 0.5);
+                let sample = picture_in(item.first_texel, towards.xyz);
+                covered.x = sample.a * towards.w;
+                ink = select(ink, sample.rgb, covered.x > 0.0);
+            }
             let hidden = word != 0u && before_m * covered.y < 1.0;
             share = max(share, covered.x * select(1.0, open, hidden));
         }

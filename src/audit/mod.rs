@@ -330,9 +330,16 @@ impl<'a> AuditedImage<'a> {
         let Some(items) = items.filter(|items| !items.is_empty()) else { return };
         let size = [self.image.width, self.image.height];
         let pixels = size[0] as usize * size[1] as usize;
+        let mapping = self.viewport.projection.mapping();
         for blank in [0, 255] {
             let mut codes = vec![blank; 4 * pixels];
-            let mut target = OverlayTarget { size, codes: &mut codes, contains: &|_, _| true, cover: &|_, _| None };
+            let mut target = OverlayTarget {
+                size,
+                codes: &mut codes,
+                contains: &|_, _| true,
+                direction: &|x, y| mapping.direction_from_pixel(pixel_centre(x, y)),
+                cover: &|_, _| None,
+            };
             draw(&mut target, items, &overlay.texels);
             for (([x, y], _), covered) in self.sample.iter().zip(&mut self.covered) {
                 let index = 4 * (*y as usize * size[0] as usize + *x as usize);

@@ -20,7 +20,7 @@ use crate::gpu::{Gpu, GpuOptions};
 use crate::plan::view_settings::FrameGroup;
 use crate::render::{Frame, FrameRequest, RenderError, Renderer, Wanted};
 use crate::scene::overlay::Overlay;
-use crate::scene::{SceneClock, SceneObjects, SceneSnapshot, SeenStars};
+use crate::scene::{EndNotice, SceneClock, SceneObjects, SceneSnapshot, SeenStars};
 use crate::view::Rig;
 use crate::windows::{
     self, Command, Host, Intervals, Next, ShownImage, WindowFigures, WindowFrame, WindowImage, WindowState,
@@ -102,8 +102,20 @@ pub fn run(arguments: ShowArguments, adapter: Option<String>) -> Result<(), CliE
     let of_drawing = Arc::clone(&viewer);
     let configs = of_windows.clone();
     let drawing = thread::Builder::new().name("draw".to_owned()).spawn(move || {
-        Drawing { viewer: of_drawing, renderer, rig, groups, windows: configs, scene, objects, clock, stars, sender }
-            .run()
+        Drawing {
+            viewer: of_drawing,
+            renderer,
+            rig,
+            groups,
+            windows: configs,
+            scene,
+            objects,
+            clock,
+            end_notice: EndNotice::default(),
+            stars,
+            sender,
+        }
+        .run()
     });
     let drawing = drawing.map_err(CliError::Runtime)?;
     let host: Arc<dyn Host> = Arc::clone(&viewer) as Arc<dyn Host>;
@@ -217,6 +229,7 @@ struct Drawing {
     /// Objects of the configuration.
     objects: Arc<SceneObjects>,
     clock: SceneClock,
+    end_notice: EndNotice,
     stars: Arc<SeenStars>,
     sender: SyncSender<WindowFrame>,
 }
@@ -231,7 +244,9 @@ impl Drawing {
                 self.scene.revision += 1;
                 self.scene.objects = self.objects_with(patterned);
             }
-            let time_s = self.clock.time_s(SystemTime::now());
+            let now = SystemTime::now();
+            self.end_notice.look(&self.clock, now);
+            let time_s = self.clock.time_s(now);
             self.scene = self.stars.scene_at(&self.scene, time_s);
             let shown = lock(&self.viewer.shown).clone();
             if !shown.contains(&true) {

@@ -11,7 +11,7 @@ use super::{CliError, load, lock, results};
 use crate::config::Config;
 use crate::plan::settings::{AfterExit, HeadsetSettings};
 use crate::render::Wanted;
-use crate::scene::{SceneClock, SceneSnapshot, SeenStars};
+use crate::scene::{EndNotice, SceneClock, SceneSnapshot, SeenStars};
 use crate::service;
 use crate::xr::{self, Distribution, FirstFailure, Flight, HeadsetStatistics, Host, MirroredFrame, Shown, Status};
 
@@ -57,6 +57,7 @@ pub fn run(arguments: XrArguments, adapter: Option<String>) -> Result<(), CliErr
         shown: Mutex::new(Shown { snapshot, settings: config.render_settings(), camera_time: SystemTime::now() }),
         statistics: Mutex::default(),
         clock,
+        end_notice: EndNotice::default(),
         stars: of_observer,
         frames: arguments.frames,
         ended: AtomicBool::new(false),
@@ -87,6 +88,7 @@ pub fn run(arguments: XrArguments, adapter: Option<String>) -> Result<(), CliErr
 struct Wearer {
     shown: Mutex<Shown>,
     clock: SceneClock,
+    end_notice: EndNotice,
     stars: Arc<SeenStars>,
     statistics: Mutex<HeadsetStatistics>,
     /// Number of frames after which to end.
@@ -101,7 +103,9 @@ impl Host for Wearer {
         let enough = self.frames.is_some_and(|most| lock(&self.statistics).rendered >= most);
         (!enough && !self.ended.load(Ordering::Relaxed)).then(|| {
             let mut shown = lock(&self.shown);
-            let time_s = self.clock.time_s(SystemTime::now());
+            let now = SystemTime::now();
+            self.end_notice.look(&self.clock, now);
+            let time_s = self.clock.time_s(now);
             shown.snapshot = self.stars.scene_at(&shown.snapshot, time_s);
             shown.clone()
         })

@@ -6,7 +6,7 @@ use super::error::Fault;
 use super::look::{Aim, Towards};
 use super::{Config, ConfigError, ObserverConfig};
 use crate::coordinates::lon_lat_from_direction;
-use crate::observer::{Moment, Observer, Refraction, frame_from_camera};
+use crate::observer::{Moment, Observer, Refraction};
 use crate::scene::Camera;
 use crate::scene::surroundings::BEYOND_AIR_M;
 
@@ -43,9 +43,7 @@ impl Config {
             return Err(Fault::new("frame", "horizon: needs [scene.observer]"));
         };
         let frame_from_camera = match &aim.towards {
-            Towards::Direction([longitude_rad, latitude_rad]) => {
-                frame_from_camera(*longitude_rad, *latitude_rad, aim.roll_rad)
-            }
+            Towards::Direction([longitude_rad, latitude_rad]) => aim.frame_from_camera(*longitude_rad, *latitude_rad),
             Towards::Body(name) => {
                 let Some(body) = self.bodies.iter().find(|body| body.name == *name) else {
                     let names: Vec<&str> = self.bodies.iter().map(|body| &body.name[..]).collect();
@@ -66,7 +64,7 @@ impl Config {
                 let seen_m = self.seen_m(place_m - camera_m, seen);
                 let in_frame = icrs_from_frame.transpose() * seen_m;
                 let (longitude_rad, latitude_rad) = lon_lat_from_direction(in_frame);
-                frame_from_camera(longitude_rad, latitude_rad, aim.roll_rad)
+                aim.frame_from_camera(longitude_rad, latitude_rad)
             }
         };
         Ok(DQuat::from_mat3(&icrs_from_frame) * frame_from_camera)

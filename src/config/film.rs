@@ -5,14 +5,14 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3};
 use serde::Deserialize;
-use toml::{Table, Value, value::Datetime};
+use toml::{Table, Value};
 
 use super::document::{deserialise, parse};
 use super::error::{ConfigError, Fault, finite};
-use super::look::{Aim, Look, Towards};
-use super::scene::{SceneConfig, written_time};
+use super::look::{Look, Towards};
+use super::time::WrittenTime;
 use crate::files;
-use crate::observer::{Frame, frame_from_camera};
+use crate::observer::Frame;
 use crate::plan::settings::MAGNITUDES;
 use crate::scene::{Camera, PoseError};
 
@@ -125,7 +125,7 @@ struct KeyframeTable {
     position_m: Option<[f64; 3]>,
     orientation: Option<[f64; 4]>,
     look: Option<Look>,
-    time: Option<Datetime>,
+    time: Option<WrittenTime>,
     fov_scale: Option<f64>,
     fov_y_deg: Option<f64>,
     ev100: Option<f64>,
@@ -167,7 +167,7 @@ fn either<A, B, T>(
 }
 
 impl Keyframe {
-    /// Its table. Reading it gives the same values, with times rounded to microseconds. `None`: its time is outside the years 0 to 9999.
+    /// Its table. Reading it gives the same values, with times rounded to microseconds. `None`: a scene may not have its time.
     pub fn text(&self) -> Option<String> {
         let mut text = format!("[[keyframes]]\nframe = {}\n", self.frame);
         // So many digits that reading them gives the same numbers.
@@ -181,7 +181,7 @@ impl Keyframe {
             line("orientation", format!("{:?}", turn.to_array()));
         }
         if let Some(time_s) = time_s {
-            line("time", written_time(time_s)?.to_string());
+            line("time", WrittenTime::new(time_s)?.to_toml());
         }
         match fov {
             Some(FovKey::Scale(scale)) => line("fov_scale", format!("{scale:?}")),
@@ -214,10 +214,10 @@ impl KeyframeTable {
             turned.map(|turned| (turned, Frame::Icrs)).map_err(|error| Fault::new("orientation", error.to_string()))
         };
         let look = |look: Look| {
-            let Aim { frame, towards, roll_rad } = look.aim().map_err(|fault| fault.within("look"))?;
-            match towards {
+            let aim = look.aim().map_err(|fault| fault.within("look"))?;
+            match aim.towards {
                 Towards::Direction([longitude_rad, latitude_rad]) => {
-                    Ok((frame_from_camera(longitude_rad, latitude_rad, roll_rad), frame))
+                    Ok((aim.frame_from_camera(longitude_rad, latitude_rad), aim.frame))
                 }
                 Towards::Body(_) => Err(Fault::new("look.at", "keyframes have directions: at is not allowed")),
             }
@@ -229,13 +229,6 @@ impl KeyframeTable {
             }
             Err(Fault::new("fov_y_deg", format!("{value}: must be above 0 and at most {MOST_FOV_Y_DEG} degrees")))
         };
-        let time = |time: Datetime| {
-            if time.date.is_none() || time.time.is_none() || time.offset.is_none() {
-                let problem = format!("{time}: date, time and offset are needed, for instance 2026-01-01T00:00:00Z");
-                return Err(Fault::new("time", problem));
-            }
-            Ok(SceneConfig { time, ..SceneConfig::default() }.time_s())
-        };
         let velocity = |velocity_c: [f64; 3]| {
             let moving = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], velocity_c);
             moving
@@ -246,7 +239,7 @@ impl KeyframeTable {
         let values = FrameValues {
             position_m: self.position_m.map(|value| vector("position_m", value)).transpose()?,
             frame_from_camera: turned.map(|(turned, _)| turned),
-            time_s: self.time.map(time).transpose()?,
+            time_s: self.time.map(|time| time.time_s()),
             fov: either(
                 ["fov_scale", "fov_y_deg"],
                 self.fov_scale,

@@ -1,10 +1,11 @@
 //! `look`: the direction of a camera, given in one of several frames or by a body, and its roll.
 
+use glam::DQuat;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::error::{Fault, finite};
-use crate::observer::Frame;
+use crate::observer::{Frame, frame_from_camera};
 
 /// Where a camera looks. The frame's pole is up.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
@@ -30,6 +31,10 @@ pub struct Look {
     /// By which the top of the picture is turned to the left: in frame `icrs` its position angle, from north through east.
     #[serde(default)]
     pub roll_deg: f64,
+    /// Angle by which the direction is above the middle of the picture, towards its top: a dome master shows it so far above its front rim.
+    #[serde(default)]
+    #[schemars(range(min = -180.0, max = 180.0), extend("x-unit" = "degrees"))]
+    pub above_deg: f64,
 }
 
 /// A look whose keys agree.
@@ -41,6 +46,16 @@ pub(super) struct Aim {
     pub(super) towards: Towards,
     /// Turn of the top of the picture, rad.
     pub(super) roll_rad: f64,
+    /// Angle of the direction above the camera's axis, rad.
+    pub(super) above_rad: f64,
+}
+
+impl Aim {
+    /// Rotation from camera axes to those of the frame, for a direction in that frame, rad.
+    pub(super) fn frame_from_camera(&self, longitude_rad: f64, latitude_rad: f64) -> DQuat {
+        let at_it = frame_from_camera(longitude_rad, latitude_rad, self.roll_rad);
+        (at_it * DQuat::from_rotation_x(-self.above_rad)).normalize()
+    }
 }
 
 /// Where a camera looks.
@@ -88,11 +103,15 @@ impl Look {
             let problem = format!("not a key of this frame: it has {longitude} and {latitude}");
             return Err(Fault::new(*key, problem));
         }
-        let roll_rad = self.roll_deg.to_radians();
+        finite("above_deg", self.above_deg)?;
+        if self.above_deg.abs() > 180.0 {
+            return Err(Fault::new("above_deg", format!("{}: must be between -180 and 180", self.above_deg)));
+        }
+        let (roll_rad, above_rad) = (self.roll_deg.to_radians(), self.above_deg.to_radians());
         if let Some(body) = &self.at {
             return match given.first() {
                 Some((key, ..)) => Err(Fault::new(*key, "at is given too: give either a direction or at")),
-                None => Ok(Aim { frame, towards: Towards::Body(body.clone()), roll_rad }),
+                None => Ok(Aim { frame, towards: Towards::Body(body.clone()), roll_rad, above_rad }),
             };
         }
         let needed = |key: &str| {
@@ -107,7 +126,7 @@ impl Look {
             return Err(Fault::new(latitude, format!("{latitude_deg}: must be between -90 and 90")));
         }
         let towards = Towards::Direction([frame.longitude_rad(longitude_deg), latitude_deg.to_radians()]);
-        Ok(Aim { frame, towards, roll_rad })
+        Ok(Aim { frame, towards, roll_rad, above_rad })
     }
 }
 

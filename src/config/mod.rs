@@ -26,6 +26,7 @@ pub mod reference;
 mod scene;
 mod server;
 mod surroundings;
+mod time;
 mod view_settings;
 mod views;
 mod windows;
@@ -392,9 +393,9 @@ impl Config {
     fn build_overlay(&self) -> Result<Overlay, Fault> {
         let patterned = self.views.iter().filter(|view| view.test_pattern);
         let names = patterned.map(|view| view.name.clone()).collect();
-        let overlay = self.overlay.overlay(names).map_err(|fault| fault.within("overlay"))?;
+        let overlay = self.overlay.overlay(names, &self.folder).map_err(|fault| fault.within("overlay"))?;
         let checked = overlay.check_observer(self.scene.observer.is_some());
-        checked.map_err(|(index, problem)| Fault::new(format!("overlay.grids[{index}].kind"), problem))?;
+        checked.map_err(|(key, problem)| Fault::new(format!("overlay.{key}"), problem))?;
         Ok(overlay)
     }
 
@@ -589,9 +590,7 @@ pub(crate) fn check_place(of: Ephemeris, kernels: Option<&Kernels>, moment: &Mom
     match covered_s.filter(|[first, last]| !(*first..=*last).contains(&moment.tdb_s())) {
         None => Ok(()),
         Some(covered_s) => {
-            let written =
-                |tdb_s| scene::written_time(tdb_s).map_or_else(|| format!("{tdb_s} s"), |time| time.to_string());
-            let [first, last] = covered_s.map(written);
+            let [first, last] = covered_s.map(crate::calendar::written);
             Err(format!("{of}: scene.time is not among the times of its kernel: {first} to {last} (TDB)"))
         }
     }

@@ -99,7 +99,8 @@ pub(super) fn monitor(_: &mut SchemaGenerator) -> Schema {
 
 /// Schema of a date with time and offset.
 pub(super) fn time(_: &mut SchemaGenerator) -> Schema {
-    json_schema!({ "type": "string", "anyOf": [{ "format": "date-time" }, { "const": "now" }] })
+    let text = "^([+-]?[0-9]{4,6}-[0-9]{2}-[0-9]{2}T.*|(JD|jd) *-?[0-9]+([.][0-9]+)?)$";
+    json_schema!({ "type": "string", "anyOf": [{ "format": "date-time" }, { "const": "now" }, { "pattern": text }] })
 }
 
 /// The JSON Schema of a configuration, draft 7, without references.
@@ -342,6 +343,8 @@ fn type_of(schema: &Value) -> String {
             schema["minItems"].as_u64().map_or(format!("list of {of}"), |count| format!("{count} {of}"))
         }
         Some("object") => "table".to_owned(),
+        None if schema["format"] == json!("date-time") => "date and time".to_owned(),
+        None if schema.get("pattern").is_some() => "text".to_owned(),
         Some("string") if schema["format"] == json!("date-time") => "date and time".to_owned(),
         Some(name) => name.to_owned(),
         None => String::new(),

@@ -10,12 +10,12 @@ use schemars::JsonSchema;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
-use toml::value::{Date, Datetime, Offset, Time};
 use toml::{Table, Value};
 
 use super::error::Fault;
 use super::look::{Aim, Look};
 use super::observer::ObserverConfig;
+use super::time::WrittenTime;
 use crate::catalogue::galaxy::MOST_STARS;
 use crate::catalogue::healpix::{BrightnessUnit, LightMap};
 use crate::observer::{Frame, Observer};
@@ -29,9 +29,10 @@ use crate::units::J2000_UNIX_S;
 pub struct SceneConfig {
     /// Star catalogues, concatenated: `"builtin:bright"`, files (CSV, JSON or stores), `{ galaxy = { ... } }` for synthetic stars, or `{ light = { ... } }` for a map of light that does not come from single stars.
     pub catalogues: Vec<CatalogueConfig>,
-    /// Time shown, with its offset from UTC, or `"now"`: spins and ephemerides follow it. Days have 86,400 s; a 60th second is the first of the next minute.
+    /// Time shown, with its offset from UTC, or `"now"`: spins and ephemerides follow it. Days have 86,400 s; a 60th second is the first of the next minute. Dates are of the Gregorian calendar, also before 1582.
+    /// Text may have a signed year from `"-6000-01-01T00:00:00Z"` (year 0 is 1 BC) to `"+10000-12-31T23:59:59Z"`, end with ` julian` for a date of the Julian calendar, or be a Julian date: `"JD 2451545.0"`.
     #[schemars(schema_with = "super::reference::time")]
-    pub time: Datetime,
+    pub time: WrittenTime,
     /// Seconds of the scene per real second in `serve`, `show` and `xr`; negative: backwards. The default is 1 with `time = "now"`, otherwise 0.
     #[schemars(range(min = -SceneClock::MOST_RATE, max = SceneClock::MOST_RATE))]
     pub time_rate: f64,
@@ -67,19 +68,18 @@ pub(super) fn set_now(document: &mut Table, now: SystemTime) {
         return;
     }
     let unix_s = now.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs_f64();
-    if let Some(time) = written_time(unix_s - J2000_UNIX_S) {
-        scene.insert("time".to_owned(), Value::Datetime(time));
+    if let Some(time) = WrittenTime::new(unix_s - J2000_UNIX_S) {
+        scene.insert("time".to_owned(), time.to_value());
         scene.entry("time_rate").or_insert(Value::Float(1.0));
     }
 }
 
 /// 2026-01-01T00:00:00Z.
-fn default_time() -> Datetime {
-    Datetime {
-        date: Some(toml::value::Date { year: 2026, month: 1, day: 1 }),
-        time: Some(toml::value::Time { hour: 0, minute: 0, second: Some(0), nanosecond: None }),
-        offset: Some(toml::value::Offset::Z),
-    }
+const DEFAULT_TIME_S: f64 = 820_497_600.0;
+
+#[allow(clippy::expect_used, reason = "the moment is a constant, and a test reads it")]
+fn default_time() -> WrittenTime {
+    WrittenTime::new(DEFAULT_TIME_S).expect("a scene may have this time")
 }
 
 /// One entry of `catalogues`.
@@ -254,10 +254,6 @@ impl CameraConfig {
 impl SceneConfig {
     /// Checks the rules beyond types and ranges; a fault names the key below `scene`.
     pub(super) fn check(&self) -> Result<(), Fault> {
-        if self.time.date.is_none() || self.time.time.is_none() || self.time.offset.is_none() {
-            let problem = format!("{}: date, time and offset are needed, for instance 2026-01-01T00:00:00Z", self.time);
-            return Err(Fault::new("time", problem));
-        }
         if let Some(observer) = &self.observer {
             observer.check_surroundings().map_err(|fault| fault.within("observer"))?;
         }
@@ -271,16 +267,7 @@ impl SceneConfig {
     /// [`Self::time`] in s since 2000-01-01T12:00:00Z. Days have 86,400 s: leap seconds are left out, and a 60th second is
     /// the first of the next minute.
     pub fn time_s(&self) -> f64 {
-        let (date, time) = (self.time.date.unwrap_or(J2000.0), self.time.time.unwrap_or(J2000.1));
-        let days = days_since_1970(i64::from(date.year), i64::from(date.month), i64::from(date.day))
-            - days_since_1970(2000, 1, 1);
-        let offset_min = match self.time.offset {
-            Some(Offset::Custom { minutes }) => i64::from(minutes),
-            Some(Offset::Z) | None => 0,
-        };
-        let minutes = i64::from(time.hour) * 60 + i64::from(time.minute) - offset_min - 12 * 60;
-        let seconds = days * 86_400 + minutes * 60 + i64::from(time.second.unwrap_or(0));
-        seconds as f64 + f64::from(time.nanosecond.unwrap_or(0)) * 1e-9
+        self.time.time_s()
     }
 
     /// The direction of the camera, if it is given by a direction or a body; a fault names the key below `scene`.
@@ -299,96 +286,5 @@ impl SceneConfig {
     /// Whether the bodies of the Solar System are part of the scene.
     pub(super) fn has_solar_system(&self) -> bool {
         self.solar_system.unwrap_or(self.observer.is_some())
-    }
-}
-
-/// Values for a missing date or time, which [`SceneConfig::check`] refuses.
-const J2000: (Date, Time) =
-    (Date { year: 2000, month: 1, day: 1 }, Time { hour: 12, minute: 0, second: Some(0), nanosecond: None });
-
-/// Days from 1970-01-01 to a date of the Gregorian calendar, by eras of 400 years that begin in March (H. Hinnant,
-/// "chrono-Compatible Low-Level Date Algorithms").
-fn days_since_1970(year: i64, month: i64, day: i64) -> i64 {
-    let year = if month <= 2 { year - 1 } else { year };
-    let era = year.div_euclid(400);
-    let year_of_era = year.rem_euclid(400);
-    let day_of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
-    era * 146_097 + year_of_era * 365 + year_of_era / 4 - year_of_era / 100 + day_of_year - 719_468
-}
-
-/// The date of a number of days from 1970-01-01: the inverse.
-fn date_of(days: i64) -> [i64; 3] {
-    let from_march = days + 719_468;
-    let era = from_march.div_euclid(146_097);
-    let day_of_era = from_march.rem_euclid(146_097);
-    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let month = (5 * day_of_year + 2) / 153;
-    let (day, month) = (day_of_year - (153 * month + 2) / 5 + 1, if month < 10 { month + 3 } else { month - 9 });
-    [era * 400 + year_of_era + i64::from(month <= 2), month, day]
-}
-
-/// A moment, s since 2000-01-01T12:00:00Z, as it is written; `None` beyond the years 0 to 9999, which TOML has. Rounded to microseconds, about the
-/// resolution of a 64-bit float.
-pub(super) fn written_time(time_s: f64) -> Option<Datetime> {
-    const DAY_US: i64 = 86_400_000_000;
-    let since_noon_us = (time_s * 1e6).round();
-    if since_noon_us.is_nan() || since_noon_us.abs() > 1e18 {
-        return None;
-    }
-    let unix_us = since_noon_us as i64 + days_since_1970(2000, 1, 1) * DAY_US + DAY_US / 2;
-    let [year, month, day] = date_of(unix_us.div_euclid(DAY_US));
-    let of_day_us = unix_us.rem_euclid(DAY_US);
-    let seconds = of_day_us / 1_000_000;
-    let nanosecond = u32::try_from(of_day_us % 1_000_000 * 1000).ok().filter(|nanoseconds| *nanoseconds > 0);
-    let small = |value: i64| u8::try_from(value).ok();
-    Some(Datetime {
-        date: Some(Date {
-            year: u16::try_from(year).ok().filter(|year| *year <= 9999)?,
-            month: small(month)?,
-            day: small(day)?,
-        }),
-        time: Some(Time {
-            hour: small(seconds / 3600)?,
-            minute: small(seconds / 60 % 60)?,
-            second: small(seconds % 60),
-            nanosecond,
-        }),
-        offset: Some(Offset::Z),
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn times_count_from_noon_of_the_first_of_january_2000() {
-        // Unix times as `date -d` prints them, less 946,728,000.
-        for (text, unix_s) in [
-            ("2000-01-01T12:00:00Z", 946_728_000.0),
-            ("1970-01-01T00:00:00Z", 0.0),
-            ("2000-02-29T00:00:00Z", 951_782_400.0),
-            ("2026-01-01T00:00:00Z", 1_767_225_600.0),
-            ("2031-05-06T07:08:09.5+02:00", 1_935_810_489.5),
-            ("1900-03-01T00:00:00-01:30", -2_203_885_800.0),
-            ("2016-12-31T23:59:60Z", 1_483_228_800.0),
-        ] {
-            let scene = SceneConfig { time: text.parse().unwrap(), ..SceneConfig::default() };
-            assert_eq!(scene.time_s(), unix_s - 946_728_000.0, "{text}");
-        }
-    }
-
-    #[test]
-    fn written_times_are_read_as_the_same_moments() {
-        for time_s in [0.0, -1e9 + 0.25, 8.2e8 + 0.125, 5_097_600.0, 5_184_000.0, -6e10, 2.4e11] {
-            let time = written_time(time_s).unwrap();
-            let read = SceneConfig { time: time.to_string().parse().unwrap(), ..SceneConfig::default() };
-            assert_eq!(read.time_s(), time_s, "{time}");
-        }
-        assert_eq!(written_time(820_497_600.0).unwrap().to_string(), "2026-01-01T00:00:00Z");
-        for beyond_s in [-7e10, 2.6e11, f64::NAN, f64::INFINITY] {
-            assert_eq!(written_time(beyond_s), None, "{beyond_s}");
-        }
     }
 }

@@ -231,6 +231,7 @@ fn full_scene() -> proto::Scene {
         time: Some(Timestamp { seconds: 1_000_000_000, nanos: 5 }),
         asteroids: Some(proto::AsteroidSettings { impostor: "auto".to_owned(), quality: 1.0 }),
         overlay: Some(proto::Overlay {
+            cardinal_points: false,
             grids: vec![proto::Grid {
                 kind: "equatorial".to_owned(),
                 spacing_deg: Some(10.0),

@@ -140,7 +140,10 @@ impl Saved {
 
     /// Applies the saved values to a scene, whatever its revision. Logs the saved objects that no longer exist.
     pub(crate) fn applied(&self, scene: &SceneState, general: &RenderSettings) -> Result<SceneState, String> {
-        let mut all = ["stars", "time", "time_rate", "asteroids", "bodies", "asteroid_fields", "overlay"]
+        // Older versions have only the timestamp.
+        let is_exact = self.scene.as_ref().is_some_and(|scene| scene.time_j2000_s.is_some());
+        let time = if is_exact { "time_j2000_s" } else { "time" };
+        let mut all = ["stars", time, "time_rate", "asteroids", "bodies", "asteroid_fields", "overlay"]
             .map(str::to_owned)
             .to_vec();
         // Older formats have only the place, which no client could change.

@@ -9,6 +9,7 @@ use steradian::{
     plan::overlay::{
         OverlayInputs, OverlayPlan, OverlayPlanError, OverlayPlanner, Shape, arc::Arc as SkyArc, trace::Tracer,
     },
+    reference::overlay::draw::{OverlayTarget, draw},
     relativity::Motion,
     scene::{
         Camera, SceneObjects,
@@ -16,7 +17,7 @@ use steradian::{
     },
     view::{
         Fov, Rig, View, ViewKind, Viewport,
-        projection::{CubeFace, Equirectangular, Face, Fisheye, FisheyeMapping, Perspective, Projection},
+        projection::{CubeFace, Equirectangular, Face, Fisheye, FisheyeMapping, Perspective, Projection, pixel_centre},
     },
 };
 
@@ -307,6 +308,138 @@ fn an_equal_frame_reuses_the_plan_and_too_many_items_are_refused() {
     let names = vec!["sphere".to_owned(); 5];
     let refused = plan(&objects_of(vec![fine; 8]), &camera, &many, &names);
     assert_eq!(refused, Err(OverlayPlanError::TooMany));
+}
+
+/// A camera that looks north, level, over hills of 10 degrees in the east.
+const PLACE: &str = "[scene]\ntime = 2026-11-09T20:00:00Z\ncatalogues = []\n[scene.observer]\nlatitude_deg = 48\nlongitude_deg = 11\nazimuth_deg = 0\n\
+    [scene.observer.ground]\nhorizon_deg = [[0, 0], [80, 0], [85, 10], [95, 10], [100, 0]]\n\
+    [[views]]\nname = 'sky'\ntype = 'equirectangular'\nsize = [720, 360]\n";
+
+/// Middles of the glyphs of a configuration's overlay, columns and rows of half a degree; azimuth 0 is in the middle.
+fn glyphs(overlay: &str) -> Vec<DVec2> {
+    let config = Config::from_text(&format!("{PLACE}{overlay}"), "test.toml", Path::new("/sky"), &[]).unwrap();
+    let camera = config.camera().unwrap();
+    let viewports = config.rig().unwrap().viewports(camera.world_from_camera);
+    let objects = config.objects().unwrap();
+    let inputs =
+        OverlayInputs { objects: &objects, camera: &camera, viewports: &viewports, views: &["sky".to_owned()] };
+    let plan = OverlayPlanner::default().plan(&inputs).unwrap().unwrap();
+    let middle = |shape: &Shape| match shape {
+        Shape::Glyph { from, size, .. } => {
+            Some(DVec2::from_array(from.map(f64::from)) + DVec2::from_array(size.map(f64::from)) / 2.0)
+        }
+        _ => None,
+    };
+    plan.items.iter().filter_map(|item| middle(&item.shape)).collect()
+}
+
+fn lies(glyphs: &[DVec2], azimuth_deg: f64, altitude_deg: f64, within_px: f64) -> bool {
+    let column = (360.0 + 2.0 * azimuth_deg).rem_euclid(720.0);
+    let place = DVec2::new(column, 180.0 - 2.0 * altitude_deg);
+    glyphs.iter().any(|glyph| glyph.distance(place) < within_px)
+}
+
+#[test]
+fn cardinal_points_and_labels_by_azimuth_stand_above_the_ground() {
+    let compass = glyphs("[overlay]\ncardinal_points = true\n");
+    for (azimuth_deg, altitude_deg) in [(0.0, 4.0), (90.0, 14.0), (270.0, 4.0), (45.0, 4.0)] {
+        assert!(lies(&compass, azimuth_deg, altitude_deg, 12.0), "{azimuth_deg}: {compass:?}");
+        assert!(!lies(&compass, azimuth_deg, altitude_deg + 15.0, 12.0), "{azimuth_deg}");
+    }
+    // Eight points of one or two letters, each with an edge, and the south on both sides of the seam.
+    assert!((24..=26).contains(&compass.len()), "{}", compass.len());
+    // Not lifted by the air: its altitude is apparent. A label stands above and to the right of its place.
+    let label = glyphs("[[overlay.labels]]\nname = 'N'\nazimuth_deg = 20.0\naltitude_deg = 0.0\nsize_px = 6\n");
+    assert!(label.len() == 2 && lies(&label, 21.5, 1.5, 4.0), "{label:?}");
+    // Azimuths of the grid are above the hills.
+    let numbers = glyphs("[[overlay.grids]]\nkind = 'horizon'\nspacing_deg = 90\n");
+    assert!(lies(&numbers, 92.0, 14.0, 8.0) && !lies(&numbers, 92.0, 3.0, 8.0), "{numbers:?}");
+    for keys in
+        ["[overlay]\ncardinal_points = true", "[[overlay.labels]]\nname = 'N'\nazimuth_deg = 1\naltitude_deg = 2"]
+    {
+        refused(keys, &["overlay.", "the scene has no observer"]);
+    }
+}
+
+/// Codes at an azimuth and an altitude of [`PLACE`]'s picture with an overlay on black. The file `quarters.png` is 2 by 2 texels: red and green above blue
+/// and white.
+fn codes_at(overlay: &str, places: &[[f64; 2]]) -> Vec<[u8; 3]> {
+    let folder = tempfile::tempdir().unwrap();
+    let quarters = [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255]].concat();
+    let file = std::fs::File::create(folder.path().join("quarters.png")).unwrap();
+    let mut encoder = png::Encoder::new(file, 2, 2);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.write_header().unwrap().write_image_data(&quarters).unwrap();
+    let config = Config::from_text(&format!("{PLACE}{overlay}"), "test.toml", folder.path(), &[]).unwrap();
+    let camera = config.camera().unwrap();
+    let viewports = config.rig().unwrap().viewports(camera.world_from_camera);
+    let objects = config.objects().unwrap();
+    let inputs =
+        OverlayInputs { objects: &objects, camera: &camera, viewports: &viewports, views: &["sky".to_owned()] };
+    let plan = OverlayPlanner::default().plan(&inputs).unwrap().unwrap();
+    let mapping = viewports[0].projection.mapping();
+    let mut codes = vec![0; 4 * 720 * 360];
+    let mut target = OverlayTarget {
+        size: [720, 360],
+        codes: &mut codes,
+        contains: &|_, _| true,
+        direction: &|x, y| mapping.direction_from_pixel(pixel_centre(x, y)),
+        cover: &|_, _| None,
+    };
+    draw(&mut target, &plan.items, &plan.texels);
+    let at = |[azimuth_deg, altitude_deg]: &[f64; 2]| {
+        let column = (360.0 + 2.0 * azimuth_deg).rem_euclid(720.0) as usize;
+        let index = 4 * (720 * (180.0 - 2.0 * altitude_deg) as usize + column);
+        [0, 1, 2].map(|channel| codes[index + channel])
+    };
+    places.iter().map(at).collect()
+}
+
+#[test]
+fn pictures_have_their_place_width_and_direction() {
+    let [red, green, blue, white, nothing] = [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255], [0, 0, 0]];
+    let picture =
+        "[[overlay.pictures]]\nname = 'p'\nfile = 'quarters.png'\nwidth_deg = 40\nazimuth_deg = 0\naltitude_deg = 20\n";
+    // The middles of the texels are at a quarter of the width, on a tangent plane.
+    let quarter = (0.25 * 2.0 * 20_f64.to_radians().tan()).atan().to_degrees();
+    let around = |[x, y]: [f64; 2]| [x / 20_f64.to_radians().cos(), 20.0 + y];
+    let places = [[-quarter, quarter], [quarter, quarter], [-quarter, -quarter], [quarter, -quarter]].map(around);
+    let near = |found: [u8; 3], expected: [u8; 3]| found.iter().zip(expected).all(|(a, b)| a.abs_diff(b) < 95);
+    let check = |overlay: &str, places: &[[f64; 2]], expected: &[[u8; 3]]| {
+        let found = codes_at(overlay, places);
+        for ((place, found), expected) in places.iter().zip(&found).zip(expected) {
+            assert!(near(*found, *expected), "{overlay} {place:?}: {found:?} instead of {expected:?}");
+        }
+    };
+    check(picture, &places, &[red, green, blue, white]);
+    // Its edges are half a degree inside and outside of half its width; a texel beyond fades.
+    check(picture, &[[-32.0, 20.0], [32.0, 20.0], [0.0, 52.0], [0.0, -12.0]], &[nothing; 4]);
+    // The top turns to the left, on both sides of the seam, and under the zenith.
+    check(&format!("{picture}roll_deg = 90\n"), &places, &[green, white, red, blue]);
+    let south = picture.replace("azimuth_deg = 0", "azimuth_deg = 180");
+    check(&south, &places.map(|[azimuth, altitude]| [azimuth + 180.0, altitude]), &[red, green, blue, white]);
+    // Right ascension rises to the left: the north celestial pole is up, at an altitude of 48 degrees in the north.
+    let config = Config::from_text(PLACE, "test.toml", Path::new("/sky"), &[]).unwrap();
+    let camera = config.camera().unwrap();
+    let south = camera.world_from_camera * direction_from_camera(180.0, 40.0);
+    let [ra_deg, dec_deg] = [south.y.atan2(south.x), south.z.asin()].map(f64::to_degrees);
+    let sky = format!(
+        "[[overlay.pictures]]\nname = 'p'\nfile = 'quarters.png'\nwidth_deg = 40\nra_deg = {ra_deg}\ndec_deg = {dec_deg}\n"
+    );
+    check(&sky, &[[166.0, 49.0], [194.0, 49.0], [168.0, 31.0], [192.0, 31.0]], &[red, green, blue, white]);
+    let opaque = codes_at(picture, &places[..1])[0][0];
+    let faint = codes_at(&format!("{picture}opacity = 0.25\n"), &places[..1])[0][0];
+    // A quarter of the light of 255 is code 137.
+    assert!(opaque > 240 && faint.abs_diff(137) < 4, "{opaque} {faint}");
+    refused(picture, &["overlay.pictures[0].file", "quarters.png"]);
+    refused(&picture.replace("40", "151"), &["overlay.pictures[0].width_deg", "between 0.01 and 150"]);
+    refused(&picture.replace("azimuth_deg = 0", "ra_deg = 0"), &["overlay.pictures[0].ra_deg", "exactly one"]);
+}
+
+/// A direction in the axes of a level camera that looks north.
+fn direction_from_camera(azimuth_deg: f64, altitude_deg: f64) -> DVec3 {
+    let [azimuth, altitude] = [azimuth_deg, altitude_deg].map(f64::to_radians);
+    DVec3::new(azimuth.sin() * altitude.cos(), altitude.sin(), -azimuth.cos() * altitude.cos())
 }
 
 fn refused(text: &str, parts: &[&str]) {

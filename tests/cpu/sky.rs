@@ -71,6 +71,11 @@ fn an_observer_has_the_solar_system_and_looks_along_the_horizon() {
         assert!((altitude_rad(ahead) - altitude_rad(to_moon) - lift).abs() < 5e-6, "{ahead} {to_moon}");
         assert!(ahead.cross(to_moon).dot(axes * DVec3::Y).abs() < 1e-12, "{ahead} {to_moon}");
     }
+    // A dome shows it 30 degrees above its front rim.
+    let at_moon = config(&text("look = { at = 'moon' }\n")).camera().unwrap().world_from_camera;
+    let raised = config(&text("look = { at = 'moon', above_deg = 30 }\n")).camera().unwrap().world_from_camera;
+    let seen = raised.inverse() * (at_moon * DVec3::NEG_Z);
+    assert!((seen - DVec3::new(0.0, 0.5, -(0.75_f64.sqrt()))).length() < 1e-12, "{seen}");
     let galactic = config(&text("look = { frame = 'galactic', longitude_deg = 0, latitude_deg = 0 }\n"));
     let centre = galactic.camera().unwrap().world_from_camera * DVec3::NEG_Z;
     close(centre, steradian::coordinates::icrs_from_galactic() * DVec3::X);
@@ -120,6 +125,7 @@ fn errors_name_the_key_and_valid_values() {
             &["camera.look", "at most one"],
         ),
         ("[scene]\ntime = 'soon'\n".to_owned(), &["scene.time"]),
+        (on("look = { at = 'moon', above_deg = 181 }\n"), &["scene.observer.look.above_deg", "between -180 and 180"]),
         ("[scene]\ntime_rate = 1e9\n".to_owned(), &["scene.time_rate", "between -320000000 and 320000000"]),
         (
             "[[bodies]]\nname = 'm'\npreset = 'mars'\nephemeris = 'mars'\nposition_m = [1, 2, 3]\n".to_owned(),

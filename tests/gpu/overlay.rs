@@ -20,11 +20,11 @@ use steradian::{
     scene::{
         Camera, SceneObjects, SceneSnapshot,
         bodies::{Body, SolarBody},
-        overlay::{Anchor, Colour, Grid, GridKind, Label, LineStyle, Overlay, Trajectory},
+        overlay::{Anchor, Colour, Grid, GridKind, Label, LineStyle, Overlay, Picture, PictureLevels, Trajectory},
     },
     view::{
         Fov, Rig, View, ViewKind,
-        projection::{Face, FisheyeMapping},
+        projection::{Face, FisheyeMapping, pixel_centre},
     },
 };
 
@@ -84,6 +84,31 @@ fn style(colour: [u8; 3], width_px: f64, opacity: f64) -> LineStyle {
     LineStyle { colour: Colour(colour), width_px, opacity }
 }
 
+/// A large translucent picture and a fine one that is rolled, of an odd size.
+fn pictures() -> Vec<Picture> {
+    let smooth = |size: [u32; 2]| {
+        let texel = |index: u32| {
+            let (x, y) = (f64::from(index % size[0]), f64::from(index / size[0]));
+            let wave = |angle: f64| (128.0 + 100.0 * angle.sin()) as u8;
+            [wave(0.1 * x), wave(0.07 * y), wave(0.05 * (x + y)), wave(0.04 * (x - y))]
+        };
+        std::sync::Arc::new(PictureLevels::new(size, (0..size[0] * size[1]).map(texel).collect()))
+    };
+    let picture = |name: &str, size: [u32; 2], direction: DVec3, width_rad: f64, roll_rad: f64| Picture {
+        name: name.to_owned(),
+        levels: smooth(size),
+        anchor: Anchor::Direction(direction.normalize()),
+        width_rad,
+        roll_rad,
+        opacity: 0.8,
+    };
+    vec![
+        picture("wide", [64, 40], DVec3::new(0.2, -0.3, -0.9), 2.0, 0.0),
+        picture("fine", [301, 211], DVec3::new(0.7, 0.6, -0.3), 0.5, 0.7),
+        picture("seam", [40, 40], DVec3::new(0.1, -0.1, 1.0), 0.8, -1.0),
+    ]
+}
+
 fn everything() -> Overlay {
     let label = |index: usize, direction: DVec3| Label {
         name: format!("l{index}"),
@@ -95,6 +120,8 @@ fn everything() -> Overlay {
     };
     let points_m = (0..60).map(|i| f64::from(i) * 0.2).map(|t| DVec3::new(3.0 * t.cos(), 3.0 * t.sin(), t - 6.0));
     Overlay {
+        pictures: pictures(),
+        cardinal_points: false,
         grids: vec![
             Grid { kind: GridKind::Equatorial, divisions: 6, numbers: true, style: style([80, 130, 190], 1.5, 0.7) },
             Grid { kind: GridKind::Galactic, divisions: 3, numbers: false, style: style([190, 90, 90], 3.0, 0.4) },
@@ -116,7 +143,14 @@ fn twin(plan: &OverlayPlan, rig: &Rig, scene: &SceneSnapshot, index: usize, belo
     let mut codes = below.display.clone().unwrap();
     let contains = |x, y| viewport.projection.mapping().contains(x, y);
     let cover = |_, _| -> Option<Cover> { None };
-    let mut target = OverlayTarget { size: viewport.size(), codes: &mut codes, contains: &contains, cover: &cover };
+    let direction = |x, y| viewport.projection.mapping().direction_from_pixel(pixel_centre(x, y));
+    let mut target = OverlayTarget {
+        size: viewport.size(),
+        codes: &mut codes,
+        contains: &contains,
+        direction: &direction,
+        cover: &cover,
+    };
     draw(&mut target, plan.items_of(index), &plan.texels);
     codes
 }

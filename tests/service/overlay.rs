@@ -40,6 +40,8 @@ async fn frames_show_an_overlay_that_is_changed_in_parts() {
     let mut client = daemon.client().await;
     assert!(client.scene().await.unwrap().overlay.is_empty());
     let mut expected = Overlay {
+        cardinal_points: false,
+        pictures: Vec::new(),
         grids: vec![grid(6)],
         trajectories: vec![way("a"), way("b")],
         labels: vec![label("here", "α")],

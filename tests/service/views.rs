@@ -115,7 +115,10 @@ async fn refused_changes_keep_the_last_valid_state() {
     let frame = client.render_frame("flat", Encoding::Rgba8).await.unwrap();
     assert_eq!(frame.scene_revision, 9);
     let framed = daemon.controls.framed.lock().unwrap().last().unwrap().clone();
-    assert_eq!(framed.1.exposure.auto_or_default().meter, Meter::LimitingMagnitude { limiting_magnitude: 8.0 });
+    assert_eq!(
+        framed.1.exposure.auto_or_default().meter,
+        Meter::LimitingMagnitude { limiting_magnitude: 8.0, reference_arcmin: None }
+    );
     daemon.shutdown().await.unwrap();
 }
 

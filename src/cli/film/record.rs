@@ -115,7 +115,10 @@ pub fn run(arguments: &RecordArguments) -> Result<(), CliError> {
     for keyframe in &path.keyframes {
         text.push('\n');
         text.push_str(&keyframe.text().ok_or_else(|| {
-            CliError::Record(format!("frame {}: the displayed time is outside the years 0 to 9999", keyframe.frame))
+            CliError::Record(format!(
+                "frame {}: the displayed time is outside the years -6000 to 10000",
+                keyframe.frame
+            ))
         })?);
     }
     files::write_whole(out, text.as_bytes()).map_err(|source| CliError::WriteFile { path: out.clone(), source })?;

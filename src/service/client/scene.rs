@@ -15,7 +15,7 @@ use crate::{
         },
         wire::{
             camera,
-            objects::{body_from_pb, field_from_pb, time_from_pb},
+            objects::{body_from_pb, field_from_pb, time_from_j2000, time_from_pb},
             observer::observer_from_pb,
             overlay::overlay_from_pb,
             scene,
@@ -69,7 +69,9 @@ impl TryFrom<proto::Scene> for SceneForm {
             magnitude_limit: stars.magnitude_limit,
             bodies: bodies.map_err(|_| lacks("bodies"))?,
             asteroid_fields: fields.map_err(|_| lacks("asteroid_fields"))?,
-            time_s: time_from_pb(scene.time).map_err(|_| lacks("time"))?,
+            time_s: time_from_j2000(scene.time_j2000_s)
+                .or_else(|_| time_from_pb(scene.time))
+                .map_err(|_| lacks("time"))?,
             time_rate: scene.time_rate,
             impostor: asteroids.impostor,
             quality: asteroids.quality,

@@ -41,7 +41,7 @@ use crate::{
         view_settings::FrameGroup,
     },
     render::{FrameRequest, SkyMapUse, Wanted},
-    scene::{SceneClock, SceneSnapshot, SeenStars},
+    scene::{EndNotice, SceneClock, SceneSnapshot, SeenStars},
     service::{
         SPANS,
         frames::{
@@ -160,6 +160,7 @@ fn spawn_with(
         last_kind: (0, false),
         map_place_pc: HashMap::new(),
         in_flight: VecDeque::new(),
+        end_notice: EndNotice::default(),
         forecast,
         last_drawn: Instant::now(),
         auditor,
@@ -232,6 +233,8 @@ struct Worker {
     map_place_pc: HashMap<usize, DVec3>,
     /// Frames in flight, oldest first.
     in_flight: VecDeque<InFlight>,
+    /// Tells when the scene's time stops at a limit.
+    end_notice: EndNotice,
     forecast: Forecast,
     /// Time at which the device finished the last frame.
     last_drawn: Instant,
@@ -462,6 +465,7 @@ impl Worker {
         let scene = state.scene.newest.clone();
         // Time at which frames that begin now are finished.
         let seen = SystemTime::now() + self.forecast.frame();
+        self.end_notice.look(&scene.clock, seen);
         let moves = state.camera.path.moves().map(|moves| moves.duration_since(seen).unwrap_or_default());
         let is_moving = moves == Some(Duration::ZERO);
         if is_moving && state.queue.subscribers.is_empty() && state.queue.requests.is_empty() {

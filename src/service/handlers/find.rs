@@ -117,8 +117,13 @@ pub(crate) fn turned(look: &proto::Look, scene: &SceneSnapshot) -> Result<(DQuat
     let Some(icrs_from_frame) = scene.objects.icrs_from(frame) else {
         return Err(prefixed("frame: SKY_FRAME_HORIZON: the scene has no observer".to_owned()));
     };
-    let proto::Look { longitude_deg, latitude_deg, roll_deg, .. } = *look;
-    for (key, value) in [("longitude_deg", longitude_deg), ("latitude_deg", latitude_deg), ("roll_deg", roll_deg)] {
+    let proto::Look { longitude_deg, latitude_deg, roll_deg, above_deg, .. } = *look;
+    for (key, value) in [
+        ("longitude_deg", longitude_deg),
+        ("latitude_deg", latitude_deg),
+        ("roll_deg", roll_deg),
+        ("above_deg", above_deg),
+    ] {
         if !value.is_finite() {
             return Err(prefixed(format!("{key} = {value}: must be a finite number")));
         }
@@ -142,7 +147,8 @@ pub(crate) fn turned(look: &proto::Look, scene: &SceneSnapshot) -> Result<(DQuat
         }
         lon_lat_from_direction(icrs_from_frame.transpose() * direction)
     };
-    let from_camera = frame_from_camera(longitude_rad, latitude_rad, roll_deg.to_radians());
+    let at_it = frame_from_camera(longitude_rad, latitude_rad, roll_deg.to_radians());
+    let from_camera = at_it * DQuat::from_rotation_x(-above_deg.to_radians());
     Ok(((DQuat::from_mat3(&icrs_from_frame) * from_camera).normalize(), frame))
 }
 
@@ -213,12 +219,16 @@ mod tests {
         assert_eq!(frame, Frame::Horizon);
         assert!((east * DVec3::NEG_Z - standpoint.icrs_from_horizon * DVec3::X).length() < 1e-12);
         assert!((east * DVec3::Y - standpoint.icrs_from_horizon * DVec3::Y).length() < 1e-12, "the zenith is up");
+        let raised = proto::Look { frame: horizon, longitude_deg: 90.0, above_deg: 30.0, ..Default::default() };
+        let ahead = look(raised).unwrap().0.inverse() * (standpoint.icrs_from_horizon * DVec3::X);
+        assert!((ahead - DVec3::new(0.0, 0.5, -(0.75_f64.sqrt()))).length() < 1e-12, "30 degrees up: {ahead}");
         let (mars, _) = look(proto::Look { at: "Mars".to_owned(), ..Default::default() }).unwrap();
         assert!((mars * DVec3::NEG_Z).angle_between(standpoint.apparent_m(SolarBody::Mars)) < 1e-7);
         for (wrong, part) in [
             (proto::Look { frame: 9, ..Default::default() }, "look.frame"),
             (proto::Look { latitude_deg: 91.0, ..Default::default() }, "between -90 and 90"),
             (proto::Look { roll_deg: f64::NAN, ..Default::default() }, "look.roll_deg"),
+            (proto::Look { above_deg: f64::NAN, ..Default::default() }, "look.above_deg"),
             (proto::Look { at: "Mars".to_owned(), latitude_deg: 1.0, ..Default::default() }, "exactly one"),
             (proto::Look { at: "x".repeat(65), ..Default::default() }, "64"),
             (proto::Look { at: "nowhere".to_owned(), ..Default::default() }, "no constellation `nowhere`"),

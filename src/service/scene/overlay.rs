@@ -17,6 +17,8 @@ pub struct OverlayChange {
     pub trajectories: Change<Trajectory>,
     /// Labels.
     pub labels: Change<Label>,
+    /// Whether the points of the compass are written.
+    pub cardinal_points: Option<bool>,
     /// Names of all views that show a test pattern.
     pub test_patterns: Option<Vec<String>>,
 }
@@ -28,6 +30,7 @@ impl OverlayChange {
             grids: Some(overlay.grids),
             trajectories: Change::All(overlay.trajectories),
             labels: Change::All(overlay.labels),
+            cardinal_points: Some(overlay.cardinal_points),
             test_patterns: Some(overlay.test_patterns),
         }
     }
@@ -37,6 +40,7 @@ impl OverlayChange {
         self.grids.is_none()
             && self.trajectories.is_nothing()
             && self.labels.is_nothing()
+            && self.cardinal_points.is_none()
             && self.test_patterns.is_none()
     }
 
@@ -50,14 +54,17 @@ impl OverlayChange {
 
     fn applied(&self, overlay: &Overlay) -> Result<Overlay, String> {
         let applied = Overlay {
+            // Only configurations have pictures.
+            pictures: overlay.pictures.clone(),
             grids: self.grids.clone().unwrap_or_else(|| overlay.grids.clone()),
             trajectories: self.trajectories.applied(&overlay.trajectories, "overlay.trajectories", |one| &one.name)?,
             labels: self.labels.applied(&overlay.labels, "overlay.labels", |one| &one.name)?,
+            cardinal_points: self.cardinal_points.unwrap_or(overlay.cardinal_points),
             test_patterns: self.test_patterns.clone().unwrap_or_else(|| overlay.test_patterns.clone()),
         };
         applied.check().map_err(|wrong| {
             let name = match wrong.list {
-                Lists::Grids => None,
+                Lists::Grids | Lists::Pictures => None,
                 Lists::Trajectories => applied.trajectories.get(wrong.index).map(|one| &one.name),
                 Lists::Labels => applied.labels.get(wrong.index).map(|one| &one.name),
             };
@@ -78,7 +85,7 @@ impl Objects {
         }
         let overlay = Arc::new(change.applied(&self.drawn.overlay)?);
         let checked = overlay.check_observer(self.drawn.observer.is_some());
-        checked.map_err(|(index, problem)| format!("overlay.grids.{index}.kind: {problem}"))?;
+        checked.map_err(|(key, problem)| format!("overlay.{key}: {problem}"))?;
         self.drawn = Arc::new(SceneObjects { overlay, ..(*self.drawn).clone() });
         Ok(self)
     }

@@ -51,7 +51,7 @@ pub struct SceneUpdate {
     pub star_method: Option<StarMethod>,
     /// Limiting magnitude, finite.
     pub magnitude_limit: Option<f64>,
-    /// Time of the scene, s since 2000-01-01T12:00:00Z, in the years 1 to 9999.
+    /// Time of the scene, s since 2000-01-01T12:00:00Z, as [`calendar::check`](crate::calendar::check) accepts it.
     pub time_s: Option<f64>,
     /// Seconds of scene time per second of real time, at most [`SceneClock::MOST_RATE`] in either direction.
     pub time_rate: Option<f64>,

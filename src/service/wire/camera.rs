@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use super::objects::{time_from_pb, time_to_pb};
+use super::objects::{time_from_j2000, time_from_pb, time_to_pb};
 use crate::{
     observer::Frame,
     scene::{Camera, PoseError},
@@ -41,7 +41,8 @@ pub(crate) fn camera_to_pb(camera: &Camera) -> proto::Camera {
         revision: camera.revision,
         holder: String::new(),
         frame: sky_frame_to_pb(camera.frame).into(),
-        scene_time: camera.frame.turns().then(|| time_to_pb(camera.as_of_s)),
+        scene_time: camera.frame.turns().then(|| time_to_pb(camera.as_of_s)).flatten(),
+        scene_time_j2000_s: camera.frame.turns().then_some(camera.as_of_s),
     }
 }
 
@@ -137,9 +138,11 @@ pub(crate) fn camera_from_pb(camera: proto::Camera) -> Result<Camera, CameraMess
         camera.velocity_c.map(vector_from_pb).ok_or_else(|| lacks("velocity_c"))?,
     )?;
     let frame = sky_frame_from_pb(camera.frame).map_err(|_| lacks("frame"))?.unwrap_or_default();
-    let as_of_s = match camera.scene_time {
-        Some(time) => time_from_pb(Some(time)).map_err(|_| lacks("scene_time"))?,
-        None => 0.0,
+    // Cameras that were saved by an older version have only the timestamp.
+    let as_of_s = match (camera.scene_time_j2000_s, camera.scene_time) {
+        (Some(time_s), _) => time_from_j2000(Some(time_s)).map_err(|_| lacks("scene_time_j2000_s"))?,
+        (None, Some(time)) => time_from_pb(Some(time)).map_err(|_| lacks("scene_time"))?,
+        (None, None) => 0.0,
     };
     Ok(Camera { frame, as_of_s, revision: camera.revision, ..plain })
 }

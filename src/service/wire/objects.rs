@@ -6,6 +6,7 @@ use prost_types::Timestamp;
 
 use super::camera::{quaternion_from_pb, vector_from_pb, vector_to_pb};
 use crate::{
+    calendar,
     scene::{
         asteroids::{FieldParameters, FieldSpec, Placement, ShapeSource},
         bodies::{Body, Emission, Ephemeris, ReflectionLaw, SolarBody, Spin, Surface, check_name},
@@ -21,19 +22,29 @@ use crate::{
 /// Unix times of the first and last second of the years 1 to 9999, the range of a timestamp.
 const TIMESTAMPS_S: std::ops::RangeInclusive<i64> = -62_135_596_800..=253_402_300_799;
 
-/// Converts a time in s since 2000-01-01T12:00:00Z, rounded to the microsecond, which is the precision of f64 here.
-pub(crate) fn time_to_pb(time_s: f64) -> Timestamp {
+/// Converts a time in s since 2000-01-01T12:00:00Z, rounded to the microsecond, which is the precision of f64 here. `None`: a timestamp cannot
+/// carry its year.
+pub(crate) fn time_to_pb(time_s: f64) -> Option<Timestamp> {
     let unix_us = ((time_s + J2000_UNIX_S) * 1e6).round() as i64;
-    Timestamp { seconds: unix_us.div_euclid(1_000_000), nanos: (unix_us.rem_euclid(1_000_000) * 1000) as i32 }
+    let timestamp =
+        Timestamp { seconds: unix_us.div_euclid(1_000_000), nanos: (unix_us.rem_euclid(1_000_000) * 1000) as i32 };
+    Some(timestamp).filter(|timestamp| TIMESTAMPS_S.contains(&timestamp.seconds))
 }
 
 pub(crate) fn time_from_pb(time: Option<Timestamp>) -> Result<f64, String> {
     let time = time.ok_or("time: named by update_mask, but missing")?;
     if !TIMESTAMPS_S.contains(&time.seconds) || !(0..1_000_000_000).contains(&time.nanos) {
-        let allowed = "must be in the years 1 to 9999, with 0 to 999999999 nanoseconds";
+        let allowed =
+            "a timestamp has the years 1 to 9999, with 0 to 999999999 nanoseconds; use time_j2000_s for others";
         return Err(format!("time = {} s and {} ns: {allowed}", time.seconds, time.nanos));
     }
     Ok((time.seconds - J2000_UNIX_S as i64) as f64 + f64::from(time.nanos) * 1e-9)
+}
+
+/// Reads a time in s since 2000-01-01T12:00:00Z.
+pub(crate) fn time_from_j2000(time_s: Option<f64>) -> Result<f64, String> {
+    let time_s = time_s.ok_or("time_j2000_s: named by update_mask, but missing")?;
+    calendar::check(time_s).map_err(|problem| format!("time_j2000_s = {time_s:?}: {problem}"))
 }
 
 fn rgb_to_pb([red, green, blue]: [f64; 3]) -> proto::Rgb {
@@ -320,9 +331,15 @@ mod tests {
             assert_eq!(FieldSpec { orientation: field.orientation, ..back }, field);
         }
         for time_s in [0.0, 820_497_600.25, -3e9 + 0.5, 1e11] {
-            assert!((time_from_pb(Some(time_to_pb(time_s))).unwrap() - time_s).abs() <= 1e-6, "{time_s}");
+            assert!((time_from_pb(time_to_pb(time_s)).unwrap() - time_s).abs() <= 1e-6, "{time_s}");
         }
-        assert_eq!(time_to_pb(0.0), Timestamp { seconds: 946_728_000, nanos: 0 });
+        assert_eq!(time_to_pb(0.0), Some(Timestamp { seconds: 946_728_000, nanos: 0 }));
+        // The first and the last second that a timestamp carries, and their neighbours.
+        let [first_s, last_s] = [-63_082_324_800.0, 252_455_572_799.0];
+        for time_s in [first_s, last_s] {
+            assert_eq!(time_from_pb(time_to_pb(time_s)), Ok(time_s));
+        }
+        assert_eq!([first_s - 1.0, last_s + 1.0].map(time_to_pb), [None, None]);
     }
 
     #[test]
@@ -344,6 +361,8 @@ mod tests {
         let with = |body: proto::Body| proto::Scene { bodies: vec![body], ..Default::default() };
         let field = |field: proto::AsteroidField| proto::Scene { asteroid_fields: vec![field], ..Default::default() };
         let time_at = |seconds, nanos| proto::Scene { time: Some(Timestamp { seconds, nanos }), ..Default::default() };
+        let j2000 = |time_s| proto::Scene { time_j2000_s: Some(time_s), ..Default::default() };
+        assert_eq!(update(j2000(-8.1e10), &["time_j2000_s"]).unwrap().time_s, Some(-8.1e10));
         let settings = |impostor: &str, quality| proto::Scene {
             asteroids: Some(proto::AsteroidSettings { impostor: impostor.to_owned(), quality }),
             ..Default::default()
@@ -368,7 +387,11 @@ mod tests {
                 &["asteroid_fields.swarm", "radius_m is missing"],
             ),
             (proto::Scene::default(), &["time"], &["time", "missing"]),
-            (time_at(-62_135_596_801, 0), &["time"], &["years 1 to 9999"]),
+            (time_at(-62_135_596_801, 0), &["time"], &["years 1 to 9999", "time_j2000_s"]),
+            (proto::Scene::default(), &["time_j2000_s"], &["time_j2000_s", "missing"]),
+            (j2000(-3e11), &["time_j2000_s"], &["time_j2000_s = -300000000000.0", "years -6000 to 10000"]),
+            (j2000(f64::NAN), &["time_j2000_s"], &["years -6000 to 10000"]),
+            (proto::Scene { time_j2000_s: Some(1.0), ..time_at(0, 0) }, &["time", "time_j2000_s"], &["only one"]),
             (time_at(0, -1), &["time"], &["nanoseconds"]),
             (settings("sprite", 1.0), &["asteroids"], &["sprite", "octahedral_blend"]),
             (settings("none", 0.0), &["asteroids.quality"], &["asteroids.quality = 0", "between 0.1 and 10"]),

@@ -84,6 +84,10 @@ fn label_to_pb(label: &Label) -> proto::Label {
         anchor: Some(match label.anchor {
             Anchor::Direction(direction) => Wire::Direction(vector_to_pb(direction)),
             Anchor::Point(point_m) => Wire::PositionM(vector_to_pb(point_m)),
+            Anchor::Horizon([azimuth_rad, altitude_rad]) => Wire::Horizon(proto::HorizonPoint {
+                azimuth_deg: azimuth_rad.to_degrees(),
+                altitude_deg: altitude_rad.to_degrees(),
+            }),
         }),
         colour: Some(label.colour.to_hex()),
         size_px: Some(label.size_px),
@@ -94,11 +98,12 @@ fn label_to_pb(label: &Label) -> proto::Label {
 /// Reads a label without checking ranges.
 fn label_from_pb(label: proto::Label) -> Result<Label, String> {
     use proto::label::Anchor as Wire;
-    let anchor = match label.anchor.ok_or("direction or position_m is missing")? {
+    let anchor = match label.anchor.ok_or("direction, position_m or horizon is missing")? {
         Wire::Direction(direction) => {
             Label::direction(DVec3::from_array(vector_from_pb(direction))).map_err(|error| error.to_string())?
         }
         Wire::PositionM(point) => Anchor::Point(DVec3::from_array(vector_from_pb(point))),
+        Wire::Horizon(place) => Anchor::Horizon([place.azimuth_deg, place.altitude_deg].map(f64::to_radians)),
     };
     Ok(Label {
         text: if label.text.is_empty() { label.name.clone() } else { label.text },
@@ -115,6 +120,7 @@ pub(crate) fn overlay_to_pb(overlay: &Overlay) -> proto::Overlay {
         grids: overlay.grids.iter().map(grid_to_pb).collect(),
         trajectories: overlay.trajectories.iter().map(trajectory_to_pb).collect(),
         labels: overlay.labels.iter().map(label_to_pb).collect(),
+        cardinal_points: overlay.cardinal_points,
         test_patterns: overlay.test_patterns.clone(),
     }
 }
@@ -127,9 +133,11 @@ fn grids_from_pb(grids: Vec<proto::Grid>) -> Result<Vec<Grid>, String> {
 /// Reads an overlay without checking ranges.
 pub(crate) fn overlay_from_pb(overlay: proto::Overlay) -> Result<Overlay, String> {
     Ok(Overlay {
+        pictures: Vec::new(),
         grids: grids_from_pb(overlay.grids)?,
         trajectories: overlay.trajectories.into_iter().map(trajectory_from_pb).collect::<Result<_, _>>()?,
         labels: overlay.labels.into_iter().map(label_from_pb).collect::<Result<_, _>>()?,
+        cardinal_points: overlay.cardinal_points,
         test_patterns: overlay.test_patterns,
     })
 }
@@ -147,7 +155,7 @@ pub(crate) fn add_overlay_change(
         if !change.is_nothing() {
             return Err("update_mask: `overlay` names the whole overlay: use either it, or parts below it".to_owned());
         }
-        for part in [".grids", ".trajectories", ".labels", ".test_patterns"] {
+        for part in [".grids", ".trajectories", ".labels", ".cardinal_points", ".test_patterns"] {
             add_overlay_change(change, part, Some(given))?;
         }
         return Ok(true);
@@ -162,6 +170,10 @@ pub(crate) fn add_overlay_change(
         add_change(&mut change.labels, key, rest, labels, |one| &one.name, label_from_pb)?;
     } else if rest == ".grids" {
         if change.grids.replace(grids_from_pb(given.grids.clone())?).is_some() {
+            return twice();
+        }
+    } else if rest == ".cardinal_points" {
+        if change.cardinal_points.replace(given.cardinal_points).is_some() {
             return twice();
         }
     } else if rest == ".test_patterns" {
@@ -180,10 +192,12 @@ pub(crate) fn overlay_change_to_pb(change: &OverlayChange) -> (Vec<String>, prot
     let (label_paths, labels) = change_to_pb(&change.labels, "overlay.labels", label_to_pb);
     paths.extend(label_paths);
     paths.extend(change.grids.is_some().then(|| "overlay.grids".to_owned()));
+    paths.extend(change.cardinal_points.is_some().then(|| "overlay.cardinal_points".to_owned()));
     paths.extend(change.test_patterns.is_some().then(|| "overlay.test_patterns".to_owned()));
     let grids = change.grids.iter().flatten().map(grid_to_pb).collect();
     let test_patterns = change.test_patterns.clone().unwrap_or_default();
-    (paths, proto::Overlay { grids, trajectories, labels, test_patterns })
+    let cardinal_points = change.cardinal_points.unwrap_or_default();
+    (paths, proto::Overlay { grids, trajectories, labels, test_patterns, cardinal_points })
 }
 
 #[cfg(test)]
@@ -195,7 +209,8 @@ mod tests {
     }
 
     fn overlay() -> Overlay {
-        let anchors = [Anchor::Direction(DVec3::Y), Anchor::Point(DVec3::new(1.0, -2.0, 3e11))];
+        let anchors =
+            [Anchor::Direction(DVec3::Y), Anchor::Point(DVec3::new(1.0, -2.0, 3e11)), Anchor::Horizon([0.25, -0.5])];
         let label = |(index, anchor): (usize, Anchor)| Label {
             name: format!("l{index}"),
             text: "α Cen".to_owned(),
@@ -205,6 +220,7 @@ mod tests {
             opacity: 0.5,
         };
         Overlay {
+            pictures: Vec::new(),
             grids: GridKind::ALL
                 .map(|kind| {
                     let divisions = if kind == GridKind::Constellations { 6 } else { 7 };
@@ -217,6 +233,7 @@ mod tests {
                 style: style(),
             }],
             labels: anchors.into_iter().enumerate().map(label).collect(),
+            cardinal_points: true,
             test_patterns: vec!["dome".to_owned()],
         }
     }

@@ -4,7 +4,8 @@ use std::time::SystemTime;
 
 use super::{
     objects::{
-        add_change, body_from_pb, body_to_pb, change_to_pb, field_from_pb, field_to_pb, time_from_pb, time_to_pb,
+        add_change, body_from_pb, body_to_pb, change_to_pb, field_from_pb, field_to_pb, time_from_j2000, time_from_pb,
+        time_to_pb,
     },
     observer::{add_observer_change, observer_change_to_pb, observer_to_pb},
     overlay::{add_overlay_change, overlay_change_to_pb, overlay_to_pb},
@@ -32,7 +33,8 @@ pub(crate) fn scene_to_pb(scene: &SceneState, catalogues: &[SceneCatalogue]) -> 
         }),
         bodies: scene.objects.body_forms(time_s).iter().map(body_to_pb).collect(),
         asteroid_fields: scene.objects.field_specs().iter().map(field_to_pb).collect(),
-        time: Some(time_to_pb(time_s)),
+        time: time_to_pb(time_s),
+        time_j2000_s: Some(time_s),
         time_rate: scene.clock.rate,
         time_told: Some(now.into()),
         observer: scene.objects.observer().map(observer_to_pb),
@@ -65,10 +67,10 @@ const MOST_PATHS: usize = 1024;
 
 /// Reads the fields that the mask names; the error states the problem and the valid values.
 pub(crate) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Result<SceneUpdate, String> {
-    const ALLOWED: &str = "allowed are stars, stars.method, stars.magnitude_limit, time, time_rate, asteroids, \
+    const ALLOWED: &str = "allowed are stars, stars.method, stars.magnitude_limit, time, time_j2000_s, time_rate, asteroids, \
                            asteroids.impostor, asteroids.quality, bodies, bodies.NAME, asteroid_fields, asteroid_fields.NAME, overlay, \
                            overlay.grids, overlay.trajectories, overlay.trajectories.NAME, overlay.labels, \
-                           overlay.labels.NAME, overlay.test_patterns, observer and observer.KEY";
+                           overlay.labels.NAME, overlay.cardinal_points, overlay.test_patterns, observer and observer.KEY";
     let paths = request.update_mask.as_ref().map_or(&[][..], |mask| &mask.paths);
     if paths.is_empty() {
         return Err(format!("update_mask names no field: {ALLOWED}"));
@@ -100,7 +102,7 @@ pub(crate) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Resul
             continue;
         }
         let names = |whole: &str, part: &str| path == whole || path.strip_prefix(whole) == Some(part);
-        let known = ["stars", "stars.method", "stars.magnitude_limit", "time", "time_rate"];
+        let known = ["stars", "stars.method", "stars.magnitude_limit", "time", "time_j2000_s", "time_rate"];
         let known = known.into_iter().chain(["asteroids", "asteroids.impostor", "asteroids.quality"]);
         if matches!(path.as_str(), "revision" | "catalogues") {
             return Err(format!("update_mask: `{path}` cannot be changed: {ALLOWED}"));
@@ -120,8 +122,14 @@ pub(crate) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Resul
             }
             update.magnitude_limit = Some(stars.magnitude_limit);
         }
-        if path == "time" {
-            update.time_s = Some(time_from_pb(scene.time)?);
+        if path == "time" || path == "time_j2000_s" {
+            let is_other = |other: &String| other != path && (other == "time" || other == "time_j2000_s");
+            if paths.iter().any(is_other) {
+                return Err("update_mask: time and time_j2000_s are the same: name only one of them".to_owned());
+            }
+            let stamped = path == "time";
+            let time_s = if stamped { time_from_pb(scene.time)? } else { time_from_j2000(scene.time_j2000_s)? };
+            update.time_s = Some(time_s);
         }
         if path == "time_rate" {
             let most = SceneClock::MOST_RATE;
@@ -147,7 +155,7 @@ pub(crate) fn scene_update_to_pb(update: &SceneUpdate, expected_revision: Option
     let named = [
         update.star_method.is_some().then_some("stars.method"),
         update.magnitude_limit.is_some().then_some("stars.magnitude_limit"),
-        update.time_s.is_some().then_some("time"),
+        update.time_s.map(|time_s| if time_to_pb(time_s).is_some() { "time" } else { "time_j2000_s" }),
         update.time_rate.is_some().then_some("time_rate"),
         update.impostor.is_some().then_some("asteroids.impostor"),
         update.quality.is_some().then_some("asteroids.quality"),
@@ -165,7 +173,8 @@ pub(crate) fn scene_update_to_pb(update: &SceneUpdate, expected_revision: Option
         }),
         bodies,
         asteroid_fields,
-        time: update.time_s.map(time_to_pb),
+        time: update.time_s.and_then(time_to_pb),
+        time_j2000_s: update.time_s,
         time_rate: update.time_rate.unwrap_or_default(),
         asteroids: Some(proto::AsteroidSettings {
             impostor: update.impostor.map(|method| method.name().to_owned()).unwrap_or_default(),

@@ -153,7 +153,18 @@ fn scene_time_camera_and_catalogues() {
     assert_eq!(camera.position_m, glam::DVec3::new(1.0, 2.5, -3e20));
     assert_eq!(camera.velocity_c, glam::DVec3::new(0.0, 0.5, -0.25));
     assert!((camera.world_from_camera.length() - 1.0).abs() < 1e-15, "normalised");
-    assert_eq!(config.scene.time.offset.unwrap().to_string(), "+02:00");
+    assert_eq!(config.scene.time.to_string(), "2031-05-06T07:08:09.5+02:00");
+    for (set, jd) in [
+        ("scene.time=-0567-07-04T12:00:00Z julian", 1_514_146.0),
+        ("scene.time=+10000-01-01T00:00:00Z", 5_373_484.5),
+        ("scene.time=JD 2451545.25", 2_451_545.25),
+        ("scene.time=\"JD 2451545.25\"", 2_451_545.25),
+    ] {
+        let config = parse_with("", &[set]).unwrap();
+        assert_eq!(config.scene.time_s(), (jd - 2_451_545.0) * 86_400.0, "{set}");
+        // What was used can be used again.
+        assert_eq!(parse(&config.pictured).unwrap().scene.time_s(), config.scene.time_s(), "{}", config.pictured);
+    }
 }
 
 #[test]
@@ -186,7 +197,9 @@ fn mistakes_in_the_scene() {
     );
     refused("[scene]\ncatalogues = [{ nebula = { } }]", &["scene.catalogues[0].nebula", "unknown key", "galaxy"]);
     refused("[scene]\ntime = 2026-01-01", &["scene.time", "offset", "2026-01-01T00:00:00Z"]);
-    refused("[scene]\ntime = 'noon'", &["scene.time"]);
+    refused("[scene]\ntime = 'noon'", &["scene.time", "must be a date with time and offset", "JD 2451545.0"]);
+    refused("[scene]\ntime = '2026-02-30T00:00:00Z'", &["scene.time", "day 30", "01 to 28"]);
+    refused("[scene]\ntime = '-6001-01-01T00:00:00Z'", &["scene.time", "years -6000 to 10000"]);
     refused("[scene.camera]\nposition_m = [nan, 0, 0]", &["scene.camera.position_m", "finite"]);
     refused("[scene.camera]\nposition_m = [0, 0]", &["scene.camera.position_m", "invalid length 2"]);
     refused("[scene.camera]\norientation = [0, 0, 0, 1.01]", &["scene.camera.orientation", "unit quaternion"]);
@@ -413,7 +426,10 @@ fn errors_of_exposure_keys_without_effect_name_the_required_setting() {
     let config = parse("").unwrap();
     assert_eq!(config.exposure, ExposureSettings::default());
     let limiting_magnitude = 6.5;
-    assert_eq!(config.exposure.auto_or_default().meter, Meter::LimitingMagnitude { limiting_magnitude });
+    assert_eq!(
+        config.exposure.auto_or_default().meter,
+        Meter::LimitingMagnitude { limiting_magnitude, reference_arcmin: None }
+    );
     let auto = "compensation_ev = 1\nmin_ev100 = -9\nmax_ev100 = 9\nadaptation_s = 1\n";
     let taken = [
         format!("mode = 'auto'\nlimiting_magnitude = 5\n{auto}"),

@@ -309,3 +309,46 @@ fn adaptation_to_the_sun_and_back_is_monotonic() {
     }
     assert!(runs[0][39] > runs[0][0] + 15.0, "the Sun is far brighter than the stars");
 }
+
+/// Median of the codes of G over the sky within 30 degrees of the zenith, in a dome of a size.
+fn zenith_code(size: u32, time: &str, reference_arcmin: f64) -> u8 {
+    let (scene, rig, settings) = configured(
+        "tonight.toml",
+        &[
+            "scene.catalogues=[\"builtin:bright\"]",
+            &format!("scene.time={time}"),
+            &format!("views=[{{ name = \"dome\", type = \"dome_master\", size = [{size}, {size}] }}]"),
+            &format!("exposure.reference_pixel_arcmin={reference_arcmin}"),
+        ],
+    );
+    let wanted = Wanted { display: true, ..Wanted::default() };
+    let frame = renderer().render(FrameRequest::new(&scene, &rig).settings(&settings).wanted(wanted)).unwrap();
+    let codes = frame.images[0].display.as_ref().unwrap();
+    let half = f64::from(size) / 2.0;
+    let is_near = |index: &usize| {
+        let (x, y) = ((index % size as usize) as f64 + 0.5 - half, (index / size as usize) as f64 + 0.5 - half);
+        x.hypot(y) < half / 3.0
+    };
+    let mut green: Vec<u8> = (0..(size * size) as usize).filter(is_near).map(|index| codes[4 * index + 1]).collect();
+    green.sort_unstable();
+    green[green.len() / 2]
+}
+
+#[test]
+fn a_small_dome_has_the_sky_of_the_large_one_and_its_zenith_darkens_after_dusk() {
+    // The pixels of a dome of 1024 pixels.
+    let reference_arcmin = 9.57;
+    let mut last = u8::MAX;
+    for time in ["16:10", "16:40", "17:00", "17:20", "18:00", "20:00"].map(|time| format!("2026-11-09T{time}:00Z")) {
+        let codes = [128, 256, 512, 1024].map(|size| zenith_code(size, &time, reference_arcmin));
+        let own = [128, 512].map(|size| zenith_code(size, &time, 0.0));
+        println!("{time}: {codes:?} with the pixels of the large dome, {own:?} with their own");
+        let (least, most) = (codes.iter().min().unwrap(), codes.iter().max().unwrap());
+        assert!(most - least <= 2, "{time}: {codes:?}");
+        assert!(codes[3] <= last.saturating_add(1), "{time}: {codes:?} after {last}");
+        last = codes[3];
+        if time.contains("T20") {
+            assert!(own[0] > codes[0] + 20 && own[0] > own[1] + 10, "{own:?}");
+        }
+    }
+}

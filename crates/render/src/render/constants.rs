@@ -209,6 +209,7 @@ shared_constants! {
         SHAPE_BOX: u32 = 1;
         SHAPE_CHECKERS: u32 = 2;
         SHAPE_GLYPH: u32 = 3;
+        SHAPE_PICTURE: u32 = 4;
         /// Inverse distance of shapes that no surface hides, 1/m.
         NEAREST: f32 = 3e38;
     }

@@ -1,11 +1,15 @@
 //! The clock of a scene, which may run.
 
-use std::time::{Duration, SystemTime};
+use std::{
+    sync::atomic::{AtomicBool, Ordering},
+    time::{Duration, SystemTime},
+};
 
 use glam::DQuat;
 
 use super::{Camera, SceneSnapshot};
 use crate::{
+    calendar::{self, MOMENTS_S},
     observer::{Frame, Observer},
     scene::SceneObjects,
     units::EARTH_ROTATION_RAD_S,
@@ -15,8 +19,6 @@ use crate::{
 const STEP_RAD: f64 = 1e-5;
 /// Shortest and longest step, s.
 const STEPS_S: [f64; 2] = [1.0 / 60.0, 1.0];
-/// The first and the last valid moment, s since 2000-01-01T12:00:00Z: the years 1 to 9999.
-const MOMENTS_S: [f64; 2] = [-6.306_3e10, 2.524_5e11];
 
 /// A moment that advances at a rate, in steps too short to be visible.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,19 +57,51 @@ impl SceneClock {
             return 0;
         }
         // The clock does not advance before it was set.
-        (now.duration_since(self.since).unwrap_or_default().as_secs_f64() / self.step_s()) as u64
+        let gone = (now.duration_since(self.since).unwrap_or_default().as_secs_f64() / self.step_s()) as u64;
+        gone.min(self.last_step())
     }
 
-    /// Time until the next step; `None` if the clock is stopped.
+    /// Index of the step at which a running clock reaches the first or the last moment.
+    fn last_step(&self) -> u64 {
+        let [first, last] = MOMENTS_S;
+        let left_s = if self.rate < 0.0 { self.time_s - first } else { last - self.time_s };
+        (left_s / (self.rate.abs() * self.step_s())).ceil() as u64
+    }
+
+    /// The first or last moment in words, if the clock runs and has reached it.
+    pub fn end(&self, now: SystemTime) -> Option<String> {
+        let is_there = self.rate != 0.0 && self.step(now) == self.last_step();
+        is_there.then(|| calendar::written(self.time_s(now)))
+    }
+
+    /// Time until the next step; `None` if the clock is stopped or has reached the first or the last moment.
     pub fn next_step(&self, now: SystemTime) -> Option<Duration> {
         let next_s = (self.step(now) + 1) as f64 * self.step_s();
         let gone = now.duration_since(self.since).unwrap_or_default();
-        (self.rate != 0.0).then(|| Duration::from_secs_f64(next_s).saturating_sub(gone))
+        let runs = self.rate != 0.0 && self.step(now) < self.last_step();
+        runs.then(|| Duration::from_secs_f64(next_s).saturating_sub(gone))
     }
 
     fn step_s(&self) -> f64 {
         let [shortest, longest] = STEPS_S;
         (STEP_RAD / (EARTH_ROTATION_RAD_S * self.rate.abs())).clamp(shortest, longest)
+    }
+}
+
+/// Tells once in the log that a running clock has reached the first or the last moment.
+#[derive(Debug, Default)]
+pub struct EndNotice {
+    told: AtomicBool,
+}
+
+impl EndNotice {
+    /// Looks at a clock at a real time.
+    pub fn look(&self, clock: &SceneClock, now: SystemTime) {
+        let end = clock.end(now);
+        let told = self.told.swap(end.is_some(), Ordering::Relaxed);
+        if let Some(end) = end.filter(|_| !told) {
+            tracing::warn!("the scene's time stops at {end}, where the range of its ephemerides ends");
+        }
     }
 }
 
@@ -135,6 +169,21 @@ mod tests {
         }
         let fast = SceneClock::running(0.0, SceneClock::MOST_RATE, start);
         assert_eq!(fast.time_s(after(1e6)), MOMENTS_S[1]);
+        // 14 s and 25 s from the limits: the years 1 and 9999 are far from them.
+        for (time_s, rate, limit_s, end) in [
+            (MOMENTS_S[0] + 14.0, -1.0, MOMENTS_S[0], "-6000-01-01T00:00:00Z"),
+            (MOMENTS_S[1] - 25.0, 2.0, MOMENTS_S[1], "+10001-01-01T00:00:00Z"),
+        ] {
+            let clock = SceneClock::running(time_s, rate, start);
+            assert_eq!((clock.end(after(11.0)), clock.next_step(after(11.0)).is_some()), (None, true));
+            assert_eq!(clock.time_s(after(16.0)), limit_s);
+            assert_eq!((clock.end(after(16.0)).as_deref(), clock.next_step(after(16.0))), (Some(end), None));
+            assert_eq!(clock.step(after(16.0)), clock.step(after(1e5)));
+            assert_eq!(SceneClock::stopped(limit_s).end(after(16.0)), None);
+        }
+        for first_year_s in [-63_082_281_600.0, 252_455_572_799.0] {
+            assert_eq!(SceneClock::stopped(first_year_s).time_s(start), first_year_s);
+        }
     }
 
     #[test]

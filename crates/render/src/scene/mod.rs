@@ -14,7 +14,11 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-pub use self::{clock::SceneClock, objects::SceneObjects, seen_stars::SeenStars};
+pub use self::{
+    clock::{EndNotice, SceneClock},
+    objects::SceneObjects,
+    seen_stars::SeenStars,
+};
 use crate::{catalogue::chunks::StarSet, observer::Frame, relativity::MAX_SPEED_C};
 
 /// Reasons why a pose is refused.

@@ -5,6 +5,7 @@
 
 mod check;
 mod font;
+mod picture;
 
 use glam::DVec3;
 use schemars::JsonSchema;
@@ -12,10 +13,11 @@ use serde::{Deserialize, Serialize};
 
 pub use self::{
     check::{
-        LONGEST_TEXT, Lists, MOST_DIVISIONS, MOST_GRIDS, MOST_LABELS, MOST_POINTS, MOST_TRAJECTORIES, OverlayError,
-        SIZES_PX, WIDTHS_PX,
+        LONGEST_TEXT, Lists, MOST_DIVISIONS, MOST_GRIDS, MOST_LABELS, MOST_PICTURES, MOST_POINTS, MOST_TRAJECTORIES,
+        OverlayError, PICTURE_WIDTHS_DEG, SIZES_PX, WIDTHS_PX,
     },
     font::{font, missing_character},
+    picture::{Level, MOST_PICTURE_TEXELS, Picture, PictureLevels},
 };
 
 /// A display colour: sRGB codes of red, green and blue.
@@ -153,6 +155,8 @@ pub enum Anchor {
     Direction(DVec3),
     /// A point: ICRS, barycentric, m.
     Point(DVec3),
+    /// A direction of the scene's observer, who must exist: azimuth from north through east, and apparent altitude, rad.
+    Horizon([f64; 2]),
 }
 
 /// Text next to a direction or a point.
@@ -182,34 +186,58 @@ impl Label {
 /// Everything drawn over the display images of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Overlay {
+    /// Pictures, drawn first. Only configurations have them.
+    pub pictures: Vec<Picture>,
     /// Grids; later ones are drawn over earlier ones.
     pub grids: Vec<Grid>,
     /// Trajectories, drawn over grids.
     pub trajectories: Vec<Trajectory>,
     /// Labels, drawn over lines.
     pub labels: Vec<Label>,
+    /// Whether N, NE, E and so on are written above the ground of the scene's observer, who must exist.
+    pub cardinal_points: bool,
     /// Names of the views that show a test pattern, drawn over everything.
     pub test_patterns: Vec<String>,
 }
 
 impl Overlay {
-    /// Checks that there is an observer if a grid needs one.
+    /// Whether a part is drawn in the axes of the observer's horizon.
+    pub fn shows_horizon(&self) -> bool {
+        self.needs_observer().is_some()
+    }
+
+    /// Key of the first part that needs an observer.
+    fn needs_observer(&self) -> Option<String> {
+        let grid = self.grids.iter().position(|grid| grid.kind == GridKind::Horizon);
+        let label = self.labels.iter().position(|label| matches!(label.anchor, Anchor::Horizon(_)));
+        let cardinal_points = || self.cardinal_points.then(|| "cardinal_points".to_owned());
+        let label = || label.map(|index| format!("labels[{index}].azimuth_deg"));
+        let picture = self.pictures.iter().position(|picture| matches!(picture.anchor, Anchor::Horizon(_)));
+        let picture = || picture.map(|index| format!("pictures[{index}].azimuth_deg"));
+        grid.map(|index| format!("grids[{index}].kind")).or_else(label).or_else(picture).or_else(cardinal_points)
+    }
+
+    /// Checks that there is an observer if a part needs one.
     ///
     /// # Errors
     ///
-    /// A grid needs an observer, and `has_observer` is false: index of the grid and the problem.
-    pub fn check_observer(&self, has_observer: bool) -> Result<(), (usize, String)> {
-        let needs_observer = self.grids.iter().position(|grid| grid.kind == GridKind::Horizon);
-        match needs_observer.filter(|_| !has_observer) {
-            Some(index) => {
-                Err((index, "horizon: the scene has no observer; use `altitude` for the camera's own axes".to_owned()))
-            }
-            None => Ok(()),
-        }
+    /// A part needs an observer, and `has_observer` is false: its key below `overlay` and the problem.
+    pub fn check_observer(&self, has_observer: bool) -> Result<(), (String, String)> {
+        let Some(key) = self.needs_observer().filter(|_| !has_observer) else { return Ok(()) };
+        let problem = match key.starts_with("grids") {
+            true => "horizon: the scene has no observer; use `altitude` for the camera's own axes",
+            false => "the scene has no observer, whose horizon this needs: add [scene.observer]",
+        };
+        Err((key, problem.to_owned()))
     }
 
     /// Whether nothing is drawn.
     pub fn is_empty(&self) -> bool {
-        self.grids.is_empty() && self.trajectories.is_empty() && self.labels.is_empty() && self.test_patterns.is_empty()
+        self.grids.is_empty()
+            && self.trajectories.is_empty()
+            && self.labels.is_empty()
+            && self.test_patterns.is_empty()
+            && !self.cardinal_points
+            && self.pictures.is_empty()
     }
 }

@@ -30,7 +30,10 @@ fn views_inherit_keys_missing_from_their_tables() {
     let config = parse_with(&text, &["views.a.exposure.mode=manual", "views.b.exposure.limiting_magnitude=7"]).unwrap();
     let views = config.view_settings().unwrap();
     assert_eq!(views[0].exposure.mode(), ExposureMode::Manual);
-    assert_eq!(views[1].exposure.auto_or_default().meter, Meter::LimitingMagnitude { limiting_magnitude: 7.0 });
+    assert_eq!(
+        views[1].exposure.auto_or_default().meter,
+        Meter::LimitingMagnitude { limiting_magnitude: 7.0, reference_arcmin: None }
+    );
 }
 
 #[test]
@@ -46,7 +49,7 @@ fn views_of_a_group_share_one_exposure() {
     );
     for text in [two(five, ""), two("", five), two(five, same)] {
         let views = parse(&text).unwrap().view_settings().unwrap();
-        let limit = |limiting_magnitude| Meter::LimitingMagnitude { limiting_magnitude };
+        let limit = |limiting_magnitude| Meter::LimitingMagnitude { limiting_magnitude, reference_arcmin: None };
         assert_eq!([0, 1].map(|view| views[view].exposure.auto_or_default().meter), [limit(5.0); 2], "{text}");
         assert_eq!([0, 1].map(|view| views[view].group.clone()), [0, 1].map(|_| ExposureGroup::Named("g".to_owned())));
         assert_eq!(views[2].group, ExposureGroup::Named("h".to_owned()));

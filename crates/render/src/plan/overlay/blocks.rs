@@ -78,7 +78,7 @@ fn touched(shape: &Shape, [columns, rows]: [u32; 2], visit: &mut dyn FnMut(usize
                 run(row, ends[0].min(ends[1]) - reach, ends[0].max(ends[1]) + reach);
             }
         }
-        Shape::Box { from, to, .. } => boxed(from, to, rows, &mut run),
+        Shape::Box { from, to, .. } | Shape::Picture { from, to, .. } => boxed(from, to, rows, &mut run),
         Shape::Glyph { from, size, .. } => {
             boxed(from, [from[0] + size[0] as i32, from[1] + size[1] as i32], rows, &mut run);
         }

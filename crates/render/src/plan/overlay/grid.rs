@@ -7,13 +7,17 @@ use glam::{DMat3, DVec3};
 use super::{
     AT_INFINITY, Drawing, Eye, Ink, OverlayPlanError,
     arc::Arc,
+    ground_altitude_rad,
     text::{Place, Run},
 };
 use crate::{
     catalogue::constellations::{Border, borders, icrs_from_b1875, middles},
     coordinates::icrs_from_galactic,
     ephemeris::icrs_from_ecliptic,
-    scene::overlay::{Grid, GridKind},
+    scene::{
+        SceneObjects,
+        overlay::{Grid, GridKind},
+    },
 };
 
 /// Height of the numbers, pixels.
@@ -81,7 +85,12 @@ fn border_arc(axes: &DMat3, Border { ra_rad: [from, to], dec_rad: [south, north]
 }
 
 /// Draws the numbers of the circles.
-pub(super) fn draw_numbers(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid) -> Result<(), OverlayPlanError> {
+pub(super) fn draw_numbers(
+    drawing: &mut Drawing<'_>,
+    eye: &Eye<'_>,
+    grid: &Grid,
+    objects: &SceneObjects,
+) -> Result<(), OverlayPlanError> {
     if !grid.numbers {
         return Ok(());
     }
@@ -108,7 +117,9 @@ pub(super) fn draw_numbers(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid
     // Longitudes along the equator, latitudes along four meridians.
     for index in 0..4 * divisions {
         let longitude = index as f64 * step;
-        number(&longitude_text(grid.kind, longitude), direction(&axes, longitude, 0.0))?;
+        // Azimuths are written where the ground does not hide them.
+        let ground = if grid.kind == GridKind::Horizon { ground_altitude_rad(objects, longitude) } else { 0.0 };
+        number(&longitude_text(grid.kind, longitude), direction(&axes, longitude, ground))?;
     }
     for quarter in 0..4 {
         for index in (1 - divisions..divisions).filter(|index| *index != 0) {

@@ -13,6 +13,7 @@ pub mod blocks;
 mod grid;
 mod labels;
 mod pattern;
+pub mod pictures;
 mod technique;
 pub mod text;
 pub mod trace;
@@ -27,13 +28,14 @@ use self::{
     trace::Tracer,
 };
 use crate::{
+    coordinates::direction_from_lon_lat,
     observer::{Frame, Refraction},
     relativity::Motion,
     scene::{
         Camera, SceneObjects,
         bodies::Body,
-        overlay::{Colour, GridKind, LineStyle, Overlay},
-        surroundings::BEYOND_AIR_M,
+        overlay::{Colour, LineStyle, Overlay},
+        surroundings::{BEYOND_AIR_M, Surroundings},
     },
     view::Viewport,
 };
@@ -103,6 +105,17 @@ pub enum Shape {
         /// Inverse distance, 1/m.
         nearness: f64,
     },
+    /// Pixels that a part of a picture may cover.
+    Picture {
+        /// First column and row.
+        from: [i32; 2],
+        /// One past the last column and row.
+        to: [i32; 2],
+        /// Where its header begins ([`pictures::HEADER_WORDS`]): 32-bit words of [`OverlayPlan::texels`].
+        header: u32,
+        /// Inverse distance, 1/m.
+        nearness: f64,
+    },
 }
 
 /// An item.
@@ -123,7 +136,7 @@ pub struct OverlayPlan {
     pub items: Vec<Item>,
     /// First item of each viewport, and finally the number of items.
     pub first_items: Vec<usize>,
-    /// Coverage of the pixels of glyphs, 0 to 255.
+    /// Coverage of the pixels of glyphs, 0 to 255, and headers and texels of pictures.
     pub texels: Vec<u8>,
     /// Blocks of pixels with items, viewport by viewport.
     pub blocks: Vec<Block>,
@@ -173,12 +186,14 @@ struct LastPlan {
     views: Vec<String>,
     /// Time of the scene, if the plan depends on it.
     horizon_s: Option<f64>,
+    /// The ground, above which text is written.
+    surroundings: Option<Arc<Surroundings>>,
     plan: Arc<OverlayPlan>,
 }
 
-/// Time of objects with a horizon grid or with refracting air, which turn with the Earth.
+/// Time of objects with parts in the horizon's axes or with refracting air, which turn with the Earth.
 fn horizon_s(objects: &SceneObjects) -> Option<f64> {
-    let has_grid = objects.overlay.grids.iter().any(|grid| grid.kind == GridKind::Horizon);
+    let has_grid = objects.overlay.shows_horizon();
     let bends = objects.surroundings.as_ref().is_some_and(|around| around.refraction.is_some());
     (has_grid || bends).then_some(objects.time_s)
 }
@@ -195,6 +210,7 @@ impl LastPlan {
             && self.viewports == inputs.viewports
             && self.views == inputs.views
             && self.horizon_s == horizon_s(inputs.objects)
+            && self.surroundings == inputs.objects.surroundings
     }
 }
 
@@ -221,6 +237,7 @@ impl OverlayPlanner {
             viewports: inputs.viewports.to_vec(),
             views: inputs.views.to_vec(),
             horizon_s: horizon_s(inputs.objects),
+            surroundings: inputs.objects.surroundings.clone(),
             plan: Arc::clone(&plan),
         });
         Ok(Some(plan))
@@ -232,10 +249,14 @@ impl OverlayPlanner {
         drawing.glyphs.begin();
         let horizon = horizon_of(inputs.objects);
         let refraction = inputs.objects.refraction(inputs.camera.position_m);
+        let mut first_texels = pictures::FirstTexels::new();
         let mut first_items = Vec::with_capacity(inputs.viewports.len() + 1);
         for viewport in inputs.viewports {
             first_items.push(drawing.items.len());
             let eye = Eye::new(inputs.camera, viewport, (horizon, refraction));
+            for picture in &overlay.pictures {
+                pictures::draw(&mut drawing, &mut first_texels, &eye, picture)?;
+            }
             for grid in &overlay.grids {
                 grid::draw(&mut drawing, &eye, grid)?;
             }
@@ -246,8 +267,9 @@ impl OverlayPlanner {
                 drawing.lines(&eye, &trajectory.style, arcs, bent)?;
             }
             for grid in &overlay.grids {
-                grid::draw_numbers(&mut drawing, &eye, grid)?;
+                grid::draw_numbers(&mut drawing, &eye, grid, inputs.objects)?;
             }
+            labels::draw_cardinal_points(&mut drawing, &eye, inputs.objects)?;
             labels::draw(&mut drawing, &eye, inputs.objects)?;
             let name = inputs.views.get(viewport.view);
             if let Some(name) = name.filter(|name| overlay.test_patterns.contains(name)) {
@@ -277,11 +299,19 @@ struct Eye<'a> {
     horizon: Option<DMat3>,
 }
 
-/// North, east and zenith of the observer, if a grid shows them.
+/// North, east and zenith of the observer, if a part of the overlay shows them.
 fn horizon_of(objects: &SceneObjects) -> Option<DMat3> {
-    objects.overlay.grids.iter().find(|grid| grid.kind == GridKind::Horizon)?;
+    if !objects.overlay.shows_horizon() {
+        return None;
+    }
     let icrs_from_horizon = objects.icrs_from(Frame::Horizon)?;
     Some(DMat3::from_cols(icrs_from_horizon.x_axis, -icrs_from_horizon.y_axis, icrs_from_horizon.z_axis))
+}
+
+/// Altitude below which the ground of the objects hides an azimuth, rad; at least 0.
+fn ground_altitude_rad(objects: &SceneObjects, azimuth_rad: f64) -> f64 {
+    let ground = objects.surroundings.as_ref().and_then(|around| around.ground.as_ref());
+    ground.map_or(0.0, |ground| ground.horizon.altitude_rad(azimuth_rad)).max(0.0)
 }
 
 impl<'a> Eye<'a> {
@@ -315,6 +345,12 @@ impl<'a> Eye<'a> {
         self.view_from_world * seen
     }
 
+    /// Apparent direction of an azimuth and an apparent altitude of the observer, rad, in view axes; `None` without an observer.
+    fn towards_horizon(&self, [azimuth_rad, altitude_rad]: [f64; 2]) -> Option<DVec3> {
+        let direction = direction_from_lon_lat(azimuth_rad, altitude_rad);
+        self.horizon.map(|axes| self.apparent_without_air(axes * direction))
+    }
+
     /// A straight line between two points; `None` if the eye is on the line, so that it is not visible.
     fn straight_line(&self, from_m: DVec3, to_m: DVec3) -> Option<arc::Arc> {
         arc::Arc::straight_line(from_m - self.position_m, to_m - self.position_m)
@@ -330,6 +366,11 @@ struct Drawing<'a> {
 }
 
 impl Drawing<'_> {
+    /// Makes the number of texels a multiple of 32-bit words.
+    fn align_texels(&mut self) {
+        self.texels.resize(self.texels.len().next_multiple_of(4), 0);
+    }
+
     /// Begins a new stroke.
     fn next_stroke(&mut self) {
         self.stroke += 1;

@@ -29,7 +29,7 @@ gpu_structs! {
         stroke: u32,
         /// One of `SHAPE_...`.
         shape: u32,
-        /// Glyph: index of the coverage of its first pixel, bytes.
+        /// Glyph: index of the coverage of its first pixel, bytes. Picture: index of its header, 32-bit words.
         first_texel: u32,
     }
     /// A block of pixels of a tile.

@@ -117,6 +117,12 @@ fn encode_item(item: &Item) -> layout::OverlayItem {
             encoded.first_texel = first_texel;
             encoded.shape = constants::SHAPE_GLYPH;
         }
+        Shape::Picture { from, to, header, nearness } => {
+            (encoded.begin, encoded.end) = corners(from, to);
+            encoded.nearness = [near(nearness); 2];
+            encoded.first_texel = header;
+            encoded.shape = constants::SHAPE_PICTURE;
+        }
     }
     encoded
 }

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{Anchor, Grid, Label, LineStyle, Overlay, Trajectory, missing_character};
+use super::{Anchor, Grid, Label, LineStyle, MOST_PICTURE_TEXELS, Overlay, Picture, Trajectory, missing_character};
 use crate::scene::bodies::{BodyError, check_names, check_position};
 
 /// Maximum number of grids.
@@ -22,6 +22,11 @@ pub const WIDTHS_PX: [f64; 2] = [1.0, 32.0];
 /// Smallest and largest font, pixels.
 pub const SIZES_PX: [f64; 2] = [6.0, 200.0];
 
+/// Maximum number of pictures.
+pub const MOST_PICTURES: usize = 16;
+/// Least and greatest width of a picture, degrees: a plane cannot show half of the sky.
+pub const PICTURE_WIDTHS_DEG: [f64; 2] = [0.01, 150.0];
+
 /// The lists of an overlay.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lists {
@@ -31,6 +36,8 @@ pub enum Lists {
     Trajectories,
     /// Labels.
     Labels,
+    /// Pictures.
+    Pictures,
 }
 
 impl Lists {
@@ -40,6 +47,7 @@ impl Lists {
             Self::Grids => "grids",
             Self::Trajectories => "trajectories",
             Self::Labels => "labels",
+            Self::Pictures => "pictures",
         }
     }
 }
@@ -110,15 +118,7 @@ impl Label {
                 format!("{:?}: the font has no {character:?}; must be one line of characters of the font", self.text);
             return Err(BodyError::new("text", problem));
         }
-        match self.anchor {
-            Anchor::Point(point) => check_position(point)?,
-            Anchor::Direction(direction) => {
-                if !(direction.is_finite() && (direction.length() - 1.0).abs() < 1e-6) {
-                    let problem = format!("{:?}: must be a unit vector", direction.to_array());
-                    return Err(BodyError::new("direction", problem));
-                }
-            }
-        }
+        self.anchor.check()?;
         between("size_px", self.size_px, SIZES_PX, " pixels")?;
         between("opacity", self.opacity, [0.0, 1.0], "")
     }
@@ -131,6 +131,38 @@ impl Label {
             return Err(BodyError::new("direction", problem));
         }
         Ok(Anchor::Direction(vector / length))
+    }
+}
+
+impl Picture {
+    /// Checks its ranges, except its name and the total number of texels.
+    pub fn check(&self) -> Result<(), BodyError> {
+        between("width_deg", self.width_rad.to_degrees(), PICTURE_WIDTHS_DEG, " degrees")?;
+        if !self.roll_rad.is_finite() {
+            return Err(BodyError::new("roll_deg", format!("{}: must be finite", self.roll_rad.to_degrees())));
+        }
+        between("opacity", self.opacity, [0.0, 1.0], "")?;
+        self.anchor.check()
+    }
+}
+
+impl Anchor {
+    /// Checks its ranges.
+    pub fn check(&self) -> Result<(), BodyError> {
+        match *self {
+            Self::Point(point) => check_position(point),
+            Self::Horizon([azimuth_rad, altitude_rad]) => {
+                between("azimuth_deg", azimuth_rad.to_degrees(), [-360.0, 360.0], " degrees")?;
+                // A margin for the rounding of 90 degrees.
+                between("altitude_deg", altitude_rad.to_degrees() * (1.0 - 1e-12), [-90.0, 90.0], " degrees")
+            }
+            Self::Direction(direction) => {
+                if direction.is_finite() && (direction.length() - 1.0).abs() < 1e-6 {
+                    return Ok(());
+                }
+                Err(BodyError::new("direction", format!("{:?}: must be a unit vector", direction.to_array())))
+            }
+        }
     }
 }
 
@@ -166,6 +198,20 @@ impl Overlay {
             .map_err(in_list(Lists::Labels))?;
         for (index, label) in self.labels.iter().enumerate() {
             label.check().map_err(|error| OverlayError { list: Lists::Labels, index, error })?;
+        }
+        check_names(self.pictures.iter().map(|picture| picture.name.as_str()), MOST_PICTURES)
+            .map_err(in_list(Lists::Pictures))?;
+        let mut texels = 0;
+        for (index, picture) in self.pictures.iter().enumerate() {
+            let [width, height] = picture.levels.size();
+            texels += width as usize * height as usize;
+            let too_many = || {
+                let problem =
+                    format!("{texels} texels of all pictures up to this one: must be at most {MOST_PICTURE_TEXELS}");
+                Err(BodyError::new("file", problem))
+            };
+            let checked = picture.check().and_then(|()| if texels > MOST_PICTURE_TEXELS { too_many() } else { Ok(()) });
+            checked.map_err(|error| OverlayError { list: Lists::Pictures, index, error })?;
         }
         Ok(())
     }

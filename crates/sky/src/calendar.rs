@@ -1,0 +1,358 @@
+//! Dates, and the moments that a scene may have.
+//!
+//! Dates are of the Gregorian calendar, also before its introduction in 1582 (proleptic, as in ISO 8601), or on request of the Julian
+//! calendar. Years are astronomical: the year before 1 is 0, and -566 is 567 BC. Days have 86,400 s.
+
+use crate::units::{DAY_S, J2000_JD};
+
+/// First and last year.
+pub const YEARS: [i64; 2] = [-6000, 10_000];
+/// The first and the last moment of a scene, s since 2000-01-01T12:00:00Z: the beginning of the first year and the end of the last.
+pub const MOMENTS_S: [f64; 2] = [new_year_s(YEARS[0]), new_year_s(YEARS[1] + 1)];
+
+/// Days from 1970-01-01 to 2000-01-01.
+const DAYS_TO_2000: i64 = 10_957;
+/// Julian day number of 1970-01-01, at noon.
+const JDN_1970: i64 = 2_440_588;
+/// A day, microseconds.
+const DAY_US: i64 = 86_400_000_000;
+/// Forms of a moment, for messages.
+pub const FORMS: &str = "2026-01-01T00:00:00Z, -0567-07-04T12:00:00Z or +10000-01-01T00:00:00Z (Gregorian calendar, year 0 is 1 BC), 1133-08-02T12:00:00Z julian, or JD 2451545.0";
+
+const fn new_year_s(year: i64) -> f64 {
+    (gregorian_days(year, 1, 1) - DAYS_TO_2000) as f64 * DAY_S - 0.5 * DAY_S
+}
+
+/// A calendar.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Calendar {
+    Gregorian,
+    Julian,
+}
+
+impl Calendar {
+    fn is_leap(self, year: i64) -> bool {
+        let every = |count: i64| year.rem_euclid(count) == 0;
+        every(4) && (self == Self::Julian || !every(100) || every(400))
+    }
+
+    fn days_of(self, year: i64, month: i64) -> i64 {
+        match month {
+            2 => 28 + i64::from(self.is_leap(year)),
+            4 | 6 | 9 | 11 => 30,
+            _ => 31,
+        }
+    }
+
+    /// Days from 1970-01-01 (Gregorian) to a date.
+    fn days(self, year: i64, month: i64, day: i64) -> i64 {
+        match self {
+            Self::Gregorian => gregorian_days(year, month, day),
+            Self::Julian => julian_days(year, month, day),
+        }
+    }
+}
+
+/// Day of a year that begins in March.
+const fn day_from_march(month: i64, day: i64) -> i64 {
+    (153 * ((month + 9) % 12) + 2) / 5 + day - 1
+}
+
+/// Days from 1970-01-01 to a date of the Gregorian calendar, by eras of 400 years that begin in March (H. Hinnant,
+/// "chrono-Compatible Low-Level Date Algorithms").
+pub const fn gregorian_days(year: i64, month: i64, day: i64) -> i64 {
+    let year = if month <= 2 { year - 1 } else { year };
+    let era = year.div_euclid(400);
+    let year_of_era = year.rem_euclid(400);
+    era * 146_097 + year_of_era * 365 + year_of_era / 4 - year_of_era / 100 + day_from_march(month, day) - 719_468
+}
+
+/// Days from 1970-01-01 (Gregorian) to a date of the Julian calendar, by years that begin in March.
+fn julian_days(year: i64, month: i64, day: i64) -> i64 {
+    let year = if month <= 2 { year - 1 } else { year };
+    // March 1 of the year 0 is day number 1,721,118 (at noon) of the Julian period.
+    1_721_118 + 365 * year + year.div_euclid(4) + day_from_march(month, day) - JDN_1970
+}
+
+/// The Gregorian date of a number of days from 1970-01-01: the inverse of [`gregorian_days`].
+fn gregorian_date(days: i64) -> [i64; 3] {
+    let from_march = days + 719_468;
+    let era = from_march.div_euclid(146_097);
+    let day_of_era = from_march.rem_euclid(146_097);
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month = (5 * day_of_year + 2) / 153;
+    let (day, month) = (day_of_year - (153 * month + 2) / 5 + 1, if month < 10 { month + 3 } else { month - 9 });
+    [era * 400 + year_of_era + i64::from(month <= 2), month, day]
+}
+
+/// A Gregorian date and time of day (UTC).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DateTime {
+    /// Year, month and day.
+    pub date: [i64; 3],
+    /// Hour, minute and second.
+    pub time: [i64; 3],
+    /// Microsecond.
+    pub microsecond: i64,
+}
+
+impl DateTime {
+    /// A moment, s since 2000-01-01T12:00:00Z, rounded to microseconds, which is about the resolution of a 64-bit float; `None` if it is
+    /// further than 30,000 years away.
+    pub fn new(time_s: f64) -> Option<Self> {
+        let since_noon_us = (time_s * 1e6).round();
+        if since_noon_us.is_nan() || since_noon_us.abs() > 1e18 {
+            return None;
+        }
+        let unix_us = since_noon_us as i64 + DAYS_TO_2000 * DAY_US + DAY_US / 2;
+        let of_day_us = unix_us.rem_euclid(DAY_US);
+        let second = of_day_us / 1_000_000;
+        Some(Self {
+            date: gregorian_date(unix_us.div_euclid(DAY_US)),
+            time: [second / 3600, second / 60 % 60, second % 60],
+            microsecond: of_day_us % 1_000_000,
+        })
+    }
+}
+
+/// As [`moment`] reads it; years beyond 0 to 9999 have a sign.
+impl std::fmt::Display for DateTime {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { date: [year, month, day], time: [hour, minute, second], microsecond } = *self;
+        match year {
+            0..=9999 => write!(f, "{year:04}")?,
+            _ => write!(f, "{}{:04}", if year < 0 { '-' } else { '+' }, year.abs())?,
+        }
+        write!(f, "-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}")?;
+        match microsecond {
+            0 => f.write_str("Z"),
+            _ => write!(f, ".{}Z", format!("{microsecond:06}").trim_end_matches('0')),
+        }
+    }
+}
+
+/// A moment in words, s since 2000-01-01T12:00:00Z.
+pub fn written(time_s: f64) -> String {
+    DateTime::new(time_s).map_or_else(|| format!("{time_s} s from 2000-01-01T12:00:00Z"), |time| time.to_string())
+}
+
+/// Checks that a scene may have a moment, s since 2000-01-01T12:00:00Z.
+///
+/// # Errors
+///
+/// It is before the first or after the last one, or no number; the error states them.
+pub fn check(time_s: f64) -> Result<f64, String> {
+    let [first, last] = MOMENTS_S;
+    if (first..=last).contains(&time_s) {
+        return Ok(time_s);
+    }
+    let [from, to] = YEARS;
+    Err(format!("{}: must be in the years {from} to {to}, for which ephemerides are computed", written(time_s)))
+}
+
+/// Reads a moment, s since 2000-01-01T12:00:00Z. The forms are those of RFC 3339 with years of any length, which have a sign unless they are
+/// 0000 to 9999; the same followed by `julian` (the calendar before 1582) or `gregorian`; and `JD` with a Julian date of UTC. A 60th second
+/// is the first of the next minute.
+///
+/// # Errors
+///
+/// The text has another form, its date or time does not exist, or [`check`] refuses it.
+pub fn moment(text: &str) -> Result<f64, String> {
+    let text = text.trim();
+    let time_s = match text.strip_prefix("JD").or_else(|| text.strip_prefix("jd")) {
+        Some(number) => julian_date_s(number.trim()),
+        None => date_time_s(text),
+    };
+    time_s.map_err(|problem| format!("`{text}`: {problem}")).and_then(check)
+}
+
+/// A Julian date. Whole days are subtracted before its fraction is added, which keeps microseconds.
+fn julian_date_s(number: &str) -> Result<f64, String> {
+    let wrong = || "a Julian date is a decimal number, as in JD 2451545.0".to_owned();
+    let (whole, fraction) = number.split_once('.').unwrap_or((number, "0"));
+    let digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let unsigned = whole.strip_prefix('-').unwrap_or(whole);
+    if !digits(unsigned) || !digits(fraction) || unsigned.len() > 9 {
+        return Err(wrong());
+    }
+    let days: f64 = unsigned.parse().map_err(|_| wrong())?;
+    let part: f64 = format!("0.{fraction}").parse().map_err(|_| wrong())?;
+    let sign = if whole.starts_with('-') { -1.0 } else { 1.0 };
+    Ok((sign * days - J2000_JD) * DAY_S + sign * part * DAY_S)
+}
+
+/// A number of exactly so many digits at the beginning of a text, and the rest.
+fn digits(text: &str, count: usize) -> Option<(i64, &str)> {
+    let (number, rest) = text.split_at_checked(count)?;
+    number.bytes().all(|byte| byte.is_ascii_digit()).then(|| number.parse().ok().map(|number| (number, rest)))?
+}
+
+/// A year with its sign at the beginning of a text, and the rest from the hyphen on.
+fn year(text: &str) -> Option<(i64, &str)> {
+    let sign = text.chars().next().filter(|first| matches!(first, '+' | '-'));
+    let unsigned = if sign.is_some() { text.get(1..)? } else { text };
+    let count = unsigned.bytes().take_while(u8::is_ascii_digit).count();
+    let fits = if sign.is_some() { (4..=6).contains(&count) } else { count == 4 };
+    let (year, rest) = digits(unsigned, count).filter(|_| fits)?;
+    Some((if sign == Some('-') { -year } else { year }, rest))
+}
+
+/// Hour and minute of a text `HH:MM`, and the rest.
+fn hour_and_minute(text: &str) -> Option<([i64; 2], &str)> {
+    let (hour, rest) = digits(text, 2)?;
+    let (minute, rest) = digits(rest.strip_prefix(':')?, 2)?;
+    Some(([hour, minute], rest))
+}
+
+fn date_time_s(text: &str) -> Result<f64, String> {
+    let wrong = || format!("must be a date with time and offset: {FORMS}");
+    let (written, calendar) = match text.split_once(' ').map(|(date, rest)| (date, rest.trim())) {
+        None => (text, Calendar::Gregorian),
+        Some((date, "gregorian")) => (date, Calendar::Gregorian),
+        Some((date, "julian")) => (date, Calendar::Julian),
+        Some(_) => return Err(wrong()),
+    };
+    let parts = || {
+        let (year, rest) = year(written)?;
+        let (month, rest) = digits(rest.strip_prefix('-')?, 2)?;
+        let (day, rest) = digits(rest.strip_prefix('-')?, 2)?;
+        let (time, rest) = hour_and_minute(rest.strip_prefix(['T', 't'])?)?;
+        Some(([year, month, day], time, rest))
+    };
+    let ([year, month, day], [hour, minute], mut rest) = parts().ok_or_else(wrong)?;
+    let mut second = 0;
+    let mut fraction = 0.0;
+    if let Some(after) = rest.strip_prefix(':') {
+        (second, rest) = digits(after, 2).ok_or_else(wrong)?;
+        if let Some(after) = rest.strip_prefix('.') {
+            let count = after.bytes().take_while(u8::is_ascii_digit).count();
+            fraction = format!("0.{}", &after[..count]).parse().map_err(|_| wrong())?;
+            rest = if count == 0 { return Err(wrong()) } else { &after[count..] };
+        }
+    }
+    let offset_min = match rest {
+        "Z" | "z" => 0,
+        _ => {
+            let sign = if rest.starts_with('-') { -1 } else { 1 };
+            let ([hours, minutes], end) = rest.strip_prefix(['+', '-']).and_then(hour_and_minute).ok_or_else(wrong)?;
+            if !end.is_empty() {
+                return Err(wrong());
+            }
+            if hours > 23 || minutes > 59 {
+                return Err(format!("offset {rest}: must be at most 23:59"));
+            }
+            sign * (hours * 60 + minutes)
+        }
+    };
+    if !(1..=12).contains(&month) {
+        return Err(format!("month {month}: must be 01 to 12"));
+    }
+    let most = calendar.days_of(year, month);
+    if !(1..=most).contains(&day) {
+        return Err(format!("day {day}: this month has the days 01 to {most}"));
+    }
+    if hour > 23 || minute > 59 || second > 60 {
+        return Err(format!("time {hour:02}:{minute:02}:{second:02}: must be between 00:00:00 and 23:59:60"));
+    }
+    let days = calendar.days(year, month, day) - DAYS_TO_2000;
+    let seconds = days * 86_400 + (hour * 60 + minute - offset_min - 12 * 60) * 60 + second;
+    Ok(seconds as f64 + fraction)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_of_both_calendars_have_their_published_julian_dates() {
+        // J. Meeus, "Astronomical Algorithms", chapter 7. The eclipse of 1133-08-02 is dated by the Julian calendar.
+        for (text, jd) in [
+            ("2000-01-01T12:00:00Z", 2_451_545.0),
+            ("1987-06-19T12:00:00Z", 2_446_966.0),
+            ("1600-12-31T00:00:00Z", 2_305_812.5),
+            ("1582-10-15T00:00:00Z", 2_299_160.5),
+            ("1582-10-04T24:00:00Z julian", f64::NAN),
+            ("1582-10-05T00:00:00Z julian", 2_299_160.5),
+            ("0837-04-10T07:12:00Z julian", 2_026_871.8),
+            ("-0123-12-31T00:00:00Z julian", 1_676_496.5),
+            ("-1000-07-12T12:00:00Z julian", 1_356_001.0),
+            ("-1000-02-29T00:00:00Z julian", 1_355_866.5),
+            ("-4712-01-01T12:00:00Z julian", 0.0),
+            ("-4713-11-24T12:00:00Z", 0.0),
+            ("-4713-11-24T14:00:00+02:00 gregorian", 0.0),
+            ("1133-08-02T12:00:00Z julian", 2_135_100.0),
+            ("1133-08-09T12:00:00Z", 2_135_100.0),
+            ("-0567-07-04T12:00:00Z julian", 1_514_146.0),
+            ("+10000-01-01T00:00:00Z", 5_373_484.5),
+            ("JD 2451545.0", 2_451_545.0),
+            ("JD 2451545", 2_451_545.0),
+            ("jd -100000.25", -100_000.25),
+        ] {
+            match moment(text) {
+                Ok(time_s) => {
+                    assert!((time_s / DAY_S + J2000_JD - jd).abs() < 1e-9, "{text}: {}", time_s / DAY_S + J2000_JD);
+                }
+                Err(problem) => assert!(jd.is_nan() && problem.contains("23:59:60"), "{problem}"),
+            }
+        }
+        // Microseconds survive.
+        assert!((moment("JD 2461041.500001").unwrap() - moment("2026-01-01T00:00:00.0864Z").unwrap()).abs() < 2e-7);
+    }
+
+    #[test]
+    fn dates_that_never_were_and_other_texts_are_refused_with_the_reason() {
+        for (text, part) in [
+            ("2026-02-30T00:00:00Z", "day 30: this month has the days 01 to 28"),
+            ("1900-02-29T00:00:00Z", "01 to 28"),
+            ("2026-13-01T00:00:00Z", "month 13"),
+            ("2026-00-01T00:00:00Z", "month 0"),
+            ("2026-04-31T00:00:00Z", "01 to 30"),
+            ("2026-04-30T24:00:00Z", "23:59:60"),
+            ("2026-04-30T00:00:00+24:00", "at most 23:59"),
+            ("10000-01-01T00:00:00Z", "+10000-01-01T00:00:00Z"),
+            ("567-07-04T00:00:00Z", "must be a date"),
+            ("-567-07-04T00:00:00Z", "must be a date"),
+            ("2026-01-01T00:00:00", "must be a date with time and offset"),
+            ("2026-01-01", "must be a date"),
+            ("2026-01-01T00:00:00.Z", "must be a date"),
+            ("2026-01-01T00:00:00Zulu", "must be a date"),
+            ("2026-01-01T00:00:00Z mayan", "must be a date"),
+            ("noon", "must be a date"),
+            ("", "must be a date"),
+            ("-", "must be a date"),
+            ("é026-01-01T00:00:00Z", "must be a date"),
+            ("JD", "decimal number"),
+            ("JD 1e3", "decimal number"),
+            ("JD 2451545.", "decimal number"),
+            ("JD inf", "decimal number"),
+            ("+10001-01-02T00:00:00Z", "years -6000 to 10000"),
+            ("-6001-12-31T23:59:59Z", "-6001-12-31T23:59:59Z: must be in the years -6000 to 10000"),
+            ("JD 999999999", "years -6000 to 10000"),
+        ] {
+            let problem = moment(text).unwrap_err();
+            assert!(problem.contains(part), "{text}: {problem}");
+        }
+        // A leap day that only the Julian calendar had.
+        assert!(moment("1900-02-29T00:00:00Z julian").is_ok() && moment("2000-02-29T00:00:00Z").is_ok());
+        assert!(check(f64::NAN).is_err() && check(f64::INFINITY).is_err());
+    }
+
+    #[test]
+    fn the_limits_are_exactly_those_of_the_years_and_written_moments_are_read_again() {
+        assert_eq!(moment("-6000-01-01T00:00:00Z"), Ok(MOMENTS_S[0]));
+        assert_eq!(moment("+10000-12-31T23:59:60Z"), Ok(MOMENTS_S[1]));
+        assert!(check(MOMENTS_S[0] - 1e-4).is_err() && check(MOMENTS_S[1] + 1e-4).is_err());
+        for time_s in [0.0, MOMENTS_S[0], MOMENTS_S[1], -6.308_23e10, -6.3e10, -1e9 + 0.25, 2.5247e11, 5_097_600.5] {
+            assert_eq!(moment(&written(time_s)), Ok(time_s), "{}", written(time_s));
+        }
+        assert_eq!(written(f64::NAN), "NaN s from 2000-01-01T12:00:00Z");
+        // Every day of 400 years about the year 0, and of a leap century.
+        for days in (-780_000..-634_000).chain(-30_000..12_000) {
+            let [year, month, day] = gregorian_date(days);
+            assert_eq!(gregorian_days(year, month, day), days);
+            assert!((1..=Calendar::Gregorian.days_of(year, month)).contains(&day), "{year} {month} {day}");
+        }
+    }
+}
