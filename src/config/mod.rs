@@ -359,7 +359,7 @@ impl Config {
     fn check_views(mut self) -> Result<Self, Fault> {
         let rig = self.build_rig()?;
         self.resolve_views()?;
-        self.build_overlay()?;
+        self.build_overlay(None)?;
         let patterned: Vec<&str> =
             self.views.iter().filter(|view| view.test_pattern).map(|view| view.name.as_str()).collect();
         self.windows = windows::windows(std::mem::take(&mut self.windows), &rig, &self.overlay, &patterned)
@@ -390,10 +390,11 @@ impl Config {
         )
     }
 
-    fn build_overlay(&self) -> Result<Overlay, Fault> {
+    /// The overlay; the paths of its files start at `folder`, and `None` reads none.
+    fn build_overlay(&self, folder: Option<&Path>) -> Result<Overlay, Fault> {
         let patterned = self.views.iter().filter(|view| view.test_pattern);
         let names = patterned.map(|view| view.name.clone()).collect();
-        let overlay = self.overlay.overlay(names, &self.folder).map_err(|fault| fault.within("overlay"))?;
+        let overlay = self.overlay.overlay(names, folder).map_err(|fault| fault.within("overlay"))?;
         let checked = overlay.check_observer(self.scene.observer.is_some());
         checked.map_err(|(key, problem)| Fault::new(format!("overlay.{key}"), problem))?;
         Ok(overlay)
@@ -483,7 +484,7 @@ impl Config {
             self.error(self.fault_of_field(index, asteroids::spec_fault(&error)))
         })?;
         let fields = made.into_iter().map(|made| made.field).collect();
-        let overlay = Arc::new(self.build_overlay().map_err(|fault| self.error(fault))?);
+        let overlay = Arc::new(self.build_overlay(Some(&self.folder)).map_err(|fault| self.error(fault))?);
         let observer = self.observer();
         let kernels = self.kernels().map_err(|fault| self.error(fault))?;
         self.check_kernels(kernels.as_deref(), observer.as_ref()).map_err(|fault| self.error(fault))?;

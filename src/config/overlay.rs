@@ -244,13 +244,16 @@ fn anchor(sky: [Option<f64>; 2], horizon: [Option<f64>; 2], position_m: Option<[
 }
 
 impl PictureConfig {
-    /// The picture, whose path starts at `folder`.
-    fn picture(&self, folder: &Path) -> Result<Picture, Fault> {
+    /// The picture, whose path starts at `folder`; `None`: with a single texel instead of its file.
+    fn picture(&self, folder: Option<&Path>) -> Result<Picture, Fault> {
         let anchor =
             anchor([self.ra_deg, self.dec_deg], [self.azimuth_deg, self.altitude_deg], None).ok_or_else(|| {
                 Fault::new("ra_deg", "exactly one is needed: ra_deg and dec_deg, or azimuth_deg and altitude_deg")
             })?;
-        let levels = PictureLevels::from_png(&folder.join(&self.file));
+        let levels = match folder {
+            Some(folder) => PictureLevels::from_png(&folder.join(&self.file)),
+            None => Ok(PictureLevels::new([1, 1], vec![[0; 4]])),
+        };
         Ok(Picture {
             name: self.name.clone(),
             levels: Arc::new(levels.map_err(|error| Fault::new("file", error.to_string()))?),
@@ -263,9 +266,9 @@ impl PictureConfig {
 }
 
 impl OverlayConfig {
-    /// The overlay, with test patterns in the views of these names and files whose paths start at `folder`; a fault names the key below
-    /// `overlay`.
-    pub(super) fn overlay(&self, test_patterns: Vec<String>, folder: &Path) -> Result<Overlay, Fault> {
+    /// The overlay, with test patterns in the views of these names and files whose paths start at `folder` (`None`: no file is read); a fault
+    /// names the key below `overlay`.
+    pub(super) fn overlay(&self, test_patterns: Vec<String>, folder: Option<&Path>) -> Result<Overlay, Fault> {
         fn all<T, U>(list: Lists, from: &[T], make: impl Fn(&T) -> Result<U, Fault>) -> Result<Vec<U>, Fault> {
             let make = |(index, one): (usize, &T)| {
                 make(one).map_err(|fault| fault.within(&format!("{}[{index}]", list.key())))

@@ -431,7 +431,9 @@ fn pictures_have_their_place_width_and_direction() {
     let faint = codes_at(&format!("{picture}opacity = 0.25\n"), &places[..1])[0][0];
     // A quarter of the light of 255 is code 137.
     assert!(opaque > 240 && faint.abs_diff(137) < 4, "{opaque} {faint}");
-    refused(picture, &["overlay.pictures[0].file", "quarters.png"]);
+    let unread = Config::from_text(&format!("{PLACE}{picture}"), "test.toml", Path::new("/sky"), &[]).unwrap();
+    let problem = unread.objects().unwrap_err().to_string();
+    assert!(problem.contains("overlay.pictures[0].file") && problem.contains("/sky/quarters.png"), "{problem}");
     refused(&picture.replace("40", "151"), &["overlay.pictures[0].width_deg", "between 0.01 and 150"]);
     refused(&picture.replace("azimuth_deg = 0", "ra_deg = 0"), &["overlay.pictures[0].ra_deg", "exactly one"]);
 }

@@ -127,6 +127,11 @@ fn ranges() -> Vec<(String, Range)> {
     all.iter().filter(|(key, _)| is_here(key)).map(|(key, range)| (key.to_owned(), range.clone())).collect()
 }
 
+/// An overlay with an observer.
+fn on_earth(overlay: Value) -> Value {
+    json!({ "overlay": overlay, "scene": { "observer": { "latitude_deg": 0.0, "longitude_deg": 0.0 } } })
+}
+
 /// Returns complete documents that contain the key of a range, as JSON in which the key's value is to be replaced.
 fn documents(range_key: &str) -> Vec<Value> {
     let list = range_key.split("[]").next().unwrap();
@@ -155,8 +160,16 @@ fn documents(range_key: &str) -> Vec<Value> {
             let labels = [
                 json!({ "name": "it", "ra_deg": 0.0, "dec_deg": 0.0 }),
                 json!({ "name": "it", "position_m": [0.0, 0.0, 0.0] }),
+                json!({ "name": "it", "azimuth_deg": 0.0, "altitude_deg": 0.0 }),
             ];
-            return labels.into_iter().map(|label| json!({ "overlay": { "labels": [label] } })).collect();
+            return labels.into_iter().map(|label| on_earth(json!({ "labels": [label] }))).collect();
+        }
+        "overlay.pictures" => {
+            let pictures = [
+                json!({ "name": "it", "file": "it.png", "width_deg": 5.0, "ra_deg": 0.0, "dec_deg": 0.0 }),
+                json!({ "name": "it", "file": "it.png", "width_deg": 5.0, "azimuth_deg": 0.0, "altitude_deg": 0.0 }),
+            ];
+            return pictures.into_iter().map(|picture| on_earth(json!({ "pictures": [picture] }))).collect();
         }
         _ => {
             // Other keys that a bound requires.

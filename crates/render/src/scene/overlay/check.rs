@@ -71,6 +71,14 @@ fn between(key: &'static str, value: f64, [least, most]: [f64; 2], unit: &str) -
     Err(BodyError::new(key, format!("{value}: must be between {least} and {most}{unit}")))
 }
 
+/// Checks an angle in radians by its range in degrees, with a margin for the rounding of the conversion.
+fn angle_between(key: &'static str, angle_rad: f64, range_deg: [f64; 2]) -> Result<(), BodyError> {
+    let degrees = angle_rad.to_degrees();
+    let nearest = degrees.clamp(range_deg[0], range_deg[1]);
+    let rounded = if (degrees - nearest).abs() <= 1e-12 * nearest.abs() { nearest } else { degrees };
+    between(key, rounded, range_deg, " degrees")
+}
+
 impl LineStyle {
     /// Checks its ranges.
     pub fn check(&self) -> Result<(), BodyError> {
@@ -137,7 +145,7 @@ impl Label {
 impl Picture {
     /// Checks its ranges, except its name and the total number of texels.
     pub fn check(&self) -> Result<(), BodyError> {
-        between("width_deg", self.width_rad.to_degrees(), PICTURE_WIDTHS_DEG, " degrees")?;
+        angle_between("width_deg", self.width_rad, PICTURE_WIDTHS_DEG)?;
         if !self.roll_rad.is_finite() {
             return Err(BodyError::new("roll_deg", format!("{}: must be finite", self.roll_rad.to_degrees())));
         }
@@ -152,9 +160,8 @@ impl Anchor {
         match *self {
             Self::Point(point) => check_position(point),
             Self::Horizon([azimuth_rad, altitude_rad]) => {
-                between("azimuth_deg", azimuth_rad.to_degrees(), [-360.0, 360.0], " degrees")?;
-                // A margin for the rounding of 90 degrees.
-                between("altitude_deg", altitude_rad.to_degrees() * (1.0 - 1e-12), [-90.0, 90.0], " degrees")
+                angle_between("azimuth_deg", azimuth_rad, [-360.0, 360.0])?;
+                angle_between("altitude_deg", altitude_rad, [-90.0, 90.0])
             }
             Self::Direction(direction) => {
                 if direction.is_finite() && (direction.length() - 1.0).abs() < 1e-6 {
