@@ -174,6 +174,13 @@ fn documents(range_key: &str) -> Vec<Value> {
         _ => {
             // Other keys that a bound requires.
             let others = match range_key {
+                "scene.camera.look.above_deg" => {
+                    json!({ "scene": { "camera": { "look": { "ra_deg": 0.0, "dec_deg": 0.0 } } } })
+                }
+                "scene.observer.look.above_deg" => {
+                    let look = json!({ "azimuth_deg": 0.0, "altitude_deg": 0.0 });
+                    json!({ "scene": { "observer": { "latitude_deg": 0.0, "longitude_deg": 0.0, "look": look } } })
+                }
                 key if key.starts_with("scene.observer.") => {
                     json!({ "scene": { "observer": { "latitude_deg": 0.0, "longitude_deg": 0.0 } } })
                 }
