@@ -292,7 +292,7 @@ fn a_small_picture_is_as_bright_as_the_large_one_for_whose_pixels_the_exposure_i
     {
         let (stars, ev100) = of_night(std::slice::from_ref(&kind), &settings);
         assert!((ev100.unwrap() - large.1.unwrap()).abs() < 1e-9, "{kind:?}: {ev100:?} instead of {:?}", large.1);
-        let own = of_night(&[kind.clone()], &RenderSettings::default()).1.unwrap();
+        let own = of_night(std::slice::from_ref(&kind), &RenderSettings::default()).1.unwrap();
         assert!((own - ev100.unwrap()).abs() > 1.0, "{kind:?}: {own}");
         // The limit of a view is that of its own pixels.
         let brighter = 2.5 * (stars.pixels_sr[0] / large.0.pixels_sr[0]).log10();
