@@ -114,7 +114,10 @@ fn errors(changed: impl Fn(Clock) -> Clock) -> HashMap<String, Worst> {
         .collect();
     let mut worst: HashMap<String, Worst> = HashMap::new();
     for row in table::<Row>("apparent_places") {
-        let clock = changed(Clock { delta_t_s: row.delta_t_s, ut1_minus_utc_s: row.ut1_utc_s.unwrap_or(0.0) });
+        let ut1_minus_utc_s = row.ut1_utc_s.unwrap_or(0.0);
+        // The table's UTC keeps the 37 leap seconds of 2017, where ours follows a prediction from 2027 on.
+        let of_table = row.ut1_utc_s.filter(|_| row.time.as_str() >= "2027").map(|ut1_utc_s| 69.184 - ut1_utc_s);
+        let clock = changed(Clock { delta_t_s: row.delta_t_s.or(of_table), ut1_minus_utc_s });
         let standpoint = places[&row.place].standpoint(time_s(&row.time), &clock);
         let planet = SolarBody::from_name(&row.object);
         let (kind, place_m) = match planet {
