@@ -95,7 +95,7 @@ fn a_click_names_the_star() -> Result<(), String> {
         page.until(text).await;
         let text = page.run::<String>(&format!("return {text}")).await;
         let names = named_bright_stars(0.0);
-        let named = names.iter().find(|named| !named.name.is_empty() && text.starts_with(named.name));
+        let named = names.iter().find(|named| !named.name.is_empty() && text.starts_with(named.name.as_ref()));
         let named = named.unwrap_or_else(|| panic!("no star of the catalogue: {text}"));
         assert!(
             named.star.apparent_magnitude() < 1.7 && text.contains("magnitude") && text.contains("light-years"),

@@ -117,7 +117,7 @@ fn no_star_is_duplicated() {
         for b in table[i + 1..].iter().take_while(|b| b.star.position.normalize().z - z < near_z) {
             let unlike = (a.star.apparent_magnitude() - b.star.apparent_magnitude()).abs();
             if separation_deg(&a.star, &b.star) * 3600.0 < 1.0 && unlike < 0.02 {
-                equal.push(a.designation.min(b.designation));
+                equal.push(a.designation.as_ref().min(b.designation.as_ref()));
             }
         }
     }
