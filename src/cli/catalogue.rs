@@ -10,7 +10,7 @@ use crate::catalogue::epoch::Epoch;
 use crate::catalogue::galaxy::{GalaxyParameters, MOST_STARS};
 use crate::catalogue::packed::PackedStar;
 use crate::catalogue::store::{self, Store};
-use crate::scene::loader::{LoadError, StarSource};
+use crate::scene::loader::{LoadError, LoadedCatalogue, StarSource};
 use crate::units::{illuminance_lx_from_magnitude, magnitude_from_illuminance_lx};
 
 /// Arguments of `catalogue`.
@@ -94,8 +94,12 @@ fn write(sources: &[StarSource], out: &Path) -> Result<(), CliError> {
         CliError::Load { source: LoadError::Galaxy { source, .. }, .. } => CliError::Galaxy(source),
         other => other,
     })?;
-    let lines: Vec<String> =
-        report.catalogues.iter().map(|catalogue| format!("{}: {} stars", catalogue.name, catalogue.stars)).collect();
+    let line = |catalogue: &LoadedCatalogue| {
+        let source =
+            catalogue.rows.as_ref().map(|rows| format!(", read as {}", rows.source.name())).unwrap_or_default();
+        format!("{}: {} stars{source}", catalogue.name, catalogue.stars)
+    };
+    let lines: Vec<String> = report.catalogues.iter().map(line).collect();
     let store = Store { description: lines.join("\n"), stars };
     store::write(out, &store).map_err(CliError::WriteStore)?;
     for (line, catalogue) in lines.iter().zip(&report.catalogues) {
@@ -103,6 +107,14 @@ fn write(sources: &[StarSource], out: &Path) -> Result<(), CliError> {
             Some(rows) => results::line(format!("{line}, {} of {} rows rejected", rows.rejected, rows.rows))?,
             None => results::line(line)?,
         }
+    }
+    let moving: usize = report.catalogues.iter().filter_map(|catalogue| Some(catalogue.rows.as_ref()?.moving)).sum();
+    let named = store.stars.named_in_files().len();
+    if moving + named > 0 {
+        results::line(format!(
+            "not stored: {moving} motions (stars are at their places of J2000.0) and the names of {named} stars; the files \
+             themselves keep both"
+        ))?;
     }
     results::line(format!(
         "wrote {}: {} stars in {} chunks",

@@ -76,6 +76,8 @@ pub struct ReadReport {
     pub colour_ignored: usize,
     /// Used rows with Hipparcos' Hp instead of V.
     pub hp_taken_as_v: usize,
+    /// Used rows with a proper motion or a radial velocity.
+    pub moving: usize,
     /// Rows that repeat another row of the file: position, brightness and temperature are the same.
     pub repeated: usize,
     /// Used rows with Gaia's G instead of V, because BP-RP is missing.
@@ -117,6 +119,7 @@ impl ReadReport {
         self.colour_ignored += usize::from(notes.colour_ignored);
         self.g_taken_as_v += usize::from(notes.g_taken_as_v);
         self.hp_taken_as_v += usize::from(notes.hp_taken_as_v);
+        self.moving += usize::from(notes.moves);
     }
 
     /// Returns the result for a whole file: an error if none of its rows is usable.

@@ -58,6 +58,7 @@ pub(super) struct Notes {
     pub colour_ignored: bool,
     pub g_taken_as_v: bool,
     pub hp_taken_as_v: bool,
+    pub moves: bool,
 }
 
 /// Reason why a row did not become a star.
@@ -131,7 +132,7 @@ pub(super) fn star<'a>(
     }
     notes.without_distance = distance_pc.is_none();
     let record = StarRecord {
-        position: row.moved(direction, distance_pc, years)?,
+        position: row.moved(direction, distance_pc, years, &mut notes)?,
         magnitude: magnitude as f32,
         temperature_k: temperature_k as f32,
         distance_known: distance_pc.is_some(),
@@ -320,7 +321,13 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
     }
 
     /// Position of the star after its motion, pc, or a unit vector if the distance is unknown.
-    fn moved(&self, direction: DVec3, distance_pc: Option<f64>, years: f64) -> Result<DVec3, Refusal> {
+    fn moved(
+        &self,
+        direction: DVec3,
+        distance_pc: Option<f64>,
+        years: f64,
+        notes: &mut Notes,
+    ) -> Result<DVec3, Refusal> {
         let Columns { pm_ra, pm_dec, pm_unit_mas, radial_velocity_km_s, ref_epoch, epoch, .. } = self.columns;
         let bounded = |column: Option<usize>, most: f64| match (self.finite(column)?, self.text(column)) {
             (Some(value), Some((_, text))) if value.abs() >= 999.0 && is_nines(text) => Ok(0.0),
@@ -337,6 +344,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         if motion == StarMotion::default() {
             return Ok(direction * distance_pc.unwrap_or(1.0));
         }
+        notes.moves = true;
         let from_year = match (self.finite(*ref_epoch)?, self.text(*ref_epoch)) {
             (Some(year), Some((column, text))) if !EPOCHS.contains(&year) => {
                 return Err(self.refuse(column, text, "is outside 1800 to 2200"));
