@@ -5,7 +5,8 @@
 use std::path::Path;
 
 use steradian::catalogue::StarRecord;
-use steradian::catalogue::bright::{COMPLETE_TO_V_MAG, named_bright_stars};
+use steradian::catalogue::bright::{COMPLETE_TO_V_MAG, MIRA_VARIABLES, named_bright_stars};
+use steradian::catalogue::names::NamedStar;
 use steradian::catalogue::reader::read_csv;
 
 /// Entries closer than this are compared by their combined light, because catalogues split stars differently.
@@ -48,6 +49,16 @@ fn is_at(star: &StarRecord, places: &[(f64, f64)]) -> bool {
     })
 }
 
+/// Mira variables of the table, whose brightness is not the catalogued one.
+fn miras() -> Vec<StarRecord> {
+    let numbers: Vec<String> = MIRA_VARIABLES.iter().map(|(number, ..)| format!("HR {number}")).collect();
+    let table = named_bright_stars(0.0);
+    let is_mira = |star: &&NamedStar| {
+        numbers.iter().any(|number| star.designation == *number || star.others.iter().any(|other| other == number))
+    };
+    table.iter().filter(is_mira).map(|star| star.star).collect()
+}
+
 /// Whether `star` is one of `counterparts`, or their combined light.
 fn is_among(star: &StarRecord, counterparts: &[&StarRecord]) -> bool {
     let agrees = |magnitude: f64| (magnitude - star.apparent_magnitude()).abs() <= MAGNITUDE_TOLERANCE;
@@ -61,6 +72,8 @@ fn every_star_of_the_table_is_in_the_yale_catalogue() {
     let yale = yale();
     let table = named_bright_stars(0.0);
     let stars: Vec<StarRecord> = table.iter().map(|s| s.star).collect();
+    let miras = miras();
+    assert_eq!(miras.len(), MIRA_VARIABLES.len());
     let mut worst_deg = 0.0f64;
     for entry in &table {
         let counterparts = near(&entry.star, &yale);
@@ -68,7 +81,9 @@ fn every_star_of_the_table_is_in_the_yale_catalogue() {
             let together = combined_magnitude(&near(&entry.star, &stars));
             counterparts.iter().all(|yale| (yale.apparent_magnitude() - together).abs() <= MAGNITUDE_TOLERANCE)
         } else {
-            is_at(&entry.star, &NOT_BRIGHT) || is_among(&entry.star, &counterparts)
+            is_at(&entry.star, &NOT_BRIGHT)
+                || !near(&entry.star, &miras).is_empty()
+                || is_among(&entry.star, &counterparts)
         };
         assert!(agrees, "{}: {counterparts:?}", entry.designation);
         let nearest = counterparts.iter().map(|c| separation_deg(&entry.star, c)).fold(f64::INFINITY, f64::min);
@@ -82,10 +97,13 @@ fn every_star_of_the_table_is_in_the_yale_catalogue() {
 fn the_table_has_every_bright_star_of_the_yale_catalogue() {
     let yale = yale();
     let table: Vec<StarRecord> = named_bright_stars(0.0).iter().map(|s| s.star).collect();
-    let mut places = 0;
+    let (mut places, miras) = (0, miras());
     for star in &yale {
         let group = near(star, &yale);
         let light = combined_magnitude(&group);
+        if group.iter().any(|star| !near(star, &miras).is_empty()) {
+            continue;
+        }
         if light >= COMPLETE_TO_V_MAG || is_at(star, &NOT_BRIGHT) || is_at(star, &COUNTED_TWICE) {
             continue;
         }

@@ -13,6 +13,37 @@ pub const NAME: &str = "builtin:bright";
 /// The table holds every star brighter than this V magnitude, except variable stars that reach it only at maximum.
 pub const COMPLETE_TO_V_MAG: f64 = 6.5;
 
+/// Mira variables of the table: number in the Bright Star Catalogue, and V at maximum and minimum (General Catalogue of Variable Stars 5.1;
+/// Samus et al. 2017). The table has the mean of both: catalogues give one of many brightnesses, often that of a maximum.
+pub const MIRA_VARIABLES: [(u16, f64, f64); 26] = [
+    (90, 5.8, 14.9),
+    (663, 6.7, 14.6),
+    (681, 2.0, 10.1),
+    (758, 5.4, 12.6),
+    (868, 4.7, 14.3),
+    (1607, 5.5, 11.7),
+    (2063, 4.8, 13.0),
+    (2671, 6.0, 14.0),
+    (3248, 6.1, 11.8),
+    (3816, 3.9, 10.5),
+    (3882, 4.4, 11.3),
+    (3999, 4.5, 9.9),
+    (4800, 6.6, 13.5),
+    (4808, 6.1, 12.1),
+    (5080, 3.5, 10.9),
+    (5101, 6.3, 13.2),
+    (5147, 5.5, 9.0),
+    (5326, 5.3, 11.8),
+    (5894, 5.2, 14.4),
+    (6119, 6.4, 13.4),
+    (7002, 5.9, 9.2),
+    (7243, 5.5, 12.0),
+    (7564, 3.3, 14.2),
+    (8113, 5.2, 11.3),
+    (8992, 5.8, 12.4),
+    (9066, 4.7, 13.5),
+];
+
 const TABLE: &str = include_str!("bright_stars.csv");
 
 /// Returns the brightest stars of the night sky, without the Sun, at their positions `years` Julian years after
@@ -56,7 +87,7 @@ mod tests {
         assert_eq!(stars.len(), bright_stars(0.0).len());
         assert_eq!(stars.len(), 9096);
         for NamedStar { designation, star, .. } in &stars {
-            assert!((-1.5..10.1).contains(&star.apparent_magnitude()), "{designation}: {}", star.apparent_magnitude());
+            assert!((-1.5..10.7).contains(&star.apparent_magnitude()), "{designation}: {}", star.apparent_magnitude());
             assert!((1_000.0..45_000.0).contains(&star.temperature_k), "{designation}: {}", star.temperature_k);
             if star.distance_known {
                 assert!((1.3..1_000.0).contains(&star.position.length()), "{designation}");
@@ -97,6 +128,19 @@ mod tests {
         // Betelgeuse is opposite Rigel in Orion, 18.6 degrees apart.
         let angle = star("Betelgeuse").position.angle_between(star("Rigel").position).to_degrees();
         assert!((angle - 18.6).abs() < 0.1, "{angle}");
+    }
+
+    #[test]
+    fn mira_variables_have_their_mean_brightness() {
+        let stars = named_bright_stars(0.0);
+        for (number, maximum, minimum) in MIRA_VARIABLES {
+            let number = format!("HR {number}");
+            let found = stars.iter().find(|s| s.designation == number || s.others.iter().any(|other| *other == number));
+            let found = found.unwrap_or_else(|| panic!("{number} is missing"));
+            let mean = 0.5 * (maximum + minimum);
+            assert!((found.star.apparent_magnitude() - mean).abs() < 1e-4, "{number}");
+            assert!(mean > COMPLETE_TO_V_MAG || found.name == "Mira", "{number}");
+        }
     }
 
     #[test]
