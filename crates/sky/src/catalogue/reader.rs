@@ -78,7 +78,7 @@ pub struct ReadReport {
     pub hp_taken_as_v: usize,
     /// Used rows with a proper motion or a radial velocity.
     pub moving: usize,
-    /// Rows that repeat another row of the file: position, brightness and temperature are the same.
+    /// Rows that repeat another row of the file in all fields.
     pub repeated: usize,
     /// Used rows with Gaia's G instead of V, because BP-RP is missing.
     pub g_taken_as_v: usize,
@@ -123,13 +123,18 @@ impl ReadReport {
     }
 
     /// Returns the result for a whole file: an error if none of its rows is usable.
-    fn finish(mut self, stars: Vec<StarRecord>, named: Vec<NamedStar>) -> Result<CatalogueRead, CatalogueError> {
+    fn finish(
+        mut self,
+        stars: Vec<StarRecord>,
+        hashes: Vec<u64>,
+        named: Vec<NamedStar>,
+    ) -> Result<CatalogueRead, CatalogueError> {
         if self.rows == 0 {
             return Err(CatalogueError::NoRow { file: self.file });
         }
         let Some(first) = self.first_rejected.first().filter(|_| stars.is_empty()) else {
             let rows = stars.len();
-            let stars = rows::without_repetitions(stars);
+            let stars = rows::without_repetitions(stars, hashes);
             self.repeated = rows - stars.len();
             self.used -= self.repeated;
             return Ok(CatalogueRead { stars, named, report: self });

@@ -1,5 +1,7 @@
 //! The rows of a file on their way to stars, shared by all formats.
 
+use std::hash::{DefaultHasher, Hash, Hasher};
+
 use rayon::prelude::*;
 
 use super::columns::Columns;
@@ -12,6 +14,8 @@ use crate::catalogue::names::NamedStar;
 pub(super) struct Rows {
     report: ReadReport,
     stars: Vec<StarRecord>,
+    /// Hash of all fields of each star's row.
+    hashes: Vec<u64>,
     named: Vec<NamedStar>,
     years: f64,
 }
@@ -22,7 +26,7 @@ impl Rows {
         let mut report = ReadReport::new(file);
         report.source = columns.source;
         report.unused.clone_from(&columns.unused);
-        Self { report, stars: Vec::new(), named: Vec::new(), years }
+        Self { report, stars: Vec::new(), hashes: Vec::new(), named: Vec::new(), years }
     }
 
     /// Adds a row, or the reason why its fields cannot be read. `place` begins the reason in the report.
@@ -38,17 +42,20 @@ impl Rows {
         self.report.rows += 1;
         let star = fields.map_err(Refusal::Row).and_then(|field| {
             let (star, notes) = row::star(columns, &field, self.years)?;
+            let mut hasher = DefaultHasher::new();
+            (0..columns.len()).for_each(|column| field(column).trim().hash(&mut hasher));
             if self.stars.len() < NAMED_STARS_KEPT
                 && let Some(names) = row::names(columns, &field)
             {
                 self.named.push(NamedStar::from_file(names, star));
             }
-            Ok((star, notes))
+            Ok((star, notes, hasher.finish()))
         });
         match star {
-            Ok((star, notes)) => {
+            Ok((star, notes, hash)) => {
                 self.report.count(notes);
                 self.stars.push(star);
+                self.hashes.push(hash);
             }
             Err(Refusal::Row(reason)) => self.report.reject(line, format!("{place}{reason}")),
             Err(Refusal::File(reason)) => {
@@ -61,22 +68,19 @@ impl Rows {
 
     /// The result for the whole file; an error if none of its rows is usable.
     pub fn finish(self) -> Result<CatalogueRead, CatalogueError> {
-        self.report.finish(self.stars, self.named)
+        self.report.finish(self.stars, self.hashes, self.named)
     }
 }
 
-/// The stars without those that repeat an earlier one: the same position, magnitude and temperature, bit by bit.
-pub(super) fn without_repetitions(mut stars: Vec<StarRecord>) -> Vec<StarRecord> {
-    let content = |star: &StarRecord| {
-        let p = star.position;
-        (p.x.to_bits(), p.y.to_bits(), p.z.to_bits(), star.magnitude.to_bits(), star.temperature_k.to_bits())
-    };
+/// The stars without those whose row repeats an earlier one in all its fields, by the hashes of the rows. Rows with the same place and
+/// brightness but different numbers are a double star.
+pub(super) fn without_repetitions(mut stars: Vec<StarRecord>, hashes: Vec<u64>) -> Vec<StarRecord> {
     let mut order: Vec<u32> = (0..stars.len() as u32).collect();
-    order.par_sort_unstable_by_key(|&index| (content(&stars[index as usize]), index));
+    order.par_sort_unstable_by_key(|&index| (hashes[index as usize], index));
     let mut is_repeated = vec![false; stars.len()];
     for pair in order.windows(2) {
         let [first, second] = [pair[0] as usize, pair[1] as usize];
-        is_repeated[second] = content(&stars[first]) == content(&stars[second]);
+        is_repeated[second] = hashes[first] == hashes[second] && stars[first] == stars[second];
     }
     let mut repeated = is_repeated.into_iter();
     stars.retain(|_| !repeated.next().unwrap_or(false));

@@ -79,7 +79,7 @@ fn a_row_that_repeats_another_is_drawn_once() {
     assert_eq!((stars.len(), report.rows, report.used, report.repeated), (1, 2, 1, 1), "{report}");
     assert!(report.to_string().contains("1 repeated (drawn once)"), "{report}");
     // A double star is not a repetition.
-    let text = "ra_deg,dec_deg,v_mag\n10,20,3.5\n10.0005,20,3.5\n10,20,3.6\n";
+    let text = "hr,ra_deg,dec_deg,v_mag\n1,10,20,3.5\n2,10,20,3.5\n3,10,20,3.6\n";
     assert_eq!(read_csv_from(text.as_bytes(), "test.csv", 0.0).unwrap().stars.len(), 3);
 }
 
