@@ -40,7 +40,7 @@ override FROM_GRID: bool = false;
 
 fn horizon_sine(heading: vec2<f32>) -> f32 {
     if parameters.is_flat != 0u {
-        return 0.0;
+        return parameters.level_sine;
     }
     let azimuth = precise_atan2(heading.y, heading.x);
     let position = (azimuth / (2.0 * PI) + 1.0) * f32(HORIZON_STEPS);

@@ -1,9 +1,8 @@
-// Light added by the air: scattered light of its sources, and airglow. The importer binds `parameters` and `sky`. `sky`
-// holds sky luminance per lx of each source: nodes of the smooth part, then nodes of aerosol scattering
-// (crates/sky/src/photometry/sky_light.rs).
+// Light added by the air: scattered light of its sources, and the light of the night sky. The importer binds `parameters`
+// and `sky`. `sky` holds the luminance of the night sky relative to the zenith by altitude, then the luminance per lx of
+// each source: nodes of the smooth part, then nodes of aerosol scattering (crates/sky/src/photometry/sky_light.rs).
 
 #import constants/air
-#import shared/air_mass
 #import shared/math
 #import structs/AirParameters
 #import structs/AirSource
@@ -24,26 +23,31 @@ fn table_at(first: u32, place: vec2<f32>) -> vec3<f32> {
     return mix(near, mix(sky[node + SKY_AZIMUTHS].xyz, sky[node + SKY_AZIMUTHS + 1u].xyz, part.y), part.x);
 }
 
-// Light of a source scattered towards a direction, given its altitude (in right angles) and heading (north, east).
+// Light of a source scattered towards a direction, given its place among the altitudes (0 to 1) and heading (north, east).
 fn scattered(number: u32, towards: vec3<f32>, altitude: f32, heading: vec2<f32>) -> vec3<f32> {
     let source = parameters.sources[number];
     let across = heading.x * source.heading.y - heading.y * source.heading.x;
     let azimuth = precise_atan2(abs(across), dot(heading, source.heading)) * (1.0 / PI);
     let place = sqrt(clamp(vec2(altitude, azimuth), vec2(0.0), vec2(1.0))) * vec2(f32(SKY_ALTITUDES - 1u), f32(SKY_AZIMUTHS - 1u));
     let nodes = SKY_ALTITUDES * SKY_AZIMUTHS;
-    let first = 2u * nodes * number;
+    let first = SKY_ALTITUDES + 2u * nodes * number;
     let cosine = dot(towards, source.direction);
     return source.light * (table_at(first, place) + table_at(first + nodes, place) * aerosol_per_sr(cosine));
+}
+
+// Light of the night sky at a place among the altitudes.
+fn night_sky(altitude: f32) -> vec3<f32> {
+    let place = sqrt(clamp(altitude, 0.0, 1.0)) * f32(SKY_ALTITUDES - 1u);
+    let low = min(u32(place), SKY_ALTITUDES - 2u);
+    return parameters.glow * mix(sky[low].xyz, sky[low + 1u].xyz, place - f32(low));
 }
 
 // Light that the air adds in a unit direction, world axes, cd/m^2.
 fn added_light(towards: vec3<f32>) -> vec3<f32> {
     let sine = dot(towards, parameters.zenith);
     let heading = vec2(-dot(towards, parameters.south), dot(towards, parameters.east));
-    let altitude = precise_atan2(max(sine, 0.0), length(heading)) * (2.0 / PI);
-    let passed = exp2(parameters.extinction * air_mass(sine));
-    let longer = 0.4 + 0.6 * inverseSqrt(0.04 + 0.96 * max(sine, 0.0) * max(sine, 0.0));
-    var added = parameters.glow * passed * longer;
+    let altitude = (precise_atan2(sine, length(heading)) - parameters.lowest) * parameters.per_rad;
+    var added = night_sky(altitude);
     for (var i = 0u; i < parameters.source_count; i++) {
         added += scattered(i, towards, altitude, heading);
     }

@@ -5,6 +5,7 @@
 // were drawn before: a layer of the picture itself, or layers of cube faces if the projection bends straight edges. In
 // pixels with asteroids, each sample shows the nearest object. The f64 twin is crates/render/src/reference/bodies/mod.rs.
 
+#import bodies/surface
 #import constants/bodies
 #import constants/corona
 #import constants/faces
@@ -54,136 +55,9 @@ const MOST_CORONA_PARTS: f32 = 24.0;
 const MOST_HITS: u32 = 4u;
 // Distance from the limb, in half diagonals of a pixel, within which a body is sampled more finely.
 const STEEP_REACHES: f32 = 6.0;
-
-fn texel(index: u32) -> vec3<f32> {
-    let word = texels[index];
-    let root = vec3(f32(word & 1023u), f32((word >> 10u) & 1023u), f32((word >> 20u) & 1023u)) * (1.0 / 1023.0);
-    return root * root;
-}
-
-// Interpolates one level of a texture between its four nearest texels. Longitude wraps.
-fn level_texel(first: u32, size: vec2<u32>, place: vec2<f32>) -> vec3<f32> {
-    let position = place * vec2<f32>(size) - 0.5;
-    let low = floor(position);
-    let part = position - low;
-    let width = i32(size.x);
-    let x = vec2((i32(low.x) % width + width) % width, (i32(low.x) + 1 + width) % width);
-    let y = clamp(vec2(i32(low.y), i32(low.y) + 1), vec2(0), vec2(i32(size.y) - 1));
-    let top = mix(texel(first + u32(y.x * width + x.x)), texel(first + u32(y.x * width + x.y)), part.x);
-    let bottom = mix(texel(first + u32(y.y * width + x.x)), texel(first + u32(y.y * width + x.y)), part.x);
-    return mix(top, bottom, part.y);
-}
-
-// Factor on the albedo at a point of the unit sphere, for a pixel of angular size `footprint`, rad.
-fn surface_factor(body: ViewBody, point: vec3<f32>, footprint: f32) -> vec3<f32> {
-    if body.texture == NO_TEXTURE {
-        return vec3(1.0);
-    }
-    let place = vec2(
-        precise_atan2(point.y, point.x) / (2.0 * PI) + 0.5,
-        precise_atan2(length(point.xy), point.z) / PI);
-    // Each level has half as many texels along each side as the previous one, at least one.
-    var size = body.texture_size;
-    var first = body.texture;
-    var level = clamp(log2(max(footprint * f32(size.x) / (2.0 * PI), 1.0)), 0.0, 31.0);
-    while level >= 1.0 && size.x * size.y > 1u {
-        first += size.x * size.y;
-        size = max(size / 2u, vec2(1u));
-        level -= 1.0;
-    }
-    let fine = level_texel(first, size, place);
-    if level <= 0.0 || size.x * size.y == 1u {
-        return fine;
-    }
-    return mix(fine, level_texel(first + size.x * size.y, max(size / 2u, vec2(1u)), place), level);
-}
-
-// Sine, cosine and value of half the angle of the arc of a circle of radius `own` inside another circle of radius
-// `other`, whose centre is at the distance `apart`.
-fn half_angle(own: f32, other: f32, apart: f32) -> vec3<f32> {
-    let cosine = clamp((apart * apart + own * own - other * other) / (2.0 * apart * own), -1.0, 1.0);
-    let sine = sqrt(1.0 - cosine * cosine);
-    return vec3(sine, cosine, precise_atan2(sine, cosine));
-}
-
-// Share of a sun's light that reaches a point of the unit sphere: see crates/render/src/scene/bodies/shadow.rs.
-fn open_share(sun: BodySun, point: vec3<f32>) -> vec3<f32> {
-    if sun.occluder_radius <= 0.0 {
-        return vec3(1.0);
-    }
-    let towards = sun.occluder - point * sun.shape;
-    let squared = dot(towards, towards);
-    let own = precise_atan2(sun.occluder_radius, sqrt(max(squared - sun.occluder_radius * sun.occluder_radius, 0.0)));
-    let apart = precise_atan2(length(cross(towards, sun.to_sun)), dot(towards, sun.to_sun));
-    var hidden = 0.0;
-    if apart <= abs(own - sun.sun_radius) {
-        let share = own / sun.sun_radius;
-        hidden = select(share * share, 1.0, own >= sun.sun_radius);
-    } else if apart < own + sun.sun_radius {
-        let sun_arc = half_angle(sun.sun_radius, own, apart);
-        let own_arc = half_angle(own, sun.sun_radius, apart);
-        let ratio = own / sun.sun_radius;
-        hidden = (sun_arc.z - sun_arc.x * sun_arc.y + ratio * ratio * (own_arc.z - own_arc.x * own_arc.y)) / PI;
-    }
-    return 1.0 - hidden * (1.0 - sun.refracted);
-}
-
-// Share of the first sun's light that passes the rings towards a point of the unit sphere, blurred over a part of the
-// radius.
-fn through_rings(body: ViewBody, point: vec3<f32>, blur: f32) -> f32 {
-    let along = normalize(body.to_sun / vec3(1.0, 1.0, body.flattening));
-    let steps = -point.z / along.z;
-    if body.around != AROUND_RINGS || !(steps > 0.0) {
-        return 1.0;
-    }
-    let radius = length(point.xy + steps * along.xy);
-    let cosine = max(abs(body.to_sun.z), 1e-3);
-    var zones = RING_ZONES;
-    var hidden = 0.0;
-    var inner = RING_INNER;
-    for (var i = 0u; i < 4u; i++) {
-        let within = clamp(radius + blur, inner, zones[i].x) - clamp(radius - blur, inner, zones[i].x);
-        hidden += within / (2.0 * blur) * (1.0 - exp(-zones[i].y / cosine));
-        inner = zones[i].x;
-    }
-    return 1.0 - hidden;
-}
-
-// Luminance of a body at the entry point of a ray.
-fn luminance_at(body: ViewBody, passage: Passage, entry: vec4<f32>, footprint: f32) -> vec3<f32> {
-    let normal = normalize(
-        entry.x * body.unit_from_view_x + entry.y * body.unit_from_view_y + entry.z * body.unit_from_view_z);
-    let cos_e = clamp(-dot(normal, normalize(passage.ray)), 0.0, 1.0);
-    var luminance = body.emission * (1.0 - body.limb_darkening * (1.0 - cos_e));
-    var lit = vec3(0.0);
-    for (var i = body.first_sun; i < body.first_sun + body.sun_count; i++) {
-        var arriving = suns[i].illuminance * open_share(suns[i], entry.xyz);
-        if i == body.first_sun && body.around == AROUND_RINGS {
-            arriving *= through_rings(body, entry.xyz, max(0.5 * footprint, 1e-4));
-        }
-        lit += arriving * reflected(body.law, dot(normal, suns[i].direction), cos_e);
-    }
-    if any(lit > vec3(0.0)) {
-        luminance += body.reflectance * lit * surface_factor(body, entry.xyz, footprint / max(cos_e, 0.1));
-    }
-    return luminance;
-}
-
-// Share of a unit square in which a linear function with this central value and these slopes is positive.
-fn positive_share(middle: f32, slopes: vec2<f32>) -> f32 {
-    let half = 0.5 * vec2(max(abs(slopes.x), abs(slopes.y)), min(abs(slopes.x), abs(slopes.y)));
-    let size = abs(middle);
-    var share = 1.0;
-    if size < half.x + half.y {
-        if size <= half.x - half.y {
-            share = 0.5 + 0.5 * size / half.x;
-        } else {
-            let missing = half.x + half.y - size;
-            share = 1.0 - missing * missing / max(8.0 * half.x * half.y, 1e-30);
-        }
-    }
-    return select(1.0 - share, share, middle >= 0.0);
-}
+// Size of the parts of a pixel in which rings are computed, equatorial radii, and their greatest number along each side.
+const RING_PART: f32 = 0.3;
+const MOST_RING_PARTS: f32 = 8.0;
 
 // Body as seen by the eye that looks along a ray. One eye is used for the whole pixel, so that limbs are as smooth as
 // elsewhere.
@@ -249,25 +123,21 @@ fn body_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec
         let up = ray_of(viewport, position - vec2(0.0, 0.5 * step), own);
         // Near a pole, the parts of a pixel cover less and less sky.
         let weight = length(cross(right - left, down - up));
-        var passage = passage_of(body, own);
+        let passage = passage_of(body, own);
         var share = 1.0;
+        var slopes = vec2(0.0);
         if steep {
-            let slopes = vec2(
+            slopes = vec2(
                 passage_of(body, right).s - passage_of(body, left).s, passage_of(body, down).s - passage_of(body, up).s);
             share = positive_share(1.0 - passage.s, slopes);
-            // The covered part is between these distances from the limb; the root has its mean at this distance.
-            let half = 0.5 * length(slopes);
-            let near = max(1.0 - passage.s - half, 0.0);
-            let far = max(1.0 - passage.s + half, near + 1e-6);
-            let root = (2.0 / 3.0) * (far * sqrt(far) - near * sqrt(near)) / (far - near);
-            let inside = clamp((1.0 - root * root) / max(passage.s, 1e-6), 0.0, 1.0 / max(passage.s, 1e-6));
-            passage.beside *= inside;
-            passage.along = body.unit_centre + passage.beside;
-            passage.s *= inside;
         }
         whole += weight;
         if share > 0.0 {
-            contribution.light += weight * share * luminance_at(body, passage, entry_of(body, passage), footprint * step);
+            if steep {
+                contribution.light += weight * light_of_part(body, passage, share, slopes, footprint * step);
+            } else {
+                contribution.light += weight * share * luminance_at(body, passage, entry_of(body, passage), footprint * step);
+            }
             contribution.coverage += weight * share;
         }
     }
@@ -287,7 +157,30 @@ fn on_equator(body: ViewBody, ray: vec3<f32>) -> vec4<f32> {
     return vec4(place.xy, body.distance_m * (1.0 + parts) * length(passage.ray), select(0.0, 1.0, ahead));
 }
 
-// Contribution of a body's rings to a pixel.
+// Reflected light and coverage of rings around a place in their plane, blurred over `half` along the radius; without the
+// luminance of the rings. `mu`: cosines of the directions to the eye and to the sun with the pole.
+fn rings_around(body: ViewBody, place: vec2<f32>, half: f32, mu: vec2<f32>) -> vec2<f32> {
+    let radius = length(place);
+    var zones = RING_ZONES;
+    var inner = RING_INNER;
+    var reflected = 0.0;
+    var coverage = 0.0;
+    for (var i = 0u; i < 4u; i++) {
+        let zone = zones[i];
+        let within = (clamp(radius + half, inner, zone.x) - clamp(radius - half, inner, zone.x)) / (2.0 * half);
+        coverage += within * (1.0 - exp(-zone.y / mu.x));
+        reflected += within * zone.z * mu.y / (4.0 * (mu.x + mu.y)) * (1.0 - exp(-zone.y * (1.0 / mu.x + 1.0 / mu.y)));
+        inner = zone.x;
+    }
+    // Shadow of the globe, with its edge blurred as well.
+    let to_sun = normalize(body.to_sun / vec3(1.0, 1.0, body.flattening));
+    let towards = dot(vec3(place, 0.0), to_sun);
+    let beside = sqrt(max(radius * radius - towards * towards, 0.0));
+    let open = select(clamp(0.5 + (beside - 1.0) / (2.0 * half), 0.0, 1.0), 1.0, towards >= 0.0);
+    return vec2(reflected * open, coverage);
+}
+
+// Contribution of a body's rings to a pixel: the mean of parts that are narrower than the rings.
 fn rings_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec3<f32>) -> Contribution {
     var contribution: Contribution;
     contribution.rings = true;
@@ -297,34 +190,29 @@ fn rings_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: ve
     if own.w * right.w * down.w == 0.0 {
         return contribution;
     }
+    // Half the size of a pixel along the radius; near the centre the radius hardly changes, but the place does.
     let radius = length(own.xy);
-    // Half the size of a pixel along the radius.
-    let half = clamp(abs(length(right.xy) - radius) + abs(length(down.xy) - radius), 1e-5, 1.0);
-    if radius + half < RING_INNER || radius - half > RING_OUTER {
+    let reach = max(length(right.xy - own.xy) + length(down.xy - own.xy), 1e-5);
+    if radius + reach < RING_INNER || radius - reach > RING_OUTER {
         return contribution;
     }
     let passage = passage_of(body, ray);
     let in_world = passage.along * vec3(1.0, 1.0, body.flattening);
-    let mu_eye = max(abs(in_world.z) * inverseSqrt(dot(in_world, in_world)), 1e-3);
-    let mu_sun = max(abs(body.to_sun.z), 1e-3);
+    let mu = max(vec2(abs(in_world.z) * inverseSqrt(dot(in_world, in_world)), abs(body.to_sun.z)), vec2(1e-3));
     // Rays that come from above go down.
     let is_lit = -in_world.z * body.to_sun.z > 0.0;
-    var zones = RING_ZONES;
-    var inner = RING_INNER;
-    var reflected = 0.0;
-    for (var i = 0u; i < 4u; i++) {
-        let zone = zones[i];
-        let within = (clamp(radius + half, inner, zone.x) - clamp(radius - half, inner, zone.x)) / (2.0 * half);
-        contribution.coverage += within * (1.0 - exp(-zone.y / mu_eye));
-        reflected += within * zone.z * mu_sun / (4.0 * (mu_eye + mu_sun)) * (1.0 - exp(-zone.y * (1.0 / mu_eye + 1.0 / mu_sun)));
-        inner = zone.x;
+    let parts = u32(clamp(ceil(reach / RING_PART), 1.0, MOST_RING_PARTS));
+    var sum = vec2(0.0);
+    for (var i = 0u; i < parts * parts; i++) {
+        let position = (vec2(f32(i % parts), f32(i / parts)) + 0.5) / f32(parts);
+        let place = on_equator(body, ray_of(viewport, corner + position, ray));
+        let beside = abs(length(place.xy + (right.xy - own.xy) / f32(parts)) - length(place.xy));
+        let below = abs(length(place.xy + (down.xy - own.xy) / f32(parts)) - length(place.xy));
+        sum += place.w * rings_around(body, place.xy, clamp(beside + below, 1e-5, 1.0), mu);
     }
-    // Shadow of the globe, with its edge blurred over the pixel.
-    let to_sun = normalize(body.to_sun / vec3(1.0, 1.0, body.flattening));
-    let towards = dot(vec3(own.xy, 0.0), to_sun);
-    let beside = sqrt(max(radius * radius - towards * towards, 0.0));
-    let open = select(clamp(0.5 + (beside - 1.0) / (2.0 * half), 0.0, 1.0), 1.0, towards >= 0.0);
-    contribution.light = body.around_light * select(0.0, reflected * open, is_lit);
+    sum /= f32(parts * parts);
+    contribution.coverage = sum.y;
+    contribution.light = body.around_light * select(0.0, sum.x, is_lit);
     contribution.distance_m = own.z;
     return contribution;
 }

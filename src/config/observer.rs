@@ -9,7 +9,7 @@ use super::document::check_ranges;
 use super::error::Fault;
 use super::look::{Aim, Look};
 use super::surroundings::{AirConfig, GroundConfig};
-use crate::observer::{Clock, Frame, Place, RefractingAir};
+use crate::observer::{Clock, Frame, Place, RefractingAir, refraction::dip_rad};
 use crate::scene::{landscape::Landscape, surroundings::Surroundings};
 
 /// Default azimuth, degrees.
@@ -74,7 +74,8 @@ impl ObserverConfig {
     /// The air and the ground around it, if it has any, with a landscape that has been read.
     pub fn surroundings_with(&self, landscape: Option<Arc<Landscape>>) -> Option<Surroundings> {
         let (air, refraction) = (self.air.air(self.height_m), self.refracting());
-        let surroundings = Surroundings { air, refraction, ground: self.ground.ground(landscape) };
+        let dip_rad = dip_rad(self.height_m, refraction.as_ref());
+        let surroundings = Surroundings { air, refraction, ground: self.ground.ground(landscape, dip_rad) };
         (surroundings.air.is_some() || surroundings.ground.is_some()).then_some(surroundings)
     }
 

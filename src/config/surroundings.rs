@@ -54,12 +54,12 @@ pub struct AirConfig {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GroundConfig {
-    /// Whether there is ground.
+    /// Whether there is ground. Without it everything below the horizon is visible, the Sun too.
     pub enabled: bool,
     /// Share of the light on it that it reflects.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub albedo: f64,
-    /// The horizon line, as pairs of azimuth, 0 to 360 in rising order, and altitude, -90 to 90; straight between them and around. Two points of one azimuth are a vertical wall; 360 closes the line with the altitude of 0. Empty: altitude 0.
+    /// The horizon line, as pairs of azimuth, 0 to 360 in rising order, and altitude, -90 to 90; straight between them and around. Two points of one azimuth are a vertical wall; 360 closes the line with the altitude of 0. Empty: the horizon of the sea, below altitude 0 by its dip at the observer's height.
     pub horizon_deg: Vec<[f64; 2]>,
     /// A panorama instead of that line: a PNG with alpha, twice as wide as high, azimuth growing to the right, the zenith at the top. Its colour is the reflectance, its alpha the opacity
     /// in front of the sky. Relative paths start at the configuration's folder.
@@ -178,10 +178,12 @@ impl GroundConfig {
     }
 
     /// The ground with its landscape, if it has one; `None` if it is turned off.
-    pub(super) fn ground(&self, landscape: Option<Arc<Landscape>>) -> Option<Ground> {
+    /// Without a horizon line, the ground ends `dip_rad` below altitude 0.
+    pub(super) fn ground(&self, landscape: Option<Arc<Landscape>>, dip_rad: f64) -> Option<Ground> {
         let points = || self.horizon_deg.iter().map(|point| point.map(f64::to_radians)).collect();
+        let line = || if self.horizon_deg.is_empty() { Horizon::level(-dip_rad) } else { Horizon::new(points()) };
         self.enabled.then(|| Ground {
-            horizon: landscape.as_ref().map_or_else(|| Horizon::new(points()), |landscape| landscape.horizon()),
+            horizon: landscape.as_ref().map_or_else(line, |landscape| landscape.horizon()),
             albedo: self.albedo,
             landscape,
         })

@@ -16,7 +16,7 @@ pub struct GroundForm {
     pub enabled: bool,
     /// Albedo, 0 to 1.
     pub albedo: f64,
-    /// Horizon line: azimuths from 0 to 360 in rising order (two equal ones: a vertical wall), altitudes from -90 to 90; empty: altitude 0.
+    /// Horizon line: azimuths from 0 to 360 in rising order (two equal ones: a vertical wall), altitudes from -90 to 90; empty: the horizon of the sea.
     pub horizon_deg: Vec<[f64; 2]>,
     /// Whether the configuration's panorama replaces that line.
     pub landscape: bool,

@@ -1,3 +1,4 @@
 //! Bodies without an adapter.
 
+mod curves;
 mod light;

@@ -1,5 +1,6 @@
 //! Bodies on the adapter.
 
 mod corona;
+mod curves;
 mod light;
 mod rings;

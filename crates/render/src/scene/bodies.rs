@@ -13,6 +13,7 @@ mod emission;
 mod preset;
 mod seen;
 mod shadow;
+mod shape;
 mod suns;
 mod texture;
 

@@ -18,11 +18,7 @@ use super::{
     landscape::Landscape,
 };
 use crate::observer::{Observer, RefractingAir, Refraction};
-use crate::photometry::{
-    atmosphere::{Air, measured_over_model},
-    rec709::luminance,
-    sky_light::SkyTable,
-};
+use crate::photometry::{atmosphere::Air, rec709::luminance, sky_light::SkyTable};
 
 /// Number of sources whose light the air scatters: the brightest ones.
 pub const MOST_SOURCES: usize = 2;
@@ -45,8 +41,10 @@ const NODES: [usize; 2] = [12, 16];
 /// The upper boundary of the ground: altitudes at azimuths, interpolated linearly.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Horizon {
-    /// Azimuth and altitude, rad; azimuths rise from 0 to 2 pi, and two equal ones are a vertical wall. Empty: altitude 0 all around.
+    /// Azimuth and altitude, rad; azimuths rise from 0 to 2 pi, and two equal ones are a vertical wall. Empty: the same altitude all around.
     points: Vec<[f64; 2]>,
+    /// That altitude, rad.
+    level_rad: f64,
 }
 
 /// Number of altitudes of a horizon in the table for shaders, evenly spaced from the north.
@@ -55,17 +53,29 @@ pub const HORIZON_STEPS: usize = 720;
 impl Horizon {
     /// The line through points of azimuth and altitude, rad, with azimuths rising from 0 to 2 pi.
     pub fn new(points: Vec<[f64; 2]>) -> Self {
-        Self { points }
+        Self { points, level_rad: 0.0 }
     }
 
-    /// Whether it is at altitude 0 all around.
+    /// The horizon at the same altitude all around, rad.
+    pub fn level(level_rad: f64) -> Self {
+        Self { points: Vec::new(), level_rad }
+    }
+
+    /// Altitude without points, rad.
+    pub fn level_rad(&self) -> f64 {
+        self.level_rad
+    }
+
+    /// Whether it is at the same altitude all around.
     pub fn is_flat(&self) -> bool {
         self.points.is_empty()
     }
 
     /// Altitude at an azimuth, rad.
     pub fn altitude_rad(&self, azimuth_rad: f64) -> f64 {
-        let (Some(first), Some(last)) = (self.points.first(), self.points.last()) else { return 0.0 };
+        let (Some(first), Some(last)) = (self.points.first(), self.points.last()) else {
+            return self.level_rad;
+        };
         let azimuth = azimuth_rad.rem_euclid(TAU);
         let after = self.points.partition_point(|[at, _]| *at <= azimuth);
         let before = if after == 0 { [last[0] - TAU, last[1]] } else { self.points[after - 1] };
@@ -77,7 +87,7 @@ impl Horizon {
 
     /// Its greatest altitude, rad.
     pub fn highest_rad(&self) -> f64 {
-        self.points.iter().map(|[_, altitude_rad]| *altitude_rad).reduce(f64::max).unwrap_or(0.0)
+        self.points.iter().map(|[_, altitude_rad]| *altitude_rad).reduce(f64::max).unwrap_or(self.level_rad)
     }
 
     /// Sines of its altitudes in [`HORIZON_STEPS`] steps.
@@ -115,7 +125,7 @@ pub struct Ground {
 pub struct SkySource {
     /// Unit vector to its apparent position, world axes.
     pub direction: DVec3,
-    /// Its illuminance outside of the air, scaled to match the measured brightness of the sky, linear Rec. 709, lx.
+    /// Its illuminance outside of the air, linear Rec. 709, lx.
     pub light_lx: [f64; 3],
     /// Sky luminance for a source at its altitude.
     pub table: Arc<SkyTable>,
@@ -291,11 +301,7 @@ impl LocalSky {
             let least_cd_m2 = LEAST_OF_GLOW * luminance(air.glow_cd_m2);
             let bright_sources = sources.iter().map(|(direction, light)| {
                 let altitude_rad = sine(direction).clamp(-1.0, 1.0).asin();
-                SkySource {
-                    direction: *direction,
-                    light_lx: light.map(|lx| lx * measured_over_model(altitude_rad)),
-                    table: air.scattered.table(altitude_rad),
-                }
+                SkySource { direction: *direction, light_lx: *light, table: air.scattered.table(altitude_rad) }
             });
             bright_sources
                 .filter(move |source| luminance(source.light_lx) * source.table.brightest_cd_m2() > least_cd_m2)
@@ -380,7 +386,7 @@ impl LocalSky {
         let local = self.horizon_from_world * direction;
         let at_horizon = match &self.horizon {
             Some(horizon) if !horizon.is_flat() => horizon.altitude_rad(azimuth(local)).sin(),
-            Some(_) => 0.0,
+            Some(horizon) => horizon.level_rad.sin(),
             None => -2.0,
         };
         [local.y, at_horizon]
@@ -416,8 +422,8 @@ impl LocalSky {
     fn scattered_cd_m2(&self, direction: DVec3) -> [f64; 3] {
         let Some(air) = &self.air else { return [0.0; 3] };
         let local = self.horizon_from_world * direction;
-        let (altitude_rad, azimuth_rad) = (local.y.clamp(0.0, 1.0).asin(), azimuth(local));
-        self.sources.iter().fold(air.glow(local.y.max(0.0)), |sum, source| {
+        let (altitude_rad, azimuth_rad) = (local.y.clamp(-1.0, 1.0).asin(), azimuth(local));
+        self.sources.iter().fold(air.glow(altitude_rad), |sum, source| {
             let apart_rad = azimuth_rad - azimuth(self.horizon_from_world * source.direction);
             let light = source.table.luminance(altitude_rad, apart_rad, direction.dot(source.direction));
             [0, 1, 2].map(|c| sum[c] + light[c] * source.light_lx[c])

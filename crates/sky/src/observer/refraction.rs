@@ -27,6 +27,12 @@ pub const FADING: [f64; 2] = [-0.07, -0.02];
 /// above.
 const STEPS: usize = 8;
 
+/// Share of the Earth's curvature by which light near the horizon bends in standard air at sea level: the dip of 1.76
+/// arcmin times the root of the height in m (Nautical Almanac) instead of 1.926 for straight lines.
+const BENT: f64 = 0.165;
+/// Mean radius of the Earth, m.
+const EARTH_M: f64 = 6_371_000.0;
+
 /// The air for which the coefficients hold, that of the Nautical Almanac.
 const STANDARD: RefractingAir = RefractingAir { pressure_hpa: 1010.0, temperature_c: 10.0 };
 
@@ -75,6 +81,12 @@ impl RefractingAir {
     pub fn refraction_rad(&self, altitude_rad: f64) -> f64 {
         (of_arriving(self.density(), altitude_rad.sin()) * altitude_rad.cos()).atan()
     }
+}
+
+/// Apparent depth of the sea's horizon below altitude 0, rad, from a height over the sea, m, with or without air.
+pub fn dip_rad(height_m: f64, air: Option<&RefractingAir>) -> f64 {
+    let bent = BENT * air.map_or(0.0, RefractingAir::density);
+    (EARTH_M / (EARTH_M + height_m.max(0.0))).acos() * (1.0 - bent).max(0.0).sqrt()
 }
 
 fn fraction([first, a, b, c, d]: [f64; 5], sine: f64) -> f64 {
@@ -185,6 +197,18 @@ mod tests {
         let paranal = RefractingAir::at_height(2635.0);
         assert!((paranal.pressure_hpa - 734.0).abs() < 3.0 && (paranal.temperature_c + 2.1).abs() < 0.1, "{paranal:?}");
         assert!(RefractingAir::at_height(30_000.0).pressure_hpa < 13.0);
+    }
+
+    #[test]
+    fn the_dip_of_the_horizon_is_that_of_the_almanac() {
+        for height_m in [2.0_f64, 25.0, 100.0, 400.0] {
+            let air = RefractingAir::at_height(height_m);
+            let found = dip_rad(height_m, Some(&air)).to_degrees() * 60.0;
+            assert!((found / (1.76 * height_m.sqrt()) - 1.0).abs() < 0.01, "{height_m}: {found}");
+            let straight = dip_rad(height_m, None).to_degrees() * 60.0;
+            assert!((straight / (1.926 * height_m.sqrt()) - 1.0).abs() < 0.002, "{height_m}: {straight}");
+        }
+        assert_eq!(dip_rad(-30.0, None), 0.0);
     }
 
     #[test]

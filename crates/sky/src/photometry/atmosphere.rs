@@ -7,7 +7,8 @@
 //! **The sky's light** is that of [`super::sky_light`] for the same extinction. A factor that depends on the altitude
 //! of the source ([`measured_over_model`]) gives the zenith its measured brightness in twilight (F. Patat, O. S.
 //! Ugolnikov and O. V. Postylyakov, A&A 455, 385, 2006; below 14 degrees B. E. Schaefer, "To the visual limits", Sky
-//! and Telescope 95, 57, 1998); it is 1 by day. The airglow is added, with the law of van Rhijn.
+//! and Telescope 95, 57, 1998); it is 1 by day. The light of the night sky is added: its
+//! level is given for the zenith, and [`SkyLight::night_at`] is its distribution.
 //!
 //! Units: rad, magnitudes, cd/m^2, lx.
 
@@ -53,15 +54,18 @@ const TWILIGHT: [[f64; 2]; 9] = [
     [0.0, 0.0],
 ];
 
-/// Correction factor on the model's light for a source at an altitude, rad.
-pub fn measured_over_model(source_rad: f64) -> f64 {
+/// Correction factors on the model's light for a source at an altitude, rad: on light scattered once, and on light
+/// scattered more often. Where the model is too bright, both are reduced. Where it is too dark, in deep twilight, light
+/// scattered often is missing: the arch over the source is lit directly and keeps its light.
+pub fn measured_over_model(source_rad: f64) -> [f64; 2] {
     let altitude = source_rad.to_degrees();
     let [first, last] = [TWILIGHT[0], TWILIGHT[TWILIGHT.len() - 1]];
     let between = TWILIGHT.windows(2).find(|ends| (ends[0][0]..ends[1][0]).contains(&altitude)).map(|ends| {
         let part = (altitude - ends[0][0]) / (ends[1][0] - ends[0][0]);
         ends[0][1] + part * (ends[1][1] - ends[0][1])
     });
-    10f64.powf(between.unwrap_or(if altitude < first[0] { first[1] } else { last[1] }))
+    let factor = 10f64.powf(between.unwrap_or(if altitude < first[0] { first[1] } else { last[1] }));
+    [factor.min(1.0), factor]
 }
 
 /// Air mass at an altitude, given by its sine; below the horizon, that of the horizon.
@@ -118,11 +122,10 @@ impl Air {
         self.extinction_log2().map(|log2| (log2 * air_mass).exp2())
     }
 
-    /// Airglow at an altitude, given by its sine, cd/m^2.
-    pub fn glow(&self, sine: f64) -> [f64; 3] {
-        let longer = 0.4 + 0.6 / (0.04 + 0.96 * sine * sine).sqrt();
-        let (air_mass, log2) = (air_mass(sine), self.extinction_log2());
-        [0, 1, 2].map(|c| self.glow_cd_m2[c] * longer * (log2[c] * (air_mass - 1.0)).exp2())
+    /// Light of the night sky at an altitude, rad, cd/m^2: airglow and light from space, direct and scattered.
+    pub fn glow(&self, altitude_rad: f64) -> [f64; 3] {
+        let relative = self.scattered.night_at(altitude_rad);
+        [0, 1, 2].map(|c| self.glow_cd_m2[c] * relative[c])
     }
 }
 
@@ -142,6 +145,8 @@ pub fn glow_of(mag_per_arcsec2: f64, colour: [f64; 3]) -> [f64; 3] {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
     use crate::{photometry::blackbody::rec709_in_gamut, units::illuminance_lx_from_magnitude};
 
@@ -158,7 +163,7 @@ mod tests {
         let table = air.scattered.table(altitude);
         let seen = table.luminance(std::f64::consts::FRAC_PI_2, 0.0, altitude.sin());
         let sun = sun_lx();
-        luminance([0, 1, 2].map(|c| seen[c] * sun[c] * measured_over_model(altitude))) + luminance(air.glow(1.0))
+        luminance([0, 1, 2].map(|c| seen[c] * sun[c])) + luminance(air.glow(std::f64::consts::FRAC_PI_2))
     }
 
     #[test]
@@ -183,7 +188,8 @@ mod tests {
             of_mag(11.84 + 1.518 * beyond - 0.057 * beyond * beyond)
         };
         let day = (1.376 * 2.5 - 1.81) * f64::to_radians(30.0).tan() * 1e3 + 380.0;
-        for (sun_deg, published) in [(-18.0, of_mag(21.6)), (-12.0, patat(12.0)), (-6.0, patat(6.0)), (30.0, day)] {
+        let twilight = [-12.0, -10.0, -8.0, -7.0, -6.0].map(|sun_deg: f64| (sun_deg, patat(-sun_deg)));
+        for (sun_deg, published) in [(-18.0, of_mag(21.6)), (30.0, day)].into_iter().chain(twilight) {
             let found = zenith_cd_m2(&air(), sun_deg);
             println!(
                 "Sun {sun_deg}: zenith {found:.3e} cd/m^2, published {published:.3e}, ratio {:.2}",
@@ -193,6 +199,115 @@ mod tests {
         }
         // An error of one degree in the Sun's altitude must fail.
         assert!(!(1.0 / 1.5..1.5).contains(&(zenith_cd_m2(&air(), -5.0) / patat(6.0))));
+    }
+
+    /// Altitudes of the tables below, degrees.
+    const ALTITUDES: [f64; 12] = [90.0, 60.0, 45.0, 30.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.0, -0.5];
+
+    /// Length of a path through the air, after Krisciunas and Schaefer 1991: 5 at the horizon.
+    fn length(sine: f64) -> f64 {
+        (1.0 - 0.96 * (1.0 - sine * sine)).sqrt().recip()
+    }
+
+    #[test]
+    fn the_night_sky_has_its_published_profile_from_the_zenith_to_the_horizon() {
+        // Relative to the zenith: C. R. Benn and S. L. Ellison, New Astronomy Reviews 42, 503, 1998: 0.4 + 0.6 X, dimmed
+        // by k (X - 1), with X = (1 - 0.96 cos^2 h)^-0.5.
+        for (extinction_mag, height_m) in [(0.2, 0.0), (0.116, 2635.0)] {
+            let air = Air::new(extinction_mag, height_m, [1.0; 3]);
+            for altitude in ALTITUDES {
+                let sine = f64::to_radians(altitude.max(0.0)).sin();
+                let long = length(sine);
+                let published = (0.4 + 0.6 * long) * 10_f64.powf(-0.4 * extinction_mag * (long - 1.0));
+                let attenuated = (0.4 + 0.6 * long) * air.transmission(sine)[1] / air.transmission(1.0)[1];
+                let found = luminance(air.glow(altitude.to_radians()));
+                println!(
+                    "{height_m} m, {altitude} degrees: {found:.3}, published {published:.3}, only attenuated {attenuated:.3}"
+                );
+                if altitude >= 5.0 {
+                    assert!((1.0 / 1.5..1.5).contains(&(found / published)), "{altitude}: {found} {published}");
+                }
+                // In the lowest degrees the air is opaque, which the formula does not know: there the sky has the mean
+                // luminance of the sky and ground around the air.
+                assert!(found > 0.6 && found < 2.3, "{altitude}: {found}");
+                if altitude <= 2.0 {
+                    assert!(attenuated < 0.5 * found, "scattered light dominates: {altitude}");
+                }
+            }
+            // No step, neither at altitude 0 nor above.
+            let lowest = air.scattered.lowest_rad().to_degrees();
+            let mut before = luminance(air.glow(lowest.to_radians()));
+            for step in 1..1000 {
+                let next = luminance(air.glow((lowest + f64::from(step) * 0.02).to_radians()));
+                assert!((next / before - 1.0).abs() < 0.02, "{step}: {before} {next}");
+                before = next;
+            }
+        }
+        // The sky below altitude 0 on a mountain is that of the table, not that of altitude 0.
+        let [level, below] =
+            [0.0, -1.0].map(|altitude: f64| luminance(Air::new(0.116, 2635.0, [1.0; 3]).glow(altitude.to_radians())));
+        assert!(below < 0.95 * level, "{level} {below}");
+    }
+
+    #[test]
+    fn moonlight_has_its_published_profile_from_the_zenith_to_the_horizon() {
+        // Full Moon at an altitude of 45 degrees: Krisciunas and Schaefer 1991, equations 3 and 15 to 21.
+        let (air, extinction_mag) = (air(), 0.2);
+        let moon = f64::to_radians(45.0);
+        let passed = |sine: f64| 10_f64.powf(-0.4 * extinction_mag * length(sine));
+        for (azimuth_deg, altitude) in [60.0_f64, 120.0, 180.0]
+            .into_iter()
+            .flat_map(|azimuth_deg| ALTITUDES.map(|altitude| (azimuth_deg, altitude)))
+        {
+            let seen = f64::to_radians(altitude);
+            let cosine = seen.sin() * moon.sin() + seen.cos() * moon.cos() * azimuth_deg.to_radians().cos();
+            let light = air.scattered.table(moon).luminance(seen, azimuth_deg.to_radians(), cosine);
+            let (lx, colour) = (illuminance_lx_from_magnitude(-12.73), rec709_in_gamut(5772.0));
+            let found = luminance([0, 1, 2].map(|c| light[c] * lx * colour[c]));
+            let apart_deg = cosine.acos().to_degrees();
+            let scattered = 10_f64.powf(5.36) * (1.06 + cosine * cosine) + 10_f64.powf(6.15 - apart_deg / 40.0);
+            let nanolamberts =
+                scattered * 10_f64.powf(-0.4 * 3.84) * passed(moon.sin()) * (1.0 - passed(seen.sin().max(0.0)));
+            let published = nanolamberts * 1e-5 / std::f64::consts::PI;
+            println!("azimuth {azimuth_deg}, {altitude}: {found:.3e} cd/m^2, published {published:.3e}");
+            if altitude >= 0.0 {
+                assert!((1.0 / 1.5..1.5).contains(&(found / published)), "{altitude}: {found} {published}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_sky_in_twilight_gives_the_ground_its_published_illuminance() {
+        // P. K. Seidelmann, "Explanatory Supplement", 1992, table 9.311, lx; at 18 degrees of depression the airglow and
+        // the stars.
+        let air = air();
+        for (sun_deg, published_lx) in [(-6.0, 3.4), (-12.0, 8.1e-3), (-18.0, 6.5e-4)] {
+            let sun = f64::to_radians(sun_deg);
+            let (table, rgb) = (air.scattered.table(sun), sun_lx());
+            let at = |altitude_rad: f64, azimuth_rad: f64| {
+                let cosine = altitude_rad.sin() * sun.sin() + altitude_rad.cos() * sun.cos() * azimuth_rad.cos();
+                let light = table.luminance(altitude_rad, azimuth_rad, cosine);
+                let scattered = luminance([0, 1, 2].map(|c| light[c] * rgb[c]));
+                scattered + luminance(air.glow(altitude_rad))
+            };
+            for altitude in ALTITUDES {
+                let [towards, across, away] = [0.0, 0.5, 1.0].map(|turn| at(altitude.to_radians(), turn * PI));
+                println!(
+                    "Sun {sun_deg}, {altitude}: {towards:.3e} {across:.3e} {away:.3e} cd/m^2 at 0, 90 and 180 degrees"
+                );
+            }
+            let (rings, around) = (90, 36);
+            let lit_lx: f64 = (0..rings * around)
+                .map(|node| {
+                    let altitude_rad = (f64::from(node / around) + 0.5) / f64::from(rings) * PI / 2.0;
+                    let part = altitude_rad.sin() * altitude_rad.cos() * PI / 2.0 / f64::from(rings);
+                    let azimuth_rad = (f64::from(node % around) + 0.5) / f64::from(around) * PI;
+                    2.0 * PI / f64::from(around) * part * at(altitude_rad, azimuth_rad)
+                })
+                .sum();
+            println!("Sun {sun_deg}: {lit_lx:.3e} lx on the ground, published {published_lx:.3e}");
+            assert!((1.0 / 1.5..1.5).contains(&(lit_lx / published_lx)), "{sun_deg}: {lit_lx} {published_lx}");
+        }
     }
 
     #[test]

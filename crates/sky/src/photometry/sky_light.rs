@@ -3,10 +3,12 @@
 //! Air of molecules, aerosol and ozone surrounds a spherical Earth. Light scattered once is integrated along the line
 //! of sight, outside the Earth's shadow. Light scattered more often is treated as isotropic at each point and summed
 //! as a geometric series of its first term (S. Hillaire, "A scalable and production ready sky and atmosphere
-//! rendering technique", Computer Graphics Forum 39, 2020). Optical depths are those of the extinction
+//! rendering technique", Computer Graphics Forum 39, 2020), scaled in twilight to the measured zenith
+//! ([`measured_over_model`]). Optical depths are those of the extinction
 //! ([`super::atmosphere`]). Left out: refraction, clouds, polarisation, and light reflected by the ground.
 //!
-//! Tables hold the light from a source of 1 lx; they depend on its altitude alone.
+//! Tables hold the light from a source of 1 lx; they depend on its altitude alone. They reach down to the lowest line
+//! of sight that misses the Earth. [`night`] is the light of the sky without a source.
 //!
 //! Units: rad, km, optical depths, cd/m^2 per lx.
 
@@ -18,7 +20,9 @@ use std::{
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::rec709;
+use super::{atmosphere::measured_over_model, rec709};
+
+mod night;
 
 /// Radius of the Earth and height of the top of the atmosphere, km.
 const EARTH_KM: f64 = 6371.0;
@@ -68,9 +72,12 @@ pub struct Depths {
 
 /// The sky's luminance for a source of 1 lx at one altitude, cd/m^2.
 ///
-/// Node (i, j) is at altitude (pi / 2) (i / (n - 1))^2 and azimuth pi (j / (m - 1))^2 from the source.
+/// Node (i, j) is at altitude l + (pi / 2 - l) (i / (n - 1))^2, with the lowest altitude l, and at azimuth pi (j / (m -
+/// 1))^2 from the source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkyTable {
+    /// Altitude of the first nodes, rad: [`lowest_rad`].
+    pub lowest_rad: f64,
     /// Light scattered by molecules, and multiply scattered light.
     pub smooth: Vec<[f64; 3]>,
     /// Light scattered once by aerosol, for a phase function of 1.
@@ -82,6 +89,7 @@ pub struct SkyLight {
     depths: Depths,
     arriving: Vec<[f64; 3]>,
     many: Vec<[f64; 3]>,
+    night: Vec<[f64; 3]>,
     kept: Mutex<Vec<(i64, Arc<SkyTable>)>>,
 }
 
@@ -159,6 +167,22 @@ fn shadow_edges_km(radius_km: f64, towards: DVec3, source: DVec3, whole_km: f64)
         .collect()
 }
 
+/// Lowest altitude at which a line of sight from a height misses the Earth, rad: straight lines, without refraction.
+pub fn lowest_rad(height_km: f64) -> f64 {
+    -(EARTH_KM / (EARTH_KM + height_km.max(0.0))).acos()
+}
+
+/// Altitude of a row of a table, rad.
+fn altitude_of_row(lowest_rad: f64, row: usize) -> f64 {
+    lowest_rad + (FRAC_PI_2 - lowest_rad) * (row as f64 / (TABLE_NODES[0] - 1) as f64).powi(2)
+}
+
+/// Position of an altitude among the rows of a table.
+fn row_of_altitude(lowest_rad: f64, altitude_rad: f64) -> f64 {
+    let part = (altitude_rad - lowest_rad) / (FRAC_PI_2 - lowest_rad);
+    part.clamp(0.0, 1.0).sqrt() * (TABLE_NODES[0] - 1) as f64
+}
+
 /// Whether the Earth hides the direction at a sine of altitude, seen from a radius.
 fn meets_earth(radius_km: f64, sine: f64) -> bool {
     sine < 0.0 && radius_km * radius_km * (1.0 - sine * sine) < EARTH_KM * EARTH_KM
@@ -213,7 +237,8 @@ impl SkyLight {
                 depth.map(|depth| (-depth).exp())
             })
             .collect();
-        let mut sky = Self { depths, arriving, many: Vec::new(), kept: Mutex::default() };
+        let night = night::profile(&depths);
+        let mut sky = Self { depths, arriving, many: Vec::new(), night, kept: Mutex::default() };
         let [heights, sines] = MANY;
         let [lowest, highest] = SOURCE_SINES;
         sky.many = (0..heights * sines)
@@ -224,6 +249,24 @@ impl SkyLight {
             })
             .collect();
         sky
+    }
+
+    /// Lowest altitude at which there is sky, rad.
+    pub fn lowest_rad(&self) -> f64 {
+        lowest_rad(self.depths.height_km)
+    }
+
+    /// Luminance of the night sky relative to its zenith, at the altitudes of the rows of a [`SkyTable`].
+    pub fn night(&self) -> &[[f64; 3]] {
+        &self.night
+    }
+
+    /// Luminance of the night sky at an altitude, rad, relative to its zenith.
+    pub fn night_at(&self, altitude_rad: f64) -> [f64; 3] {
+        let place = row_of_altitude(self.lowest_rad(), altitude_rad);
+        let low = (place as usize).min(TABLE_NODES[0] - 2);
+        let part = place - low as f64;
+        each(|c| self.night[low][c] * (1.0 - part) + self.night[low + 1][c] * part)
     }
 
     /// Share of the light of a source that arrives at a height, for the sine of the altitude of the source there.
@@ -326,8 +369,11 @@ impl SkyLight {
         let towards = direction(altitude_rad, azimuth_rad);
         let source = direction(source_rad, 0.0);
         let seen = self.along(self.depths.height_km, towards, source, Orders::All);
-        let cosine = towards.dot(source);
-        each(|c| seen.molecules[c] * molecules_per_sr(cosine) + seen.aerosol[c] * aerosol_per_sr(cosine) + seen.many[c])
+        let (cosine, [once, many]) = (towards.dot(source), measured_over_model(source_rad));
+        each(|c| {
+            once * (seen.molecules[c] * molecules_per_sr(cosine) + seen.aerosol[c] * aerosol_per_sr(cosine))
+                + many * seen.many[c]
+        })
     }
 
     /// The table for a source at an altitude, rad; it is dark for a source far below the horizon.
@@ -350,24 +396,25 @@ impl SkyLight {
 
     fn made(&self, source_rad: f64) -> SkyTable {
         let [altitudes, azimuths] = TABLE_NODES;
-        let source = direction(source_rad, 0.0);
+        let (source, lowest_rad) = (direction(source_rad, 0.0), self.lowest_rad());
+        let [once, many] = measured_over_model(source_rad);
         let node = |index: usize| {
-            let part = |index: usize, count: usize| (index as f64 / (count - 1) as f64).powi(2);
-            let towards =
-                direction(FRAC_PI_2 * part(index / azimuths, altitudes), PI * part(index % azimuths, azimuths));
+            let azimuth_rad = PI * ((index % azimuths) as f64 / (azimuths - 1) as f64).powi(2);
+            let towards = direction(altitude_of_row(lowest_rad, index / azimuths), azimuth_rad);
             let seen = self.along(self.depths.height_km, towards, source, Orders::All);
             let of_molecules = molecules_per_sr(towards.dot(source));
-            (each(|c| seen.molecules[c] * of_molecules + seen.many[c]), seen.aerosol)
+            let smooth = each(|c| once * seen.molecules[c] * of_molecules + many * seen.many[c]);
+            (smooth, seen.aerosol.map(|light| once * light))
         };
         let (smooth, aerosol) = (0..altitudes * azimuths).into_par_iter().map(node).unzip();
-        SkyTable { smooth, aerosol }
+        SkyTable { lowest_rad, smooth, aerosol }
     }
 }
 
 impl Default for SkyTable {
     fn default() -> Self {
         let dark = vec![[0.0; 3]; TABLE_NODES[0] * TABLE_NODES[1]];
-        Self { smooth: dark.clone(), aerosol: dark }
+        Self { lowest_rad: 0.0, smooth: dark.clone(), aerosol: dark }
     }
 }
 
@@ -399,7 +446,7 @@ impl SkyTable {
         let [altitudes, azimuths] = TABLE_NODES;
         let source = direction(source_rad, 0.0);
         let row = |row: usize| {
-            let altitude_rad = FRAC_PI_2 * (row as f64 / (altitudes - 1) as f64).powi(2);
+            let altitude_rad = altitude_of_row(self.lowest_rad, row);
             let of_azimuth = |step: usize| {
                 let azimuth_rad = PI * (step as f64 + 0.5) / azimuths as f64;
                 self.luminance(altitude_rad, azimuth_rad, direction(altitude_rad, azimuth_rad).dot(source))
@@ -408,7 +455,7 @@ impl SkyTable {
             sum.map(|channel| channel / azimuths as f64)
         };
         let smooth = (0..altitudes).flat_map(|altitude| std::iter::repeat_n(row(altitude), azimuths)).collect();
-        Self { smooth, ..Self::default() }
+        Self { lowest_rad: self.lowest_rad, smooth, ..Self::default() }
     }
 
     /// Illuminance of a level surface by a sky that does not depend on azimuth, lx.
@@ -423,12 +470,12 @@ impl SkyTable {
         (0..steps).map(ring).sum()
     }
 
-    /// Luminance at an altitude (at least 0) and an azimuth from the source, rad, and the cosine of the angle from
+    /// Luminance at an altitude and an azimuth from the source, rad, and the cosine of the angle from
     /// it; cd/m^2 per lx.
     pub fn luminance(&self, altitude_rad: f64, azimuth_rad: f64, cosine: f64) -> [f64; 3] {
         let place = |part: f64, count: usize| part.clamp(0.0, 1.0).sqrt() * (count - 1) as f64;
         let position = [
-            place(altitude_rad / FRAC_PI_2, TABLE_NODES[0]),
+            row_of_altitude(self.lowest_rad, altitude_rad),
             place(azimuth_rad.rem_euclid(TAU).min((-azimuth_rad).rem_euclid(TAU)) / PI, TABLE_NODES[1]),
         ];
         let (smooth, aerosol) =
@@ -469,114 +516,4 @@ fn height_along(height_km: f64, sine: f64, distance_km: f64) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn sky() -> SkyLight {
-        // 0.2 mag in green.
-        let depths = Depths {
-            molecules: [0.064, 0.0989, 0.193],
-            aerosol: [0.050, 0.0574, 0.0715],
-            ozone: [0.04, 0.0286, 0.0028],
-            height_km: 0.0,
-        };
-        SkyLight::new(depths)
-    }
-
-    #[test]
-    fn phase_functions_scatter_all_light() {
-        for per_sr in [molecules_per_sr, aerosol_per_sr] {
-            let nodes = 20_000;
-            let sum: f64 = (0..nodes).map(|i| per_sr(-1.0 + 2.0 * (f64::from(i) + 0.5) / f64::from(nodes))).sum();
-            assert!((sum / f64::from(nodes) * 4.0 * PI - 1.0).abs() < 1e-5);
-        }
-    }
-
-    #[test]
-    fn transmission_follows_from_the_optical_depths() {
-        let sky = sky();
-        let total = [0, 1, 2].map(|c| sky.depths.molecules[c] + sky.depths.aerosol[c] + sky.depths.ozone[c]);
-        let [overhead, low] = [1.0, 0.5].map(|sine| sky.arriving(0.0, sine));
-        for c in 0..3 {
-            assert!((overhead[c] / (-total[c]).exp() - 1.0).abs() < 2e-3, "{overhead:?}");
-            assert!((low[c] / (-1.99 * total[c]).exp() - 1.0).abs() < 5e-3, "{low:?}");
-        }
-        assert_eq!(sky.arriving(0.0, -1e-3), [0.0; 3]);
-        // For the Sun at 6 degrees of depression, a height of 35 km is at the edge of the shadow.
-        let edge = f64::to_radians(6.0).sin();
-        assert_eq!(sky.arriving(34.0, -edge), [0.0; 3]);
-        assert!(sky.arriving(40.0, -edge)[0] > 0.0);
-    }
-
-    #[test]
-    fn tables_match_direct_integration() {
-        let sky = sky();
-        let mut worst = 0.0_f64;
-        for source_deg in [50.0, 10.0, 0.0, -4.0, -9.0] {
-            let source = f64::to_radians(source_deg);
-            let table = sky.table(source);
-            for i in 0..30 {
-                for j in 0..20 {
-                    let (altitude, azimuth) =
-                        ((f64::from(i) + 0.4) / 30.0 * FRAC_PI_2, (f64::from(j) + 0.3) / 20.0 * PI);
-                    let cosine = direction(altitude, azimuth).dot(direction(source, 0.0));
-                    let expected = sky.luminance(source, altitude, azimuth);
-                    let found = table.luminance(altitude, azimuth, cosine);
-                    let mirrored = table.luminance(altitude, -azimuth, cosine);
-                    (0..3).for_each(|c| worst = worst.max((found[c] / expected[c] - 1.0).abs()));
-                    assert_eq!(found, mirrored);
-                }
-            }
-        }
-        println!("largest error of the tables {worst:.4}");
-        assert!(worst < 0.1, "{worst}");
-        assert!(Arc::ptr_eq(&sky.table(0.3), &sky.table(0.300_05)));
-    }
-
-    #[test]
-    fn a_clear_sky_is_blue_red_at_sunset_and_dark_in_the_earths_shadow() {
-        let sky = sky();
-        let noon = sky.luminance(0.7, FRAC_PI_2, 0.0);
-        assert!(noon[2] > 1.5 * noon[1] && noon[1] > 1.2 * noon[0], "{noon:?}");
-        let dusk = f64::to_radians(-4.0);
-        let [towards, away] = [0.0, PI].map(|azimuth| sky.luminance(dusk, f64::to_radians(2.0), azimuth));
-        assert!(towards[0] > towards[1] && towards[1] > towards[2], "{towards:?}");
-        assert!(away[2] > away[1] && towards[1] > 4.0 * away[1], "{towards:?} {away:?}");
-        let zenith = sky.luminance(dusk, FRAC_PI_2, 0.0);
-        assert!(zenith[2] > 2.0 * zenith[1], "ozone makes twilight blue: {zenith:?}");
-    }
-
-    #[test]
-    fn light_from_all_azimuths_is_uniform_and_gives_a_level_surface_one_lux() {
-        let even = sky().table(0.0).all_around(0.0);
-        let luminance = |altitude_deg: f64, azimuth: f64| even.luminance(altitude_deg.to_radians(), azimuth, 0.3);
-        assert_eq!(luminance(20.0, 0.1), luminance(20.0, 2.9));
-        let [low, high] = [luminance(3.0, 0.0), luminance(90.0, 0.0)];
-        // A sunset at all azimuths: bright and red below, blue above.
-        assert!(rec709::luminance(low) > 2.0 * rec709::luminance(high), "{low:?} {high:?}");
-        assert!(low[0] / low[2] > 1.3 * high[0] / high[2], "{low:?} {high:?}");
-        // A uniform sky of 1 / pi gives 1 lx.
-        assert!((0.3..1.0).contains(&(rec709::luminance(high) * PI)), "{high:?}");
-        let other = sky().table(0.0).luminance(0.35, 0.1, 0.9);
-        assert_ne!(other, sky().table(0.0).luminance(0.35, 2.9, -0.9), "one source depends on azimuth");
-    }
-
-    #[test]
-    fn the_sky_gives_the_ground_its_published_illuminance() {
-        // Global horizontal illuminance at sunset and at 6 degrees of depression: 730 and 3.4 lx (P. K. Seidelmann, "Explanatory Supplement", 1992, table 9.311), within a factor of 1.6.
-        let sky = sky();
-        for (source_deg, published_lx) in [(0.0, 730.0), (-6.0, 3.4)] {
-            let mut lit_lx = 0.0;
-            for i in 0..12 {
-                let sine = (f64::from(i) + 0.5) / 12.0;
-                for j in 0..16 {
-                    let seen =
-                        sky.luminance(f64::to_radians(source_deg), sine.asin(), (f64::from(j) + 0.5) / 16.0 * TAU);
-                    lit_lx += TAU * sine / 192.0 * seen[1] * 1.26e5;
-                }
-            }
-            println!("{source_deg} degrees: {lit_lx:.2} lx on the ground, published {published_lx}");
-            assert!((1.0 / 1.6..1.6).contains(&(lit_lx / published_lx)), "{source_deg}: {lit_lx}");
-        }
-    }
-}
+mod tests;

@@ -3,6 +3,7 @@
 pub mod blocks;
 pub mod light;
 mod meeting;
+mod ring_light;
 pub mod seen;
 pub mod textures;
 

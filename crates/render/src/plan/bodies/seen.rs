@@ -5,7 +5,7 @@
 //! both, so that a shrinking body does not pop.
 
 use std::{
-    f64::consts::{FRAC_PI_2, PI},
+    f64::consts::PI,
     sync::{Arc, Weak},
 };
 
@@ -14,22 +14,17 @@ use glam::{DMat3, DVec2, DVec3};
 use super::{
     light::illuminance_of,
     meeting::{self, Round},
+    ring_light::{has_rings, lit_rings},
 };
 use crate::plan::{
     glare::objects::{Source, body_sources},
     stars::cull::MAX_VIEWPORTS,
 };
 use crate::{
-    photometry::{
-        corona,
-        glare::GlareKernel,
-        phase_curve::{Tilt, ring_share},
-        rec709::luminance,
-        rings,
-    },
+    photometry::{corona, glare::GlareKernel, rec709::luminance, rings},
     scene::{
         SceneObjects,
-        bodies::{Body, Light, SolarBody, Sun, lights_on},
+        bodies::{Body, Light, Sun, lights_on},
     },
     view::{
         Viewport,
@@ -330,32 +325,6 @@ fn limb_rad(projection: &Projection) -> f64 {
     };
     // Round pictures: centres outside the circle have no direction, so the reach is unlimited.
     if middle_is_largest { 1.5 * projection.middle_pixel_rad() } else { PI }
-}
-
-/// Whether a body has rings: Saturn with its measured light.
-fn has_rings(body: &Body) -> bool {
-    body.surface.phase_curve == Some(SolarBody::Saturn)
-}
-
-/// Divides the light of a body with rings between globe and rings: reduces the light of the suns on the globe, and returns the luminance of the
-/// rings divided by their reflectance, cd/m^2. `None`: the body has no rings.
-fn lit_rings(body: &Body, eye_m: DVec3, light_lx: [f64; 3], suns: &mut [Light]) -> Option<[f64; 3]> {
-    let sun = suns.first().filter(|_| has_rings(body))?;
-    let to_eye_m = eye_m - body.position_m;
-    let pole = body.orientation * DVec3::Z;
-    let latitude_rad = |towards: DVec3| FRAC_PI_2 - pole.angle_between(towards);
-    let tilt = Tilt { eye_rad: latitude_rad(to_eye_m), sun_rad: latitude_rad(sun.direction) };
-    let share = ring_share(sun.direction.angle_between(to_eye_m), tilt);
-    let (mu_eye, mu_sun) = (tilt.eye_rad.sin().abs(), tilt.sun_rad.sin().abs());
-    let unit = rings::illuminance_of_unit(mu_eye, mu_sun, body.radii_m.x / to_eye_m.length())?;
-    if share <= 0.0 {
-        return None;
-    }
-    for sun in suns {
-        sun.illuminance_lx = sun.illuminance_lx.map(|lx| lx * (1.0 - share));
-    }
-    // Without the air in between, whose transmission is applied to everything that is drawn.
-    Some([0, 1, 2].map(|c| light_lx[c] * share / unit / body.seen_through[c].max(1e-9)))
 }
 
 /// Transforms world axes, m, to the axes of the body, in semi-axes.

@@ -32,24 +32,27 @@ gpu_structs! {
         /// directions.
         light_share: f32,
         zenith: [f32; 3],
-        /// 1: the ground ends at altitude 0 in all directions.
+        /// 1: the ground ends at the same altitude in all directions.
         is_flat: u32,
         south: [f32; 3],
         /// Sine of the altitude above which no ground is visible.
         above_ground: f32,
         /// Attenuation per air mass as a power of two, linear Rec. 709.
         extinction: [f32; 3],
-        unused_1: u32,
-        /// Luminance of the airglow in the zenith before extinction, cd/m^2.
+        /// Altitude of the first row of the tables, rad.
+        lowest: f32,
+        /// Luminance of the night sky in the zenith, cd/m^2.
         glow: [f32; 3],
-        unused_2: u32,
+        /// Reciprocal of the range of altitudes of the tables, 1/rad.
+        per_rad: f32,
         /// Luminance of the ground, cd/m^2.
         ground: [f32; 3],
         /// Azimuth of the centre of the landscape picture, rad.
         landscape_azimuth: f32,
         /// Luminance of a white surface, cd/m^2.
         white: [f32; 3],
-        unused_3: u32,
+        /// Sine of the altitude at which ground ends that is flat.
+        level_sine: f32,
         /// Size of the landscape picture, texels; 0: there is none.
         landscape_size: [u32; 2],
         unused_4: u32,

@@ -1,6 +1,6 @@
 //! The pass that adds air and ground to one tile.
 
-use std::sync::OnceLock;
+use std::{f64::consts::FRAC_PI_2, sync::OnceLock};
 
 use glam::DVec2;
 
@@ -53,6 +53,7 @@ fn encode(sky: &LocalSky, glare: &GlarePlan, tile: u32) -> layout::AirParameters
         };
     }
     let air_values = |value: &dyn Fn(&Air) -> [f64; 3]| sky.air.as_ref().map_or([0.0; 3], value);
+    let lowest_rad = sky.air.as_ref().map_or(0.0, |air| air.scattered.lowest_rad());
     layout::AirParameters {
         tile,
         has_air: u32::from(sky.air.is_some()),
@@ -65,24 +66,24 @@ fn encode(sky: &LocalSky, glare: &GlarePlan, tile: u32) -> layout::AirParameters
         south: axis(2),
         above_ground: sky.highest_ground_sine().map_or(-1.0, |sine| (sine + NEAR_GROUND) as f32),
         extinction: f32s(air_values(&|air| air.extinction_log2())),
-        // Excludes the extinction of the first air mass, which the shader applies together with the others.
-        glow: f32s(air_values(&|air| {
-            let log2 = air.extinction_log2();
-            [0, 1, 2].map(|c| air.glow_cd_m2[c] * (-log2[c]).exp2())
-        })),
+        lowest: lowest_rad as f32,
+        glow: f32s(air_values(&|air| air.glow_cd_m2)),
+        per_rad: (FRAC_PI_2 - lowest_rad).recip() as f32,
         ground: f32s(sky.ground_cd_m2),
         landscape_azimuth: sky.landscape.as_ref().map_or(0.0, |landscape| landscape.middle_rad() as f32),
         white: f32s(sky.white_cd_m2),
+        level_sine: sky.horizon.as_ref().map_or(0.0, |horizon| horizon.level_rad().sin() as f32),
         landscape_size: sky.landscape.as_ref().map_or([0; 2], |landscape| landscape.size()),
         sources,
         ..Default::default()
     }
 }
 
-/// Scattering tables of a sky's sources, in the layout that the shader reads.
+/// Tables of the night sky and of scattering for a sky's sources, in the layout that the shader reads.
 pub(super) fn encode_tables(sky: &LocalSky) -> Vec<[f32; 4]> {
     let nodes = sky.sources.iter().flat_map(|source| source.table.smooth.iter().chain(&source.table.aerosol));
-    nodes.map(|[r, g, b]| [*r as f32, *g as f32, *b as f32, 0.0]).collect()
+    let night = sky.air.iter().flat_map(|air| air.scattered.night());
+    night.chain(nodes).map(|[r, g, b]| [*r as f32, *g as f32, *b as f32, 0.0]).collect()
 }
 
 impl AirPass {

@@ -16,7 +16,7 @@ use super::{
 };
 use crate::{
     gpu::{Gpu, GrowingBuffer, storage_buffer},
-    photometry::sky_light::SkyTable,
+    photometry::sky_light::{SkyLight, SkyTable},
     scene::{landscape::Landscape, surroundings::Horizon},
 };
 
@@ -36,6 +36,7 @@ pub(super) struct Air {
     stand_in: wgpu::Buffer,
     held: Option<Horizon>,
     held_tables: Vec<Arc<SkyTable>>,
+    held_air: Option<Arc<SkyLight>>,
     held_landscape: Option<Arc<Landscape>>,
 }
 
@@ -52,6 +53,7 @@ impl Air {
             stand_in: storage_buffer(gpu, "no grids", &[[0_u32; 4]]),
             held: None,
             held_tables: Vec::new(),
+            held_air: None,
             held_landscape: None,
         }
     }
@@ -99,11 +101,14 @@ impl Technique for Air {
         }
         let tables: Vec<Arc<SkyTable>> = sky.sources.iter().map(|source| Arc::clone(&source.table)).collect();
         let are_same = tables.iter().zip(&self.held_tables).all(|(a, b)| Arc::ptr_eq(a, b));
-        if !are_same || tables.len() != self.held_tables.len() || self.tables.held().is_none() {
+        let air = sky.air.as_ref().map(|air| Arc::clone(&air.scattered));
+        let is_same_air = air.as_ref().map(Arc::as_ptr) == self.held_air.as_ref().map(Arc::as_ptr);
+        if !are_same || !is_same_air || tables.len() != self.held_tables.len() || self.tables.held().is_none() {
             let nodes = encode_tables(sky);
             // A binding must hold at least one item.
             self.tables.upload(gpu, if nodes.is_empty() { &[[0.0_f32; 4]] } else { &nodes[..] });
             self.held_tables = tables;
+            self.held_air = air;
         }
     }
 

@@ -72,6 +72,10 @@ gpu_structs! {
         unused_2: u32,
         /// Fraction of the light that reaches the umbra.
         refracted: [f32; 3],
+        /// Square of the ratio of the occluder's equatorial and polar radii, minus 1; 0: a sphere.
+        oblate: f32,
+        /// Pole of the occluder, unit vector, body's axes.
+        pole: [f32; 3],
         unused_3: u32,
     }
     /// Parameters of the geometry pass.

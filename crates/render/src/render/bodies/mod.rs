@@ -357,6 +357,8 @@ fn encode_sun(sun: &DiscSun, radii_m: DVec3) -> layout::BodySun {
         to_sun: f32s(sun.in_body.direction.to_array()),
         shape: f32s((radii_m / unit_m).to_array()),
         refracted: f32s(shadow.refracted),
+        oblate: shadow.oblate as f32,
+        pole: f32s(shadow.pole.to_array()),
         ..lit
     }
 }

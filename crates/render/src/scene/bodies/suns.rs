@@ -7,7 +7,7 @@ use std::{
 
 use glam::{DQuat, DVec3};
 
-use super::{Body, Emission, Occluder, Shadow, preset};
+use super::{Body, Emission, Occluder, Shadow, preset, shape::light_over_sphere};
 use crate::{
     photometry::{
         phase_curve::{self, Tilt},
@@ -54,7 +54,9 @@ impl Light {
     /// The same light in other axes.
     #[must_use]
     pub fn turned(&self, rotation: DQuat) -> Self {
-        let shadow = self.shadow.map(|shadow| Shadow { offset_m: rotation * shadow.offset_m, ..shadow });
+        let turned =
+            |shadow: Shadow| Shadow { offset_m: rotation * shadow.offset_m, pole: rotation * shadow.pole, ..shadow };
+        let shadow = self.shadow.map(turned);
         Self { direction: rotation * self.direction, shadow, ..*self }
     }
 }
@@ -150,15 +152,16 @@ pub fn lights_on(body: &Body, suns: &[Sun], eye_m: DVec3) -> Vec<Light> {
     direct.iter().copied().chain(reflected).collect()
 }
 
-/// Illuminance at an eye, at `to_eye_m` from the body's centre, from a light reflected by a distant sphere of the
-/// body's mean radius, outside of shadows: linear Rec. 709, lx.
+/// Illuminance at an eye, at `to_eye_m` from the body's centre, from a light reflected by the distant body, outside of
+/// shadows: linear Rec. 709, lx.
 pub fn reflected_lx(body: &Body, to_eye_m: DVec3, light: &Light) -> [f64; 3] {
     let (radius_m, distance_m) = (mean_radius_m(body.radii_m), to_eye_m.length());
     let towards_eye = to_eye_m / distance_m;
     let phase_rad = towards_eye.cross(light.direction).length().atan2(towards_eye.dot(light.direction));
+    let shape = light_over_sphere(body, towards_eye, light.direction);
     [0, 1, 2].map(|c| {
         let (law, albedo) = (body.surface.law, body.surface.geometric_albedo[c]);
-        sphere_illuminance_lx(law, albedo, light.illuminance_lx[c], radius_m, distance_m, phase_rad)
+        shape * sphere_illuminance_lx(law, albedo, light.illuminance_lx[c], radius_m, distance_m, phase_rad)
     })
 }
 
@@ -182,7 +185,10 @@ fn with_phase_curve(mut light: Light, body: &Body, eye_m: DVec3) -> Light {
         let eye_rad = if to_eye_m == DVec3::ZERO { 0.0 } else { latitude_rad(to_eye_m) };
         let tilt = Tilt { eye_rad, sun_rad: latitude_rad(light.direction) };
         let factor = phase_curve::factor(measured_body, body.surface.law, albedo, radius_m, phase_rad, tilt);
-        light.illuminance_lx = light.illuminance_lx.map(|channel| channel * factor);
+        // The factor is that of a sphere. Saturn's curve with rings contains the change of its outline with the tilt.
+        let to_eye = to_eye_m.try_normalize().filter(|_| measured_body != SolarBody::Saturn);
+        let shape = to_eye.map_or(1.0, |to_eye| light_over_sphere(body, to_eye, light.direction));
+        light.illuminance_lx = light.illuminance_lx.map(|channel| channel * factor / shape);
     }
     light
 }

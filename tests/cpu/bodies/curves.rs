@@ -1,0 +1,73 @@
+//! The light of planets and moons equals their measured curves at every phase, as a point, as a small and as a large
+//! disc.
+
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3};
+use steradian::{
+    photometry::{
+        phase_curve::{known_to_deg, magnitude},
+        rec709::luminance,
+    },
+    plan::bodies::light::illuminance_of,
+    reference::bodies::rays::draw,
+    scene::{
+        SceneObjects,
+        bodies::{Body, SolarBody, suns},
+    },
+    units::{ASTRONOMICAL_UNIT_M, illuminance_lx_from_magnitude},
+    view::{View, ViewKind},
+};
+
+/// A body at one astronomical unit from the Sun, and from an eye at the origin at a phase angle. Its pole is
+/// perpendicular to both directions, so that rings are edge-on.
+fn scene(body: SolarBody, phase_deg: f64) -> SceneObjects {
+    let place = DVec3::NEG_Z * ASTRONOMICAL_UNIT_M;
+    let mut planet = Body::preset(body, "planet", place);
+    planet.orientation = DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2);
+    let (sin, cos) = phase_deg.to_radians().sin_cos();
+    let sun = Body::preset(SolarBody::Sun, "sun", place + DVec3::new(sin, 0.0, cos) * ASTRONOMICAL_UNIT_M);
+    SceneObjects { bodies: vec![Arc::new(planet), Arc::new(sun)], ..Default::default() }
+}
+
+#[test]
+fn light_equals_the_measured_curves_at_every_phase_and_size() {
+    for body in SolarBody::ALL.into_iter().filter(|body| *body != SolarBody::Sun) {
+        let mut worst = [(0.0_f64, 0.0); 3];
+        let known = known_to_deg(body);
+        let phases = (0..=179).map(f64::from).filter(|phase_deg| *phase_deg <= known);
+        for phase_deg in phases.chain((known.fract() > 0.0).then_some(known)) {
+            let objects = scene(body, phase_deg);
+            let published = magnitude(body, phase_deg).unwrap();
+            let error = |lx: f64| -2.5 * (lx / illuminance_lx_from_magnitude(published)).log10();
+            let mut note = |index: usize, lx: f64| {
+                let error = error(lx);
+                if error.abs() > worst[index].0.abs() {
+                    worst[index] = (error, phase_deg);
+                }
+            };
+            note(0, luminance(illuminance_of(&objects.bodies[0], DVec3::ZERO, &suns(&objects), 0.0)));
+            // Rays resolve crescents up to this phase.
+            if phase_deg > 150.0 || phase_deg % 10.0 != 0.0 {
+                continue;
+            }
+            let size_rad = 2.0 * objects.bodies[0].radii_m.max_element() / ASTRONOMICAL_UNIT_M;
+            let planet = SceneObjects { bodies: objects.bodies.clone(), ..SceneObjects::default() };
+            for (index, diameter_px, samples) in [(1, 5.0, 96), (2, 40.0, 16)] {
+                let side = (1.3 * diameter_px) as u32 + 2;
+                let fov_y_rad = size_rad * f64::from(side) / diameter_px;
+                let kind = ViewKind::Perspective { size: [side; 2], fov_y_rad };
+                let view = View::new("window", kind, DQuat::IDENTITY, DVec3::ZERO).unwrap();
+                let mapping = view.images[0].projection.mapping();
+                let image = draw(&planet, DVec3::ZERO, DQuat::IDENTITY, mapping, samples);
+                note(index, luminance(image.illuminance_lx(mapping)));
+            }
+        }
+        let [point, small, large] = worst.map(|(error, phase_deg)| format!("{error:+.4} mag at {phase_deg}"));
+        println!("{body:?}, to {known} degrees: point {point}; 5 pixels {small}; 40 pixels {large}");
+        for (error, phase_deg) in worst {
+            let most = if body == SolarBody::Saturn { 0.06 } else { 0.05 };
+            assert!(error.abs() < most, "{body:?} {phase_deg}: {error}");
+        }
+    }
+}
