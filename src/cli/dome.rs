@@ -191,7 +191,7 @@ fn print(report: &DomeReport) -> Result<(), CliError> {
         100.0 * coverage[1]
     ))?;
     results::line(format!(
-        "sum of the shares of light: {:.3} (1 %), {:.3} (median), {:.3} (99 %)",
+        "masks add up to {:.3} (1st percentile of the lit dome), {:.3} (median), {:.3} (99th percentile); 1 is right",
         blend_sum[0], blend_sum[1], blend_sum[2]
     ))?;
     for projector in projectors {

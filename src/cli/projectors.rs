@@ -54,15 +54,19 @@ struct ImportArguments {
     /// Axes of the files, as x=x,y=z,z=-y.
     #[arg(long, value_name = "AXES")]
     axes: Option<String>,
-    /// Position of the spectator, m: right, up, backwards.
-    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 3, allow_negative_numbers = true)]
-    eye_m: Option<Vec<f64>>,
-    /// Field of view of the fisheye picture that meshes sample, degrees.
+    /// Position of the spectator, m: right, up, backwards, such as 0,1.2,0.
+    #[arg(long, value_name = "X,Y,Z", value_parser = eye, allow_negative_numbers = true)]
+    eye_m: Option<[f64; 3]>,
+    /// Field of view of the fisheye picture that meshes sample, degrees. Refused if a file does not leave it open.
     #[arg(long, value_name = "DEG", default_value_t = 180.0)]
     fov_deg: f64,
-    /// Tilt of that fisheye, degrees.
+    /// Tilt of that fisheye, degrees. For a dome of projectors use --dome-tilt-deg.
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
     tilt_deg: f64,
+    /// Tilt of the dome, degrees: how far its zenith leans to the front. Turns all projectors alike, as `tilt_deg` does a
+    /// domemaster.
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
+    dome_tilt_deg: f64,
     /// Source of the blend: file, computed or none.
     #[arg(long, value_name = "WHICH", value_parser = ["file", "computed", "none"], default_value = "file")]
     blend: String,
@@ -76,12 +80,31 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     }
 }
 
+fn eye(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
+    let numbers = numbers.ok().filter(|numbers| numbers.iter().all(|number| number.is_finite()));
+    numbers
+        .and_then(|numbers| <[f64; 3]>::try_from(numbers).ok())
+        .ok_or_else(|| "must be three finite numbers separated by commas, such as 0,1.2,0".to_owned())
+}
+
 /// Runs the command.
 pub fn run(arguments: &ProjectorsArguments) -> Result<(), CliError> {
     let ProjectorsCommand::Import(arguments) = &arguments.command;
+    if !(-180.0..=180.0).contains(&arguments.dome_tilt_deg) {
+        let problem = format!("--dome-tilt-deg {}: must be between -180 and 180", arguments.dome_tilt_deg);
+        return Err(CliError::Usage(problem));
+    }
     let options = options(arguments)?;
     let folder = folder_of(&arguments.out);
     let mut text = "# Projectors, imported from the installer's files.\n".to_owned();
+    if arguments.dome_tilt_deg != 0.0 {
+        let tilt_deg = arguments.dome_tilt_deg;
+        let _ = writeln!(
+            text,
+            "# The dome's zenith leans {tilt_deg} degrees to the front: every view has that orientation."
+        );
+    }
     let mut names = BTreeMap::new();
     for file in &arguments.files {
         let calibration = read(file, &options)?;
@@ -114,7 +137,7 @@ fn options(arguments: &ImportArguments) -> Result<ReadOptions, CliError> {
         size_px: arguments.size,
         rows,
         axes: axes.map_err(|problem| CliError::Usage(format!("--axes: {problem}")))?,
-        eye_m: arguments.eye_m.as_deref().map_or(DVec3::ZERO, DVec3::from_slice),
+        eye_m: arguments.eye_m.map_or(DVec3::ZERO, DVec3::from_array),
         fov_deg: arguments.fov_deg,
         tilt_deg: arguments.tilt_deg,
     })
@@ -142,7 +165,7 @@ fn add(
     for region in &calibration.regions {
         let mut view = Table::new();
         let mut set = |key: &str, value: Value| view.insert(key.to_owned(), value);
-        set("name", Value::from(unique(&region.name, names)));
+        set("name", Value::from(unique(region.title.as_ref().unwrap_or(&region.name), names)));
         set("type", Value::from("projector"));
         set("file", Value::from(file.to_string_lossy().into_owned()));
         set("region", Value::from(region.name.clone()));
@@ -151,10 +174,15 @@ fn add(
         if let Some(axes) = &arguments.axes {
             set("axes", Value::from(axes.clone()));
         }
-        let eye_m = arguments.eye_m.clone().unwrap_or_else(|| vec![0.0; 3]);
-        set("eye_m", Value::from(eye_m));
-        set("fov_deg", Value::from(arguments.fov_deg));
-        set("tilt_deg", Value::from(arguments.tilt_deg));
+        set("eye_m", Value::from(arguments.eye_m.unwrap_or_default().to_vec()));
+        if calibration.asks_for_fisheye {
+            set("fov_deg", Value::from(arguments.fov_deg));
+            set("tilt_deg", Value::from(arguments.tilt_deg));
+        }
+        if arguments.dome_tilt_deg != 0.0 {
+            let half_rad = 0.5 * arguments.dome_tilt_deg.to_radians();
+            set("orientation", Value::from(vec![-half_rad.sin(), 0.0, 0.0, half_rad.cos()]));
+        }
         if let Some(size) = arguments.size {
             set("size", Value::from(size.map(i64::from).to_vec()));
         }

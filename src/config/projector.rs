@@ -173,7 +173,7 @@ impl ProjectorConfig {
             tilt_deg: self.tilt_deg,
         };
         let path = folder.join(&self.file);
-        let Calibration { format, regions, notes } =
+        let Calibration { format, regions, notes, .. } =
             read(&path, &options).map_err(|error| Fault::new("file", error.to_string()))?;
         let region = match <[Region; 1]>::try_from(regions) {
             Ok([region]) => region,

@@ -19,6 +19,19 @@ const ALLOWED: &str = "an MPCDI set must be a ZIP of at most 4096 files, stored 
 pub(super) struct Archive<'a> {
     zip: ZipArchive<Cursor<&'a [u8]>>,
     unpacked_left: u64,
+    /// The entry with the description, from whose folder paths start.
+    pub described: String,
+}
+
+/// A path with `/` between its parts, and without `.` in front.
+fn plain(path: &str) -> String {
+    let path = path.replace('\\', "/");
+    path.strip_prefix("./").unwrap_or(&path).to_owned()
+}
+
+/// The folder of an entry, with its last separator, and its own name.
+fn parts(entry: &str) -> (&str, &str) {
+    entry.split_at(entry.rfind(['/', '\\']).map_or(0, |at| at + 1))
 }
 
 impl<'a> Archive<'a> {
@@ -35,20 +48,53 @@ impl<'a> Archive<'a> {
                 return Err(bad(format!("the entry `{}`", name.escape_debug())));
             }
         }
-        Ok(Self { zip, unpacked_left: MOST_UNPACKED_BYTES })
+        Ok(Self { zip, unpacked_left: MOST_UNPACKED_BYTES, described: String::new() })
     }
 
-    /// The full name of the entry in the root with this name, ignoring case.
+    /// The full name of the description with this name, ignoring case: in the root, or else in the only folder that
+    /// has one.
     pub fn named(&self, name: &str) -> Result<Option<String>, Fault> {
-        let mut found = self.zip.file_names().filter(|entry| entry.eq_ignore_ascii_case(name));
-        match (found.next(), found.next()) {
-            (Some(_), Some(_)) => Err(Fault::new(
-                "archive",
-                format!("two entries `{name}` that differ only in case"),
-                "there must be only one",
-            )),
-            (first, _) => Ok(first.map(str::to_owned)),
+        for in_root in [true, false] {
+            let matches = |entry: &str| {
+                let (folder, own) = parts(entry);
+                own.eq_ignore_ascii_case(name) && folder.is_empty() == in_root
+            };
+            let mut found = self.zip.file_names().filter(|entry| matches(entry));
+            match (found.next(), found.next()) {
+                (Some(first), Some(second)) => {
+                    let problem = format!("both `{}` and `{}`", first.escape_debug(), second.escape_debug());
+                    return Err(Fault::new("archive", problem, format!("there must be only one {name}")));
+                }
+                (Some(first), None) => return Ok(Some(first.to_owned())),
+                (None, _) => {}
+            }
         }
+        Ok(None)
+    }
+
+    /// The entry that a path in the description `described` means: exactly, or with other separators or capitals,
+    /// from the description's folder or from the root.
+    pub fn entry(&self, path: &str, described: &str) -> Result<String, Fault> {
+        let folder = parts(&plain(described)).0.to_owned();
+        let path_plain = plain(path);
+        for wanted in [path.to_owned(), format!("{folder}{path_plain}"), path_plain.clone()] {
+            if self.zip.index_for_name(&wanted).is_some() {
+                return Ok(wanted);
+            }
+        }
+        for wanted in [format!("{folder}{path_plain}"), path_plain] {
+            let mut found = self.zip.file_names().filter(|entry| plain(entry).eq_ignore_ascii_case(&wanted));
+            match (found.next(), found.next()) {
+                (Some(first), Some(second)) => {
+                    let problem = format!("it can be `{}` or `{}`", first.escape_debug(), second.escape_debug());
+                    let place = format!("entry `{}`", path.escape_debug());
+                    return Err(Fault::new(place, problem, "must be the name of one entry, with its capitals"));
+                }
+                (Some(first), None) => return Ok(first.to_owned()),
+                (None, _) => {}
+            }
+        }
+        Ok(path.to_owned())
     }
 
     /// The content of an entry.

@@ -26,6 +26,12 @@ pub(super) enum Content {
         dome_from_picture: DMat3,
         /// Radius of the circle, relative to half the picture's width and height.
         radius: [f64; 2],
+        /// Half the size of the drawn part, relative to half the picture's width and height.
+        edge: [f64; 2],
+        /// Where the middle of the picture lies in the circle, in its radii.
+        middle: [f64; 2],
+        /// Where the circle's directions are seen from: right, up and towards its centre, in radii of the dome.
+        eye: DVec3,
     },
     /// Longitude to the right, latitude upwards; the centre is the front.
     Equirectangular,
@@ -85,7 +91,17 @@ impl Content {
         }
         let (sin, cos) = tilt_rad.sin_cos();
         let dome_from_picture = DMat3::from_cols(DVec3::X, DVec3::new(0.0, sin, cos), DVec3::new(0.0, cos, -sin));
-        Ok(Self::Fisheye { half_fov_rad: fov_rad / 2.0, dome_from_picture, radius })
+        let (middle, eye) = ([0.0; 2], DVec3::ZERO);
+        Ok(Self::Fisheye { half_fov_rad: fov_rad / 2.0, dome_from_picture, radius, edge: radius, middle, eye })
+    }
+
+    /// The same fisheye with only a part of its circle: `edge`, `middle` and `eye` are those of [`Content::Fisheye`].
+    #[must_use]
+    pub fn cut(mut self, new_edge: [f64; 2], new_middle: [f64; 2], new_eye: DVec3) -> Self {
+        if let Self::Fisheye { edge, middle, eye, .. } = &mut self {
+            (*edge, *middle, *eye) = (new_edge, new_middle, new_eye);
+        }
+        self
     }
 
     /// The direction of a point of the picture; `None` beyond its edge.
@@ -101,8 +117,8 @@ impl Content {
     pub fn direction_beyond(&self, u: f64, v: f64) -> Option<DVec3> {
         match self {
             Self::Plane { lower_left, right, up } => (*lower_left + *right * u + *up * v).try_normalize(),
-            Self::Fisheye { half_fov_rad, dome_from_picture, radius } => {
-                let (x, y) = ((2.0 * u - 1.0) / radius[0], (2.0 * v - 1.0) / radius[1]);
+            Self::Fisheye { half_fov_rad, dome_from_picture, radius, middle, eye, .. } => {
+                let (x, y) = ((2.0 * u - 1.0) / radius[0] + middle[0], (2.0 * v - 1.0) / radius[1] + middle[1]);
                 let rho = x.hypot(y);
                 let theta = rho * half_fov_rad;
                 if theta > std::f64::consts::PI {
@@ -110,7 +126,7 @@ impl Content {
                 }
                 // sin(theta) / rho is finite at 0.
                 let across = if rho > 1e-12 { theta.sin() / rho } else { *half_fov_rad };
-                Some((*dome_from_picture * DVec3::new(across * x, across * y, theta.cos())).normalize())
+                (*dome_from_picture * (DVec3::new(across * x, across * y, theta.cos()) - *eye)).try_normalize()
             }
             Self::Equirectangular => {
                 let (sin_lon, cos_lon) = ((u - 0.5) * std::f64::consts::TAU).sin_cos();
@@ -120,10 +136,14 @@ impl Content {
         }
     }
 
-    /// In a fisheye, 1 at the rim; 0 in other pictures.
+    /// In a fisheye, 1 at the rim or at the edge where it is cut; 0 in other pictures.
     pub fn distance_from_centre(&self, u: f64, v: f64) -> f64 {
         match self {
-            Self::Fisheye { radius, .. } => ((2.0 * u - 1.0) / radius[0]).hypot((2.0 * v - 1.0) / radius[1]),
+            Self::Fisheye { radius, edge, middle, .. } => {
+                let (x, y) = (2.0 * u - 1.0, 2.0 * v - 1.0);
+                let round = (x / radius[0] + middle[0]).hypot(y / radius[1] + middle[1]);
+                round.max((x / edge[0]).abs()).max((y / edge[1]).abs())
+            }
             Self::Plane { .. } | Self::Equirectangular => 0.0,
         }
     }

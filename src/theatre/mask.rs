@@ -10,7 +10,7 @@ use crate::{files, view::projector::Weights};
 /// Maximum width or height of a mask.
 const MOST_SIDE_PX: u32 = 8192;
 
-const ALLOWED: &str = "must be a PNG of 8 or 16 bits, grey or RGB, of at most 8192 x 8192 pixels";
+const ALLOWED: &str = "must be a PNG of 8 or 16 bits, grey or RGB (or with its shares in the alpha channel over black or white), of at most 8192 x 8192 pixels";
 
 /// Factors over a projector's raster, with their own size.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,6 +26,19 @@ pub struct Mask {
 }
 
 impl Mask {
+    /// The value at a position of the raster (0 to 1, right and down), linear between the centres of pixels.
+    fn at(&self, x: f64, y: f64) -> f32 {
+        let along = |share: f64, count: usize| {
+            let place = (share * count as f64 - 0.5).clamp(0.0, (count - 1) as f64);
+            let first = place.floor() as usize;
+            (first, (first + 1).min(count - 1), (place - first as f64) as f32)
+        };
+        let ((left, right, across), (top, bottom, down)) = (along(x, self.width), along(y, self.height));
+        let value = |column: usize, row: usize| self.values[row * self.width + column];
+        let mixed = |row: usize| value(left, row) * (1.0 - across) + value(right, row) * across;
+        mixed(top) * (1.0 - down) + mixed(bottom) * down
+    }
+
     /// Its values with their size.
     pub fn weights(&self) -> Weights<'_> {
         Weights { size: [self.width, self.height], values: &self.values }
@@ -39,6 +52,8 @@ pub(super) struct Decoded {
     pub bits: u32,
     /// Whether the channels differ, so that the luminance was used.
     pub coloured: bool,
+    /// Whether the values come from its alpha channel.
+    pub from_alpha: bool,
 }
 
 /// Reads a mask from a PNG; `gamma` is the exponent that converts its codes to light (1 = linear).
@@ -60,6 +75,15 @@ pub(super) fn check_gamma(gamma: f64) -> Result<f64, Fault> {
     } else {
         Err(Fault::new("gamma", format!("{gamma}"), "must be between 0.1 and 10 (1 is linear)"))
     }
+}
+
+/// The product of two masks, with the larger of their sizes.
+pub(super) fn product(first: &Mask, second: &Mask) -> Mask {
+    let (width, height) = (first.width.max(second.width), first.height.max(second.height));
+    let share = |i: usize, count: usize| (i as f64 + 0.5) / count as f64;
+    let places = (0..height).flat_map(|j| (0..width).map(move |i| (share(i, width), share(j, height))));
+    let values = places.map(|(x, y)| first.at(x, y) * second.at(x, y)).collect();
+    Mask { width, height, values, levels: first.levels.max(second.levels) }
 }
 
 /// Decodes a mask. `take` is called before memory for the pixels is allocated.
@@ -107,15 +131,26 @@ pub(super) fn decode(
         let first = channel * bytes_each;
         if bytes_each == 1 { u16::from(texel[first]) } else { u16::from_be_bytes([texel[first], texel[first + 1]]) }
     };
+    let texels = || codes.chunks_exact(channels * bytes_each);
+    let from_alpha = channels > colours && texels().any(|texel| code(texel, colours) != levels);
+    if from_alpha {
+        // Over one colour, black or white, the alpha channel is the mask.
+        let plain = |wanted: u16| texels().all(|texel| (0..colours).all(|channel| code(texel, channel) == wanted));
+        if !plain(0) && !plain(levels) {
+            return Err(bad(
+                "its alpha channel is not opaque everywhere, and its colour is neither black nor white everywhere"
+                    .to_owned(),
+            ));
+        }
+    }
     let mut coloured = false;
     let mut values = Vec::with_capacity(width as usize * height as usize);
-    for texel in codes.chunks_exact(channels * bytes_each) {
-        if channels > colours && code(texel, colours) != levels {
-            return Err(bad("its alpha channel is not opaque everywhere".to_owned()));
-        }
+    for texel in texels() {
         let linear = |channel: usize| light[usize::from(code(texel, channel))];
         let grey = colours == 1 || (code(texel, 0) == code(texel, 1) && code(texel, 1) == code(texel, 2));
-        values.push(if grey {
+        values.push(if from_alpha {
+            linear(colours)
+        } else if grey {
             linear(0)
         } else {
             coloured = true;
@@ -127,7 +162,7 @@ pub(super) fn decode(
         return Err(bad(format!("{} of {width} x {height} pixels", values.len())));
     }
     let mask = Mask { width: width as usize, height: height as usize, values, levels: u32::from(levels) };
-    Ok(Decoded { mask, components: colours as u32, bits: 8 * bytes_each as u32, coloured })
+    Ok(Decoded { mask, components: colours as u32, bits: 8 * bytes_each as u32, coloured, from_alpha })
 }
 
 #[cfg(test)]
@@ -166,11 +201,28 @@ mod tests {
     }
 
     #[test]
-    fn colour_is_reported_and_transparency_refused() {
+    fn masks_of_two_sizes_are_multiplied_at_the_larger_one() {
+        let mask = |width: usize, values: &[f32]| Mask { width, height: 1, values: values.to_vec(), levels: 255 };
+        let both = product(&mask(4, &[1.0, 0.5, 0.5, 1.0]), &mask(2, &[0.0, 1.0]));
+        assert_eq!((both.width, both.height), (4, 1));
+        assert_eq!(both.values, [0.0, 0.125, 0.375, 1.0]);
+    }
+
+    #[test]
+    fn colour_is_reported_and_transparency_is_a_mask_over_one_colour() {
         let coloured = read(&png(ColorType::Rgb, BitDepth::Eight, &[255, 0, 0, 9, 9, 9]), 1.0).unwrap();
         assert!(coloured.coloured && (coloured.mask.values[0] - 0.2126).abs() < 1e-6);
         assert!(read(&png(ColorType::GrayscaleAlpha, BitDepth::Eight, &[9, 255, 9, 255]), 1.0).is_ok());
         assert!(read(&png(ColorType::GrayscaleAlpha, BitDepth::Eight, &[9, 255, 9, 254]), 1.0).is_err());
+        for colour in [0, 255] {
+            let grey = png(ColorType::GrayscaleAlpha, BitDepth::Eight, &[colour, 255, colour, 51]);
+            let rgba =
+                png(ColorType::Rgba, BitDepth::Eight, &[colour, colour, colour, 255, colour, colour, colour, 51]);
+            for file in [grey, rgba] {
+                let decoded = read(&file, 1.0).unwrap();
+                assert_eq!((decoded.from_alpha, &decoded.mask.values[..]), (true, &[1.0, 0.2][..]));
+            }
+        }
         assert!(read(&png(ColorType::Grayscale, BitDepth::Eight, &[0, 1]), 0.0).is_err());
         assert!(read(b"no picture", 1.0).is_err());
     }

@@ -16,6 +16,8 @@ use super::{
     content::Content,
     fault::Fault,
     mesh::{MOST_NODES, MOST_TRIANGLES, Mesh, Node},
+    mesh_text::{open_mesh, sim_cad, sky_skan},
+    unlit,
 };
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,6 +26,9 @@ pub(super) enum Kind {
     Sciss,
     Obj,
     Csv,
+    Open,
+    SkySkan,
+    SimCad,
 }
 
 impl Kind {
@@ -33,6 +38,9 @@ impl Kind {
             Kind::Sciss => "SGC mesh",
             Kind::Obj => "OBJ mesh",
             Kind::Csv => "CSV mesh",
+            Kind::Open => "OPENMESH",
+            Kind::SkySkan => "Sky-Skan mesh",
+            Kind::SimCad => "SimCAD mesh",
         }
     }
 }
@@ -42,8 +50,10 @@ pub(super) struct Loaded {
     pub mesh: Mesh,
     /// Number of the mapping of a `.data` file.
     pub mapping: Option<u32>,
-    /// The frustum of an `.sgc` file.
+    /// The frustum of a file that has one (`.sgc`, OPENMESH, Sky-Skan).
     pub content: Option<Content>,
+    /// What was assumed.
+    pub notes: Vec<String>,
 }
 
 /// The format that begins with these bytes.
@@ -63,7 +73,14 @@ pub(super) fn kind(bytes: &[u8]) -> Option<Kind> {
         first = lines.find(|line| !line.starts_with('#'))?;
     }
     const OBJ: [&str; 9] = ["v", "vt", "vn", "o", "g", "f", "s", "mtllib", "usemtl"];
-    if first.split_whitespace().next().is_some_and(|word| OBJ.contains(&word)) {
+    let sky_skan = ["Dome Azimuth=", "Dome Elevation=", "Horizontal FOV=", "Vertical FOV="];
+    if first.starts_with("OPENMESH") {
+        Some(Kind::Open)
+    } else if sky_skan.iter().any(|key| first.starts_with(key)) {
+        Some(Kind::SkySkan)
+    } else if first.starts_with('<') && text.contains("<GeometryFile") {
+        Some(Kind::SimCad)
+    } else if first.split_whitespace().next().is_some_and(|word| OBJ.contains(&word)) {
         Some(Kind::Obj)
     } else if first.split(';').count() == 6 {
         Some(Kind::Csv)
@@ -79,17 +96,22 @@ pub(super) fn load(kind: Kind, bytes: &[u8], aspect: f64) -> Result<Loaded, Faul
     if kind == Kind::Sciss {
         return sciss(bytes);
     }
+    if kind == Kind::SimCad {
+        return sim_cad(bytes);
+    }
     let text = std::str::from_utf8(bytes).map_err(|_| Fault::new(kind.name(), "not text in UTF-8", "must be text"))?;
     let text = text.trim_start_matches('\u{feff}');
     match kind {
         Kind::Bourke => bourke(text, aspect),
         Kind::Obj => obj(text),
-        Kind::Csv | Kind::Sciss => csv(text),
+        Kind::Open => open_mesh(text),
+        Kind::SkySkan => sky_skan(text),
+        Kind::Csv | Kind::Sciss | Kind::SimCad => csv(text),
     }
 }
 
 /// Parses exactly N finite numbers.
-fn numbers<'a, const N: usize>(words: impl Iterator<Item = &'a str>) -> Option<[f64; N]> {
+pub(super) fn numbers<'a, const N: usize>(words: impl Iterator<Item = &'a str>) -> Option<[f64; N]> {
     let mut values = [0.0; N];
     let mut words = words;
     for value in &mut values {
@@ -130,8 +152,17 @@ fn bourke(text: &str, aspect: f64) -> Result<Loaded, Fault> {
         let problem = format!("{} nodes", mesh.nodes.len());
         return Err(Fault::new("mesh", problem, format!("must be {columns} x {rows} according to its second line")));
     }
+    let unknown = unlit::settle(&mut mesh, columns, rows);
+    let notes = if unknown > 0 {
+        vec![format!(
+            "{unknown} of {} nodes have the intensity 0 and coordinates that do not continue those of their neighbours: they are taken as unknown",
+            mesh.nodes.len()
+        )]
+    } else {
+        Vec::new()
+    };
     mesh.join_lattice(columns, rows);
-    Ok(Loaded { mesh, mapping: Some(mapping), content: None })
+    Ok(Loaded { mesh, mapping: Some(mapping), content: None, notes })
 }
 
 fn csv(text: &str) -> Result<Loaded, Fault> {
@@ -175,7 +206,7 @@ fn csv(text: &str) -> Result<Loaded, Fault> {
     let order = (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)));
     mesh.nodes.extend(order.filter_map(|place| nodes.get(&place).copied()));
     mesh.join_lattice(columns, rows);
-    Ok(Loaded { mesh, mapping: None, content: None })
+    Ok(Loaded { mesh, mapping: None, content: None, notes: Vec::new() })
 }
 
 fn obj(text: &str) -> Result<Loaded, Fault> {
@@ -255,7 +286,7 @@ fn obj(text: &str) -> Result<Loaded, Fault> {
             return bad("too much", &format!("must have at most {MOST_NODES} vertices and {MOST_TRIANGLES} triangles"));
         }
     }
-    Ok(Loaded { mesh, mapping: None, content: None })
+    Ok(Loaded { mesh, mapping: None, content: None, notes: Vec::new() })
 }
 
 /// Little-endian words of a binary file.
@@ -311,10 +342,19 @@ fn sciss(bytes: &[u8]) -> Result<Loaded, Fault> {
     let rotation = DMat3::from_quat(rotation.normalize());
     let [left, right, down, up] = [left, right, down, up].map(f64::to_radians);
     let content = Content::frustum(left, right, down, up, rotation)?;
-    // Number of nodes: columns times rows, or a single count.
+    // Version 1: columns and rows. Version 2: how the nodes are joined (4 triangles, 5 a strip), and their number; some
+    // files of version 2 have columns and rows too. The length of the file tells.
     let [first, second] = [words.u32().ok_or_else(short)?, words.u32().ok_or_else(short)?].map(|n| n as usize);
-    let count = if version == 2 { Some(second) } else { first.checked_mul(second) };
-    let count = count
+    let is_second = version == 2 || version == b'2';
+    let fits = |count: usize| {
+        let after = words.0.get(count.checked_mul(24)?..)?;
+        let indices = u32::from_le_bytes(*after.first_chunk()?) as usize;
+        (after.len() == indices.checked_mul(4)?.checked_add(4)?).then_some(count)
+    };
+    let counted = if is_second { fits(second) } else { None };
+    let lattice = first.checked_mul(second);
+    let count = counted
+        .or(if version == 2 { Some(second) } else { lattice })
         .filter(|count| (3..=MOST_NODES).contains(count))
         .ok_or_else(|| bad("size", format!("{first}, {second}"), &format!("must have 3 to {MOST_NODES} nodes")))?;
     let mut mesh = Mesh::default();
@@ -329,13 +369,13 @@ fn sciss(bytes: &[u8]) -> Result<Loaded, Fault> {
         return Err(bad("indices", problem, "must be 3 or more of four bytes each, up to the end of the file"));
     }
     let list: Vec<u32> = std::iter::from_fn(|| words.u32()).collect();
-    mesh.triangles = if version == b'2' && first == 4 {
+    mesh.triangles = if is_second && first == 4 && indices % 3 == 0 {
         list.chunks_exact(3).map(|three| [three[0], three[1], three[2]]).collect()
     } else {
         // A triangle strip; where it turns back, a node occurs twice in a triangle, which is degenerate.
         list.windows(3).map(|three| [three[0], three[1], three[2]]).collect()
     };
-    Ok(Loaded { mesh, mapping: None, content: Some(content) })
+    Ok(Loaded { mesh, mapping: None, content: Some(content), notes: Vec::new() })
 }
 
 impl Reader<'_> {
@@ -360,7 +400,14 @@ impl Reader<'_> {
     pub(super) fn plain_mesh(&mut self, kind: Kind, bytes: &[u8]) -> Result<Region, Fault> {
         let size_px = self.size_px(None, kind.name())?;
         let loaded = load(kind, bytes, f64::from(size_px[0]) / f64::from(size_px[1]))?;
+        for note in &loaded.notes {
+            self.note(note);
+        }
         let content = match (&loaded.content, loaded.mapping) {
+            (Some(content), _) if kind != Kind::Sciss => {
+                self.note("content: the frustum of the file's header, seen from the origin of its room");
+                content.clone()
+            }
             (Some(content), _) => {
                 self.note("content: the frustum of the file's header; its eye position is ignored, directions are relative to it");
                 content.clone()
@@ -370,7 +417,7 @@ impl Reader<'_> {
         };
         self.note_reach(&loaded.mesh);
         let (grid, alpha) = self.warped(&loaded.mesh, &content, size_px, kind.name())?;
-        Ok(Region { name: self.stem(), size_px, grid, alpha, beta: None, lut: None, screen: None })
+        Ok(Region { name: self.stem(), title: None, size_px, grid, alpha, beta: None, lut: None, screen: None })
     }
 
     /// Adds a note if a mesh does not fill the raster: its file is often made for another one.

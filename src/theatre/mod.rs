@@ -14,15 +14,19 @@ pub mod check;
 mod content;
 mod exr_file;
 mod fault;
+mod json;
 mod lut;
 mod mask;
 mod mesh;
 mod mesh_files;
+mod mesh_text;
 mod mpcdi;
 mod options;
 mod pfm;
 mod screen;
 mod sgct;
+mod sgct_projection;
+mod unlit;
 mod xml;
 
 use std::path::{Path, PathBuf};
@@ -60,6 +64,8 @@ pub struct Region {
     /// `buffer/region` in MPCDI, `node/window/viewport` in SGCT (counted from 0), else the file name without its
     /// extension.
     pub name: String,
+    /// The name that the file gives to its window, if it does.
+    pub title: Option<String>,
     /// Width and height of its raster, pixels.
     pub size_px: [u32; 2],
     /// Directions of its pixels.
@@ -83,6 +89,9 @@ pub struct Calibration {
     pub regions: Vec<Region>,
     /// Every assumption made, in words: axes, order of rows, units, eye point.
     pub notes: Vec<String>,
+    /// Whether its directions are those of a fisheye for which [`ReadOptions::fov_deg`] and
+    /// [`ReadOptions::tilt_deg`] count.
+    pub asks_for_fisheye: bool,
 }
 
 /// Reasons why a calibration cannot be read.
@@ -128,13 +137,21 @@ pub(crate) struct Reader<'a> {
     /// Options of the caller.
     options: &'a ReadOptions,
     notes: Vec<String>,
+    asks_for_fisheye: bool,
     samples_left: usize,
     mask_values_left: usize,
 }
 
 impl<'a> Reader<'a> {
     fn new(path: &'a Path, options: &'a ReadOptions) -> Self {
-        Self { path, options, notes: Vec::new(), samples_left: MOST_SAMPLES, mask_values_left: MOST_MASK_VALUES }
+        Self {
+            path,
+            options,
+            notes: Vec::new(),
+            asks_for_fisheye: false,
+            samples_left: MOST_SAMPLES,
+            mask_values_left: MOST_MASK_VALUES,
+        }
     }
 
     /// Records an assumption, once.
@@ -188,7 +205,11 @@ impl<'a> Reader<'a> {
             }
             (Some(size), _) | (None, Some(size)) => size,
             (None, None) => {
-                return Err(Fault::new(place, "the file does not contain the size of the raster", "set size_px"));
+                return Err(Fault::new(
+                    place,
+                    "the file does not contain the size of the raster",
+                    "give its width and height in pixels (`--size 1920x1080`, or `size = [1920, 1080]` in a configuration)",
+                ));
             }
         };
         if size.iter().any(|side| !(1..=MOST_RASTER_PX).contains(side)) {
@@ -202,11 +223,33 @@ impl<'a> Reader<'a> {
     /// options.
     fn fisheye(&mut self) -> Result<Content, Fault> {
         let ReadOptions { fov_deg, tilt_deg, .. } = *self.options;
+        self.asks_for_fisheye = true;
         self.note(format!(
             "content: equidistant fisheye of {fov_deg} degrees filling the square, centre = apex of the dome tilted by {tilt_deg} degrees to \
              the front, bottom of the picture = front, as in a domemaster"
         ));
         Content::fisheye(fov_deg.to_radians(), tilt_deg.to_radians(), [1.0, 1.0])
+    }
+
+    /// Refuses the field of view and the tilt of a fisheye if the file does not ask for them.
+    fn refuse_idle_options(&self, format: &str) -> Result<(), Fault> {
+        let standard = ReadOptions::default();
+        let given = [
+            ("fov_deg", self.options.fov_deg, standard.fov_deg),
+            ("tilt_deg", self.options.tilt_deg, standard.tilt_deg),
+        ];
+        for (key, value, standard) in given {
+            if !self.asks_for_fisheye && value != standard {
+                return Err(Fault::new(
+                    "options",
+                    format!(
+                        "{key} = {value} has no effect: the directions of this file ({format}) do not come from a fisheye whose field of view and tilt it leaves open"
+                    ),
+                    "omit it; to tilt a dome of projectors, use the orientation of the views, which `projectors import --dome-tilt-deg` writes",
+                ));
+            }
+        }
+        Ok(())
     }
 
     /// Name of the only region of a file: the file name without its extension.
@@ -271,10 +314,12 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Calibration, TheatreEr
         }
         reader.note_orientation(&region.name, &region.grid);
     }
-    Ok(Calibration { format, regions, notes: reader.notes })
+    reader.refuse_idle_options(format).map_err(named)?;
+    let Reader { notes, asks_for_fisheye, .. } = reader;
+    Ok(Calibration { format, regions, notes, asks_for_fisheye })
 }
 
-const KNOWN: &str = "must be one of MPCDI (.mpcdi), SGCT configurations (JSON), meshes (Paul Bourke's .data, .sgc, OBJ, CSV), and directions \
+const KNOWN: &str = "must be one of MPCDI (.mpcdi), SGCT configurations (JSON), meshes (Paul Bourke's .data, .sgc, .ol, Sky-Skan's, OBJ, CSV), and directions \
                      as PFM or OpenEXR";
 
 /// Explains why two projector formats are not supported; recognised by extension or first bytes.
@@ -286,13 +331,39 @@ fn refused(path: &Path, bytes: &[u8]) -> Option<(&'static str, &'static str)> {
             "a VIOSO warp file (VWF)",
             "files of OEM builds can only be opened in the OEM's software; export MPCDI 2, or the map and the blend picture separately",
         ))
-    } else if is("pol") || is("ol") {
+    } else if is("pol") {
         Some((
-            "an EasyBlend file (.pol, .ol)",
-            "reading it requires a closed SDK; export MPCDI from the alignment software",
+            "an EasyBlend file (.pol)",
+            "reading it requires a closed SDK; export MPCDI or an OPENMESH (.ol) from the alignment software",
         ))
     } else {
         None
+    }
+}
+
+/// Why a document in XML cannot be read by itself.
+fn lone_xml(bytes: &[u8]) -> Fault {
+    let document = match xml::parse(bytes) {
+        Ok(document) => document,
+        Err(fault) => return fault,
+    };
+    let root = document.root_element().tag_name().name().to_owned();
+    match root.to_ascii_lowercase().as_str() {
+        "cluster" => Fault::refused(
+            "a configuration of SGCT in XML",
+            "SGCT itself reads JSON only since its version 3; convert it with SGCT's config-converter, and import the JSON",
+        ),
+        "geometryfile" => Fault::refused(
+            "a lone SimCAD mesh",
+            "it shifts the points of a picture and does not contain the field of view of that picture; name it as `mesh` of a viewport in a \
+             configuration of SGCT (JSON), and import that",
+        ),
+        "mpcdi" => Fault::new(
+            "content",
+            "the description of an MPCDI set without the set",
+            "use the whole .mpcdi file, which includes the files that it refers to",
+        ),
+        _ => Fault::new("content", format!("XML with the root <{}>", root.escape_debug()), KNOWN),
     }
 }
 
@@ -315,12 +386,7 @@ impl Reader<'_> {
             return Ok(("SGCT", self.sgct(bytes)?));
         }
         if text_start.starts_with(b"<") {
-            let problem = "XML outside of a set";
-            return Err(Fault::new(
-                "content",
-                problem,
-                "for MPCDI, use the whole .mpcdi file, which includes the files that it refers to",
-            ));
+            return Err(lone_xml(bytes));
         }
         if lut::is_cube(bytes) {
             return Err(Fault::refused(
@@ -353,10 +419,12 @@ impl Reader<'_> {
         ));
         let matrix = axes.dome_from_file();
         let mut samples = Vec::with_capacity(plane.width * plane.height);
+        let mut zeros = 0;
         for (column, row, value) in plane.top_down(order) {
             let here = || format!("column {column} of row {row} (from the top, from 0)");
             let vector = DVec3::from_array(value.map(f64::from));
-            if vector.is_nan() {
+            if vector.is_nan() || vector == DVec3::ZERO {
+                zeros += usize::from(vector == DVec3::ZERO);
                 samples.push(None);
                 continue;
             }
@@ -371,6 +439,9 @@ impl Reader<'_> {
             }
             samples.push(Some(matrix * (vector / length)));
         }
+        if zeros > 0 {
+            self.note(format!("{zeros} of {} samples are zeros: they are taken as unknown", samples.len()));
+        }
         let grid = Grid {
             columns: plane.width,
             rows: plane.height,
@@ -378,7 +449,7 @@ impl Reader<'_> {
             placement: Placement::Centres,
             interpolation: Interpolation::Smooth,
         };
-        Ok(Region { name: self.stem(), size_px, grid, alpha: None, beta: None, lut: None, screen: None })
+        Ok(Region { name: self.stem(), title: None, size_px, grid, alpha: None, beta: None, lut: None, screen: None })
     }
 
     /// The order of rows, recorded as a note.

@@ -51,8 +51,12 @@ impl Reader<'_> {
     pub(super) fn mpcdi(&mut self, bytes: &[u8]) -> Result<Vec<Region>, Fault> {
         let mut archive = Archive::open(bytes)?;
         let name = archive.named("mpcdi.xml")?.ok_or_else(|| {
-            Fault::new("archive", "there is no mpcdi.xml in its root", "an MPCDI set must have its description there")
+            Fault::new("archive", "there is no mpcdi.xml in it", "an MPCDI set must have its description in its root")
         })?;
+        if !name.eq_ignore_ascii_case("mpcdi.xml") {
+            self.note(format!("the description lies in a folder of the archive: {}", name.escape_debug()));
+        }
+        archive.described = name.clone();
         let text = archive.bytes(&name)?;
         let document = xml::parse(&text).map_err(|fault| fault.within(&name))?;
         self.described(&Element::root(&document), &mut archive).map_err(|fault| fault.within(&name))
@@ -61,7 +65,7 @@ impl Reader<'_> {
     fn described(&mut self, root: &Element, archive: &mut Archive) -> Result<Vec<Region>, Fault> {
         let profile = self.profile(root)?;
         let display = root.needed("display")?;
-        let filesets: Vec<Element> = root.needed("files")?.children("fileset").collect();
+        let filesets: Vec<Element> = root.child("files")?.iter().flat_map(|files| files.children("fileset")).collect();
         let mut names = Vec::new();
         let mut ids = HashSet::new();
         let mut regions = Vec::new();
@@ -88,16 +92,17 @@ impl Reader<'_> {
                     let place = format!("<files> <fileset region={id}>");
                     let (fileset, second) = (region_sets.next(), region_sets.next());
                     let fileset = match (fileset, second) {
-                        (Some(fileset), None) => fileset,
+                        (Some(fileset), None) => Some(Element { node: fileset.node, place }),
+                        (None, _) if region.child("frustum")?.is_some() => None,
                         (None, _) => {
-                            return Err(Fault::new(place, "it is missing", "every region must have its files"));
+                            let allowed = "every region must have its files, or a frustum";
+                            return Err(Fault::new(place, "it is missing", allowed));
                         }
                         (_, Some(_)) => {
                             return Err(Fault::new(place, "it occurs twice", "every region must have only one set"));
                         }
                     };
-                    let fileset = Element { node: fileset.node, place };
-                    regions.push(self.region(profile, name.clone(), size_px, &region, &fileset, archive)?);
+                    regions.push(self.region(profile, name.clone(), size_px, &region, fileset.as_ref(), archive)?);
                 }
                 names.push(name);
             }
@@ -201,24 +206,27 @@ impl Reader<'_> {
         name: String,
         size_px: [u32; 2],
         region: &Element,
-        fileset: &Element,
+        fileset: Option<&Element>,
         archive: &mut Archive,
     ) -> Result<Region, Fault> {
-        if let Some(distortion) = fileset.child("distortionMap")? {
+        let child = |name: &str| fileset.map_or(Ok(None), |fileset| fileset.child(name));
+        if let Some(distortion) = child("distortionMap")? {
             return Err(Fault::refused(distortion.place, "a second map on top of the warp map is not supported"));
         }
-        let warp = fileset.child("geometryWarpFile")?;
+        let warp = child("geometryWarpFile")?;
+        let has_frustum = region.child("frustum")?.is_some();
         let (grid, screen) = match (profile, &warp) {
-            (Profile::Frustum(_), None) => {
+            (Profile::Points(_), None) if !has_frustum => {
+                let problem = "<geometryWarpFile> is missing";
+                let allowed = "profiles a3 and sl must have their points there, or the region a frustum";
+                return Err(Fault::new(fileset.map_or(&region.place, |set| &set.place), problem, allowed));
+            }
+            (_, None) => {
                 self.note(format!("region {name}: no warp map, so the raster is the picture of its frustum"));
                 let content = frustum_with_axes(&region.needed("frustum")?, self)?;
                 let columns_rows = [65, 65];
                 self.take_grid(columns_rows[0], columns_rows[1], &region.place)?;
                 (sampled(&content, columns_rows), None)
-            }
-            (Profile::Points(_), None) => {
-                let problem = "<geometryWarpFile> is missing";
-                return Err(Fault::new(&fileset.place, problem, "profiles a3 and sl must have their points there"));
             }
             (_, Some(warp)) => {
                 let geometry = match profile {
@@ -244,10 +252,15 @@ impl Reader<'_> {
                 self.warp(&geometry, warp, archive)?
             }
         };
-        let alpha = self.mask("alphaMap", fileset, archive)?;
-        let beta = self.mask("betaMap", fileset, archive)?;
-        let lut = self.table(&name, fileset, archive)?;
-        Ok(Region { name, size_px, grid, alpha, beta, lut, screen })
+        let (alpha, beta, lut) = match fileset {
+            None => (None, None, None),
+            Some(fileset) => (
+                self.mask("alphaMap", fileset, archive)?,
+                self.mask("betaMap", fileset, archive)?,
+                self.table(&name, fileset, archive)?,
+            ),
+        };
+        Ok(Region { name, title: None, size_px, grid, alpha, beta, lut, screen })
     }
 
     /// Eye point, origin and axes of the points of `a3` and `sl`.
@@ -355,7 +368,7 @@ impl Reader<'_> {
         // Decode the map.
         let path = warp.needed("path")?.text();
         let place = format!("entry `{}`", path.escape_debug());
-        let bytes = archive.bytes(path)?;
+        let bytes = self.entry(path, archive)?;
         let plane = pfm::decode(&bytes).map_err(|fault| fault.within(&place))?;
         drop(bytes);
         let (columns, rows) = (plane.width, plane.height);
@@ -366,6 +379,11 @@ impl Reader<'_> {
         let mut samples = Vec::with_capacity(columns * rows);
         let (mut known, mut outside) = (0_usize, 0_usize);
         let mut screen = ScreenSums::default();
+        // A map shows each point once: zeros in several samples are the mark of unknown ones.
+        let zeros = plane.top_down(order).filter(|(_, _, value)| no_value(value)).count();
+        if zeros > 1 {
+            self.note(format!("{place}: {zeros} of {} samples are zeros: they are taken as unknown", columns * rows));
+        }
         for (column, row, value) in plane.top_down(order) {
             let here = |problem: String, allowed: &str| {
                 Err(Fault::new(
@@ -374,6 +392,10 @@ impl Reader<'_> {
                     allowed,
                 ))
             };
+            if zeros > 1 && no_value(&value) {
+                samples.push(None);
+                continue;
+            }
             let coordinates = value.map(f64::from);
             samples.push(match geometry {
                 Geometry::Picture(content) => {
@@ -425,6 +447,15 @@ impl Reader<'_> {
         Ok((Grid { columns, rows, samples, placement: Placement::Centres, interpolation }, screen))
     }
 
+    /// The content of an entry that the description names.
+    fn entry(&mut self, path: &str, archive: &mut Archive) -> Result<Vec<u8>, Fault> {
+        let name = archive.entry(path, &archive.described)?;
+        if name != path {
+            self.note(format!("`{}` is the entry `{}` of the archive", path.escape_debug(), name.escape_debug()));
+        }
+        archive.bytes(&name)
+    }
+
     fn mask(&mut self, kind: &str, fileset: &Element, archive: &mut Archive) -> Result<Option<Mask>, Fault> {
         let Some(element) = fileset.child(kind)? else { return Ok(None) };
         let gamma = match element.child_text("gammaEmbedded")? {
@@ -436,7 +467,7 @@ impl Reader<'_> {
         };
         let path = element.needed("path")?.text();
         let place = format!("entry `{}`", path.escape_debug());
-        let bytes = archive.bytes(path)?;
+        let bytes = self.entry(path, archive)?;
         let take = &mut |width, height| self.take_mask(width, height, "size");
         let decoded = mask::decode(&bytes, gamma, take).map_err(|fault| fault.within(&place))?;
         for (field, found) in [("componentDepth", decoded.components), ("bitDepth", decoded.bits)] {
@@ -447,6 +478,9 @@ impl Reader<'_> {
                     return Err(Fault::new(&element.place, problem, "both must agree"));
                 }
             }
+        }
+        if decoded.from_alpha {
+            self.note(format!("{place}: its alpha channel is the mask"));
         }
         if decoded.coloured {
             self.note(format!("{place}: it is coloured, its luminance is used"));
@@ -464,13 +498,18 @@ impl Reader<'_> {
                 continue;
             }
             let path = element.needed("path")?.text();
-            let bytes = archive.bytes(path)?;
+            let bytes = self.entry(path, archive)?;
             let place = format!("entry `{}`", path.escape_debug());
             found = Some(lut::decode(&bytes).map_err(|fault| fault.within(&place))?);
             self.note(format!("region {name}: look-up table of {kind}"));
         }
         Ok(found)
     }
+}
+
+/// Whether a sample has zeros instead of a position.
+fn no_value(value: &[f32; 3]) -> bool {
+    *value == [0.0; 3]
 }
 
 /// Reads three numbers from elements whose names end with x, y and z.

@@ -6,17 +6,18 @@
 
 use std::path::{Component, Path};
 
-use glam::{DMat3, DQuat, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 use serde_json::Value;
 
 use super::{
     Grid, Interpolation, MOST_BYTES, MOST_REGIONS, Mask, Placement, Reader, Region, RowOrder,
-    content::{Content, yaw_pitch_roll},
     fault::Fault,
+    json::Field,
     mask,
     mesh::{DISPLAY_GAMMA, sampled},
     mesh_files::{self, Kind, load},
     pfm, refused,
+    sgct_projection::{Area, Drawn},
 };
 use crate::files;
 
@@ -24,118 +25,6 @@ use crate::files;
 const MOST_TEXT: usize = 16 << 20;
 /// Columns and rows of the grid of a viewport without a mesh.
 const PLAIN: [usize; 2] = [65, 65];
-
-/// A value with its location for messages. Keys are case-insensitive.
-#[derive(Clone)]
-struct Field<'a> {
-    value: &'a Value,
-    place: String,
-}
-
-impl<'a> Field<'a> {
-    fn get(&self, key: &str) -> Result<Option<Self>, Fault> {
-        let Value::Object(map) = self.value else {
-            return Err(Fault::new(&self.place, "not an object", "must be an object"));
-        };
-        let mut found = map.iter().filter(|(name, _)| name.eq_ignore_ascii_case(key));
-        let place = if self.place.is_empty() { key.to_owned() } else { format!("{}.{key}", self.place) };
-        match (found.next(), found.next()) {
-            (Some(_), Some(_)) => Err(Fault::new(place, "it occurs twice", "must occur once")),
-            (Some((_, value)), None) if !value.is_null() => Ok(Some(Self { value, place })),
-            _ => Ok(None),
-        }
-    }
-
-    fn needed(&self, key: &str) -> Result<Self, Fault> {
-        let place = if self.place.is_empty() { "configuration" } else { &self.place };
-        self.get(key)?.ok_or_else(|| Fault::new(place, format!("`{key}` is missing"), "it is required"))
-    }
-
-    fn number(&self) -> Result<f64, Fault> {
-        self.value
-            .as_f64()
-            .filter(|number| number.is_finite())
-            .ok_or_else(|| Fault::new(&self.place, "not a number", "must be a finite number"))
-    }
-
-    fn optional_number(&self, key: &str) -> Result<Option<f64>, Fault> {
-        self.get(key)?.map(|field| field.number()).transpose()
-    }
-
-    fn text(&self) -> Result<&'a str, Fault> {
-        self.value.as_str().ok_or_else(|| Fault::new(&self.place, "not a text", "must be a text"))
-    }
-
-    fn list(&self) -> Result<Vec<Self>, Fault> {
-        let Value::Array(values) = self.value else {
-            return Err(Fault::new(&self.place, "not a list", "must be a list"));
-        };
-        Ok(values.iter().enumerate().map(|(i, value)| Self { value, place: format!("{}[{i}]", self.place) }).collect())
-    }
-
-    fn pair(&self) -> Result<DVec2, Fault> {
-        Ok(DVec2::new(self.needed("x")?.number()?, self.needed("y")?.number()?))
-    }
-
-    fn vector(&self) -> Result<DVec3, Fault> {
-        Ok(DVec3::new(self.needed("x")?.number()?, self.needed("y")?.number()?, self.needed("z")?.number()?))
-    }
-
-    /// A quaternion, or yaw, pitch and roll in degrees.
-    fn rotation(&self) -> Result<DMat3, Fault> {
-        let numbers = |keys: &[&str]| -> Result<Option<Vec<f64>>, Fault> {
-            let found: Vec<f64> = keys
-                .iter()
-                .map(|key| self.optional_number(key))
-                .collect::<Result<Vec<_>, _>>()?
-                .into_iter()
-                .flatten()
-                .collect();
-            match found.len() {
-                0 => Ok(None),
-                n if n == keys.len() => Ok(Some(found)),
-                _ => Err(Fault::new(&self.place, "a part is missing", format!("must have all of {}", keys.join(", ")))),
-            }
-        };
-        match (numbers(&["yaw", "pitch", "roll"])?, numbers(&["x", "y", "z", "w"])?) {
-            (Some(angles), None) => {
-                let [yaw, pitch, roll] = [angles[0], angles[1], angles[2]].map(f64::to_radians);
-                Ok(yaw_pitch_roll(yaw, pitch, roll))
-            }
-            (None, Some(parts)) => {
-                let quaternion = DQuat::from_xyzw(parts[0], parts[1], parts[2], parts[3]);
-                if quaternion.length().is_nan() || (quaternion.length() - 1.0).abs() >= 1e-3 {
-                    let problem = format!("it has the length {}", quaternion.length());
-                    return Err(Fault::new(&self.place, problem, "must be a unit quaternion"));
-                }
-                Ok(DMat3::from_quat(quaternion.normalize()))
-            }
-            _ => Err(Fault::new(
-                &self.place,
-                "neither yaw, pitch and roll nor a quaternion",
-                "must have yaw, pitch and roll in degrees, or x, y, z and w",
-            )),
-        }
-    }
-}
-
-/// A viewport within its window.
-struct Area {
-    /// Position of its lower left corner and its size, relative to the window.
-    position: DVec2,
-    size: DVec2,
-    size_px: [u32; 2],
-    aspect: f64,
-}
-
-/// The picture of a viewport.
-struct Drawn {
-    content: Content,
-    /// Whether it is a fisheye, which may need a mask around its circle.
-    round: bool,
-    /// Whether the values of the mesh are positions in the picture, also in a PFM.
-    texture_mapped: bool,
-}
 
 impl Reader<'_> {
     pub(super) fn sgct(&mut self, bytes: &[u8]) -> Result<Vec<Region>, Fault> {
@@ -152,7 +41,14 @@ impl Reader<'_> {
         let mut names = Vec::new();
         let mut regions = Vec::new();
         for (n, node) in nodes.iter().enumerate() {
-            for (w, window) in node.needed("windows")?.list()?.iter().enumerate() {
+            let windows = node.get("windows")?.map_or(Ok(Vec::new()), |windows| windows.list())?;
+            for (w, window) in windows.iter().enumerate() {
+                if !window.flag("draw3d", true)? {
+                    let title =
+                        window_name(window)?.map_or(String::new(), |title| format!(" `{}`", title.escape_debug()));
+                    self.note(format!("{}{title}: it does not draw the 3D scene, so it is no projector", window.place));
+                    continue;
+                }
                 let viewports = window.needed("viewports")?.list()?;
                 for (v, viewport) in viewports.iter().enumerate() {
                     let name = format!("{n}/{w}/{v}");
@@ -161,11 +57,18 @@ impl Reader<'_> {
                         return Err(Fault::new(&viewport.place, "too many viewports", allowed));
                     }
                     if self.wants(&name, &name) {
-                        regions.push(self.viewport(name.clone(), window, viewport, &users)?);
+                        let mut region = self.viewport(name.clone(), window, viewport, &users)?;
+                        // Several viewports share the name of their window.
+                        let number = if viewports.len() > 1 { format!("_{}", v + 1) } else { String::new() };
+                        region.title = window_name(window)?.map(|title| format!("{title}{number}"));
+                        regions.push(region);
                     }
                     names.push(name);
                 }
             }
+        }
+        if names.is_empty() {
+            return Err(Fault::new("nodes", "no window draws the 3D scene", "at least one window must (draw3D)"));
         }
         if regions.is_empty() {
             let wanted = self.options.region.as_deref().unwrap_or("any");
@@ -173,14 +76,46 @@ impl Reader<'_> {
             return Err(Fault::new("nodes", format!("no viewport `{}`", wanted.escape_debug()), allowed));
         }
         self.note("axes of the room: +x right, +y up, -z forward");
+        if let Some(scene) = root.get("scene")? {
+            self.turn_scene(&scene, &mut regions)?;
+        }
         Ok(regions)
     }
 
-    fn viewport(&mut self, name: String, window: &Field, viewport: &Field, users: &[Field]) -> Result<Region, Fault> {
-        if let Some(mesh) = window.get("scalablemesh")? {
-            let (what, reason) = refused(Path::new(".ol"), b"").unwrap_or_default();
-            return Err(Fault::refused(format!("{}: {what}", mesh.place), reason));
+    /// Applies the rotation of the scene: a direction of the room shows the turned-back direction of the scene.
+    fn turn_scene(&mut self, scene: &Field, regions: &mut [Region]) -> Result<(), Fault> {
+        for (key, idle) in [("offset", 0.0), ("scale", 1.0)] {
+            if let Some(field) = scene.get(key)? {
+                let numbers = field.value.as_object().map_or_else(
+                    || vec![field.value.as_f64()],
+                    |parts| parts.values().map(serde_json::Value::as_f64).collect(),
+                );
+                if numbers.iter().any(|number| *number != Some(idle)) {
+                    self.note(format!(
+                        "{}: it is not applied, as it does not change directions to the sky",
+                        field.place
+                    ));
+                }
+            }
         }
+        let Some(orientation) = scene.get("orientation")? else { return Ok(()) };
+        let zeros = |map: &serde_json::Map<String, Value>| map.values().all(|value| value.as_f64() == Some(0.0));
+        if orientation.value.as_object().is_some_and(zeros) {
+            // SGCT turns nothing by a quaternion of zeros either.
+            return Ok(());
+        }
+        let rotation = orientation.rotation()?;
+        self.note(format!("{}: the scene is turned in the room, so all directions are turned back", orientation.place));
+        let turned_back = rotation.transpose();
+        for region in regions {
+            for sample in region.grid.samples.iter_mut().flatten() {
+                *sample = turned_back * *sample;
+            }
+        }
+        Ok(())
+    }
+
+    fn viewport(&mut self, name: String, window: &Field, viewport: &Field, users: &[Field]) -> Result<Region, Fault> {
         for key in ["mirrorx", "mirrory"] {
             if let Some(mirror) = window.get(key)?
                 && mirror.value != &Value::Bool(false)
@@ -198,7 +133,16 @@ impl Reader<'_> {
             ));
         }
         let area = self.area(window, viewport)?;
-        let mesh = self.referenced_file(viewport.get("mesh")?)?;
+        let mesh = match (viewport.get("mesh")?, window.get("scalablemesh")?) {
+            (Some(mesh), Some(_)) => {
+                return Err(Fault::new(
+                    mesh.place,
+                    "a mesh besides the scalablemesh of its window",
+                    "only one can be applied",
+                ));
+            }
+            (mesh, scalable) => self.referenced_file(mesh.or(scalable))?,
+        };
         let is_bourke = mesh.as_ref().is_some_and(|(_, bytes)| mesh_files::kind(bytes) == Some(Kind::Bourke));
         let projection = viewport.needed("projection")?;
         let eye = self.eye(viewport, users)?;
@@ -212,18 +156,14 @@ impl Reader<'_> {
             Some((place, bytes)) => self.mesh_grid(&drawn, &area, place, bytes).map_err(|fault| fault.within(place))?,
         };
         let blend = self.masked(viewport.get("blendmask")?)?;
-        let alpha = match (blend, intensities) {
-            (Some(_), Some(_)) => {
-                return Err(Fault::new(
-                    &viewport.place,
-                    "a blend mask together with mesh intensities or the rim of a fisheye",
-                    "only one mask can be applied: set the intensities to 1, or omit the blend mask",
-                ));
-            }
-            (blend, intensities) => blend.or(intensities),
-        };
-        let beta = self.masked(viewport.get("blacklevelmask")?)?;
-        Ok(Region { name, size_px: area.size_px, grid, alpha, beta, lut: None, screen: None })
+        // SGCT multiplies the picture's codes by each of them; its "black level" does not raise black.
+        let black = self.masked(viewport.get("blacklevelmask")?)?;
+        if black.is_some() {
+            self.note("blacklevelmask: SGCT multiplies the picture by it (white changes nothing), it raises no black");
+        }
+        let alpha =
+            [blend, black, intensities].into_iter().flatten().reduce(|first, second| mask::product(&first, &second));
+        Ok(Region { name, title: None, size_px: area.size_px, grid, alpha, beta: None, lut: None, screen: None })
     }
 
     fn area(&self, window: &Field, viewport: &Field) -> Result<Area, Fault> {
@@ -236,7 +176,8 @@ impl Reader<'_> {
             let problem = format!("it covers {position} to {} of its window", position + size);
             return Err(Fault::new(&viewport.place, problem, "a viewport must lie within 0 to 1 of its window"));
         }
-        let pixels = match (window.get("res")?, window.get("size")?) {
+        // `res` is the size of SGCT's internal picture, which is then scaled to the window.
+        let pixels = match (window.get("size")?, window.get("res")?) {
             (Some(field), _) | (None, Some(field)) => {
                 let pixels = field.pair()?;
                 if !(pixels.min_element() >= 1.0 && pixels.max_element() <= 65536.0) || pixels.fract() != DVec2::ZERO {
@@ -293,63 +234,6 @@ impl Reader<'_> {
         }
     }
 
-    fn projection(&mut self, field: &Field, area: &Area, eye: DVec3, is_bourke: bool) -> Result<Drawn, Fault> {
-        let kind = field.needed("type")?;
-        let known = "must be one of planar, projectionplane, fisheye and texturemapped";
-        let name = kind.text()?.to_ascii_lowercase();
-        let name = name.strip_suffix("projection").unwrap_or(&name);
-        let drawn = |content: Content| Drawn { content, round: false, texture_mapped: name == "texturemapped" };
-        match name {
-            "planar" | "texturemapped" => Ok(drawn(planar(field, eye)?)),
-            "projectionplane" => {
-                let corner = |key: &str| field.needed(key)?.vector();
-                let (lower_left, upper_left, upper_right) =
-                    (corner("lowerleft")?, corner("upperleft")?, corner("upperright")?);
-                let content = Content::corners(lower_left, upper_left, upper_right, eye);
-                Ok(drawn(content.map_err(|fault| fault.within(&field.place))?))
-            }
-            "fisheye" => {
-                for key in ["crop", "offset"] {
-                    if let Some(part) = field.get(key)?
-                        && part
-                            .value
-                            .as_object()
-                            .is_none_or(|map| map.values().any(|value| value.as_f64() != Some(0.0)))
-                    {
-                        return Err(Fault::new(part.place, format!("a fisheye with {key}"), "must be zeros"));
-                    }
-                }
-                let fov_deg = field.optional_number("fov")?.unwrap_or(180.0);
-                let tilt_deg = field.optional_number("tilt")?.unwrap_or(0.0);
-                let keep = match field.get("keepaspectratio")? {
-                    None => true,
-                    Some(keep) => keep
-                        .value
-                        .as_bool()
-                        .ok_or_else(|| Fault::new(&keep.place, "neither true nor false", "must be one of them"))?,
-                };
-                // A mesh by Paul Bourke has coordinates in a square picture.
-                let radius =
-                    if keep && !is_bourke { [(1.0 / area.aspect).min(1.0), area.aspect.min(1.0)] } else { [1.0; 2] };
-                self.note(format!(
-                    "fisheye of {fov_deg} degrees, equidistant, centre = apex of the dome tilted by {tilt_deg} degrees to the front, bottom = front"
-                ));
-                let content = Content::fisheye(fov_deg.to_radians(), tilt_deg.to_radians(), radius);
-                let content = content.map_err(|fault| fault.within(&field.place))?;
-                Ok(Drawn { content, round: true, texture_mapped: false })
-            }
-            "sphericalmirror" => Err(Fault::refused(
-                format!("{}: a spherical mirror", field.place),
-                "its meshes refer to four pictures whose directions the file does not contain; export one mesh of a fisheye (Paul Bourke's .data)",
-            )),
-            "cubemap" | "cylindrical" | "equirectangular" => Err(Fault::refused(
-                format!("{}: the projection `{name}`", field.place),
-                format!("it shows all directions and is not a projector; {known}"),
-            )),
-            other => Err(Fault::new(&kind.place, format!("`{}`", other.escape_debug()), known)),
-        }
-    }
-
     /// A mask that ends a fisheye at its rim.
     fn circle(&mut self, drawn: &Drawn, area: &Area, place: &str) -> Result<Option<Mask>, Fault> {
         if !drawn.round {
@@ -380,10 +264,14 @@ impl Reader<'_> {
             return Err(Fault::refused(what, reason));
         }
         let Some(kind) = mesh_files::kind(bytes) else {
-            let allowed = "must be one of Paul Bourke's .data, .sgc, OBJ, CSV and PFM";
+            let allowed =
+                "must be one of Paul Bourke's .data, .sgc, .ol, Sky-Skan's and SimCAD's meshes, OBJ, CSV and PFM";
             return Err(Fault::new("mesh", "the first bytes match no known format", allowed));
         };
         let mut loaded = load(kind, bytes, area.aspect)?;
+        for note in &loaded.notes {
+            self.note(note);
+        }
         if let Some(mapping) = loaded.mapping
             && (mapping == 2) != drawn.round
         {
@@ -400,10 +288,11 @@ impl Reader<'_> {
         self.note_reach(&loaded.mesh);
         let content = match loaded.content {
             Some(_) if drawn.round => {
-                return Err(Fault::new("mesh", "an .sgc mesh with its own frustum", "it requires a planar projection"));
+                let problem = format!("{} with its own frustum", kind.name());
+                return Err(Fault::new("mesh", problem, "it requires a planar projection"));
             }
             Some(content) => {
-                self.note("an .sgc mesh has its own frustum, which replaces that of the viewport");
+                self.note(format!("{}: it has its own frustum, which replaces that of the viewport", kind.name()));
                 content
             }
             None => drawn.content.clone(),
@@ -453,11 +342,14 @@ impl Reader<'_> {
         let Some((place, bytes)) = self.referenced_file(field)? else { return Ok(None) };
         let take = &mut |width, height| self.take_mask(width, height, "size");
         let decoded = mask::decode(&bytes, DISPLAY_GAMMA, take).map_err(|fault| fault.within(&place))?;
+        if decoded.from_alpha {
+            self.note(format!("{place}: its alpha channel is the mask"));
+        }
         if decoded.coloured {
             self.note(format!("{place}: it is coloured, its luminance is used"));
         }
         self.note(format!(
-            "masks multiply the display codes: the factor on the light is the mask to the power {DISPLAY_GAMMA}, and the black level is treated in the same way"
+            "masks multiply the display codes: the factor on the light is the mask to the power {DISPLAY_GAMMA}"
         ));
         Ok(Some(decoded.mask))
     }
@@ -485,36 +377,7 @@ impl Reader<'_> {
     }
 }
 
-/// The picture of a planar projection. Its plane is at a distance from the room's origin, not from the eye.
-fn planar(field: &Field, eye: DVec3) -> Result<Content, Fault> {
-    let fov = field.needed("fov")?;
-    let edge = |single: &str, whole: &str| -> Result<f64, Fault> {
-        match (fov.optional_number(single)?, fov.optional_number(whole)?) {
-            (Some(edge), _) => Ok(edge.to_radians()),
-            (None, Some(whole)) => Ok((whole / 2.0).to_radians()),
-            (None, None) => Err(Fault::new(
-                &fov.place,
-                format!("neither `{single}` nor `{whole}`"),
-                "must have one of them, in degrees",
-            )),
-        }
-    };
-    let (left, right) = (-edge("left", "hfov")?, edge("right", "hfov")?);
-    let (down, up) = (-edge("down", "vfov")?, edge("up", "vfov")?);
-    let rotation = field.get("orientation")?.map_or(Ok(DMat3::IDENTITY), |orientation| orientation.rotation())?;
-    let distance = match (field.optional_number("distance")?, fov.optional_number("distance")?) {
-        (Some(distance), _) | (None, Some(distance)) => distance,
-        (None, None) => 10.0,
-    };
-    if distance <= 0.0 {
-        return Err(Fault::new(&field.place, format!("distance = {distance}"), "must be more than 0"));
-    }
-    let offset = field.get("offset")?.map_or(Ok(DVec3::ZERO), |offset| offset.vector())?;
-    let content = Content::frustum(left, right, down, up, rotation).map_err(|fault| fault.within(&fov.place))?;
-    let Content::Plane { lower_left, right, up } = content else {
-        return Ok(content);
-    };
-    let lower_left = lower_left * distance + offset;
-    let (upper_left, upper_right) = (lower_left + up * distance, lower_left + up * distance + right * distance);
-    Content::corners(lower_left, upper_left, upper_right, eye).map_err(|fault| fault.within(&field.place))
+/// The name of a window, if it has one.
+fn window_name<'a>(window: &Field<'a>) -> Result<Option<&'a str>, Fault> {
+    Ok(window.get("name")?.map(|name| name.text()).transpose()?.filter(|name| !name.is_empty()))
 }

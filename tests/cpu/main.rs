@@ -18,3 +18,4 @@ mod shaders;
 mod sky;
 mod stars;
 mod theatre;
+mod theatre_formats;

@@ -1,5 +1,7 @@
 //! The rules, each with its name.
 
+use std::collections::BTreeMap;
+
 use glam::{DMat3, DVec2, DVec3};
 
 use super::{
@@ -77,6 +79,28 @@ impl DomeSamples<'_> {
         percentiles(lit.map(|at| (sum(at) - 1.0).abs()).collect(), [0.99; 3])[0]
     }
 
+    /// The projectors at whose common region the masks are furthest from their sum of 1, and by how much.
+    fn where_off(&self) -> String {
+        let mut regions: BTreeMap<Vec<usize>, Vec<f64>> = BTreeMap::new();
+        for direction in 0..self.directions.len() {
+            let reached = self.hits.iter().enumerate().filter_map(|(at, hits)| Some((at, hits[direction]?.share)));
+            let (projectors, shares): (Vec<usize>, Vec<f64>) = reached.unzip();
+            if !projectors.is_empty() {
+                regions.entry(projectors).or_default().push(shares.iter().sum());
+            }
+        }
+        let off = |sums: &[f64]| sums.iter().map(|sum| (sum - 1.0).abs()).sum::<f64>();
+        let worst = regions.iter().max_by(|(_, a), (_, b)| off(a).total_cmp(&off(b)));
+        worst.map_or(String::new(), |(projectors, sums)| {
+            let names: Vec<String> = projectors.iter().map(|at| format!("`{}`", self.projectors[*at].name)).collect();
+            let [low, median, high] = percentiles(sums.clone(), [0.01, 0.5, 0.99]);
+            format!(
+                "; most where the light comes from {}: the masks there add up to {low:.2} (1st percentile), {median:.2} (median), {high:.2} (99th percentile)",
+                names.join(" and ")
+            )
+        })
+    }
+
     fn lit(&self) -> f64 {
         self.counts.iter().filter(|count| **count > 0).count() as f64 / self.counts.len() as f64
     }
@@ -124,7 +148,8 @@ pub(super) fn blend(samples: &DomeSamples<'_>) -> Vec<Finding> {
     let unblended = samples.projectors.iter().all(|projector| projector.blend.is_none());
     let why = if unblended && off > MOST_BLEND_ERROR { ": no projector has a blend mask" } else { "" };
     let what = format!(
-        "the sum of the shares of light is within {off:.3} of 1 for 99 % of the dome, must be at most {MOST_BLEND_ERROR}{why}"
+        "the sum of the shares of light differs from 1 by {off:.3} at the 99th percentile of the lit dome, must be at most {MOST_BLEND_ERROR}{why}{}",
+        if off > MOST_BLEND_ERROR && !unblended { samples.where_off() } else { String::new() }
     );
     let mut findings = vec![together("blend", off <= MOST_BLEND_ERROR, what)];
     if off <= MOST_BLEND_ERROR || unblended {

@@ -1,0 +1,106 @@
+//! Values of a JSON document with their location, for messages.
+
+use glam::{DMat3, DQuat, DVec2, DVec3};
+use serde_json::Value;
+
+use super::{content::yaw_pitch_roll, fault::Fault};
+
+/// A value with its location for messages. Keys are case-insensitive.
+#[derive(Clone)]
+pub(super) struct Field<'a> {
+    pub value: &'a Value,
+    pub place: String,
+}
+
+impl<'a> Field<'a> {
+    pub fn get(&self, key: &str) -> Result<Option<Self>, Fault> {
+        let Value::Object(map) = self.value else {
+            return Err(Fault::new(&self.place, "not an object", "must be an object"));
+        };
+        let mut found = map.iter().filter(|(name, _)| name.eq_ignore_ascii_case(key));
+        let place = if self.place.is_empty() { key.to_owned() } else { format!("{}.{key}", self.place) };
+        match (found.next(), found.next()) {
+            (Some(_), Some(_)) => Err(Fault::new(place, "it occurs twice", "must occur once")),
+            (Some((_, value)), None) if !value.is_null() => Ok(Some(Self { value, place })),
+            _ => Ok(None),
+        }
+    }
+
+    pub fn needed(&self, key: &str) -> Result<Self, Fault> {
+        let place = if self.place.is_empty() { "configuration" } else { &self.place };
+        self.get(key)?.ok_or_else(|| Fault::new(place, format!("`{key}` is missing"), "it is required"))
+    }
+
+    pub fn number(&self) -> Result<f64, Fault> {
+        self.value
+            .as_f64()
+            .filter(|number| number.is_finite())
+            .ok_or_else(|| Fault::new(&self.place, "not a number", "must be a finite number"))
+    }
+
+    pub fn optional_number(&self, key: &str) -> Result<Option<f64>, Fault> {
+        self.get(key)?.map(|field| field.number()).transpose()
+    }
+
+    /// Whether an optional key is true.
+    pub fn flag(&self, key: &str, default: bool) -> Result<bool, Fault> {
+        let Some(field) = self.get(key)? else { return Ok(default) };
+        field.value.as_bool().ok_or_else(|| Fault::new(&field.place, "neither true nor false", "must be one of them"))
+    }
+
+    pub fn text(&self) -> Result<&'a str, Fault> {
+        self.value.as_str().ok_or_else(|| Fault::new(&self.place, "not a text", "must be a text"))
+    }
+
+    pub fn list(&self) -> Result<Vec<Self>, Fault> {
+        let Value::Array(values) = self.value else {
+            return Err(Fault::new(&self.place, "not a list", "must be a list"));
+        };
+        Ok(values.iter().enumerate().map(|(i, value)| Self { value, place: format!("{}[{i}]", self.place) }).collect())
+    }
+
+    pub fn pair(&self) -> Result<DVec2, Fault> {
+        Ok(DVec2::new(self.needed("x")?.number()?, self.needed("y")?.number()?))
+    }
+
+    pub fn vector(&self) -> Result<DVec3, Fault> {
+        Ok(DVec3::new(self.needed("x")?.number()?, self.needed("y")?.number()?, self.needed("z")?.number()?))
+    }
+
+    /// A quaternion, or yaw, pitch and roll in degrees.
+    pub fn rotation(&self) -> Result<DMat3, Fault> {
+        let numbers = |keys: &[&str]| -> Result<Option<Vec<f64>>, Fault> {
+            let found: Vec<f64> = keys
+                .iter()
+                .map(|key| self.optional_number(key))
+                .collect::<Result<Vec<_>, _>>()?
+                .into_iter()
+                .flatten()
+                .collect();
+            match found.len() {
+                0 => Ok(None),
+                n if n == keys.len() => Ok(Some(found)),
+                _ => Err(Fault::new(&self.place, "a part is missing", format!("must have all of {}", keys.join(", ")))),
+            }
+        };
+        match (numbers(&["yaw", "pitch", "roll"])?, numbers(&["x", "y", "z", "w"])?) {
+            (Some(angles), None) => {
+                let [yaw, pitch, roll] = [angles[0], angles[1], angles[2]].map(f64::to_radians);
+                Ok(yaw_pitch_roll(yaw, pitch, roll))
+            }
+            (None, Some(parts)) => {
+                let quaternion = DQuat::from_xyzw(parts[0], parts[1], parts[2], parts[3]);
+                if quaternion.length().is_nan() || (quaternion.length() - 1.0).abs() >= 1e-3 {
+                    let problem = format!("it has the length {}", quaternion.length());
+                    return Err(Fault::new(&self.place, problem, "must be a unit quaternion"));
+                }
+                Ok(DMat3::from_quat(quaternion.normalize()))
+            }
+            _ => Err(Fault::new(
+                &self.place,
+                "neither yaw, pitch and roll nor a quaternion",
+                "must have yaw, pitch and roll in degrees, or x, y, z and w",
+            )),
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! Projections of SGCT's viewports.
+
+use glam::{DMat3, DVec2, DVec3};
+
+use super::{Reader, content::Content, fault::Fault, json::Field};
+
+/// A viewport within its window.
+pub(super) struct Area {
+    /// Position of its lower left corner and its size, relative to the window.
+    pub position: DVec2,
+    pub size: DVec2,
+    pub size_px: [u32; 2],
+    pub aspect: f64,
+}
+
+/// The picture of a viewport.
+pub(super) struct Drawn {
+    pub content: Content,
+    /// Whether it is a fisheye, which may need a mask around its circle.
+    pub round: bool,
+    /// Whether the values of the mesh are positions in the picture, also in a PFM.
+    pub texture_mapped: bool,
+}
+
+impl Reader<'_> {
+    pub(super) fn projection(
+        &mut self,
+        field: &Field,
+        area: &Area,
+        eye: DVec3,
+        is_bourke: bool,
+    ) -> Result<Drawn, Fault> {
+        let kind = field.needed("type")?;
+        let known = "must be one of planar, projectionplane, fisheye and texturemapped";
+        let name = kind.text()?.to_ascii_lowercase();
+        let name = name.strip_suffix("projection").unwrap_or(&name);
+        let drawn = |content: Content| Drawn { content, round: false, texture_mapped: name == "texturemapped" };
+        match name {
+            "planar" | "texturemapped" => Ok(drawn(planar(field, eye)?)),
+            "projectionplane" => {
+                let corner = |key: &str| field.needed(key)?.vector();
+                let (lower_left, upper_left, upper_right) =
+                    (corner("lowerleft")?, corner("upperleft")?, corner("upperright")?);
+                let content = Content::corners(lower_left, upper_left, upper_right, eye);
+                Ok(drawn(content.map_err(|fault| fault.within(&field.place))?))
+            }
+            "fisheye" => self.sgct_fisheye(field, area, is_bourke),
+            "sphericalmirror" => Err(Fault::refused(
+                format!("{}: a spherical mirror", field.place),
+                "its meshes refer to four pictures whose directions the file does not contain; export one mesh of a fisheye (Paul Bourke's .data)",
+            )),
+            "cubemap" | "cylindrical" | "equirectangular" => Err(Fault::refused(
+                format!("{}: the projection `{name}`", field.place),
+                format!("it shows all directions and is not a projector; {known}"),
+            )),
+            other => Err(Fault::new(&kind.place, format!("`{}`", other.escape_debug()), known)),
+        }
+    }
+
+    /// A fisheye: the picture is a square of which `crop` cuts off the edges; the rest fills the viewport, as large as
+    /// its aspect ratio allows.
+    fn sgct_fisheye(&mut self, field: &Field, area: &Area, is_bourke: bool) -> Result<Drawn, Fault> {
+        let fov_deg = field.optional_number("fov")?.unwrap_or(180.0);
+        let tilt_deg = field.optional_number("tilt")?.unwrap_or(0.0);
+        let keep = field.flag("keepaspectratio", true)?;
+        let crop = field.get("crop")?;
+        let [left, right, bottom, top] = match &crop {
+            None => [0.0; 4],
+            Some(crop) => {
+                let mut parts = [0.0; 4];
+                for (part, key) in parts.iter_mut().zip(["left", "right", "bottom", "top"]) {
+                    *part = crop.optional_number(key)?.unwrap_or(0.0);
+                }
+                let [left, right, bottom, top] = parts;
+                if parts.iter().any(|part| !(0.0..1.0).contains(part)) || left + right >= 1.0 || bottom + top >= 1.0 {
+                    let problem = format!("left {left}, right {right}, bottom {bottom}, top {top}");
+                    let allowed = "must be shares of the square from 0 to below 1, opposite ones below 1 together";
+                    return Err(Fault::new(&crop.place, problem, allowed));
+                }
+                parts
+            }
+        };
+        let offset = field.get("offset")?.map_or(Ok(DVec3::ZERO), |offset| {
+            let part = |key: &str| Ok::<f64, Fault>(offset.optional_number(key)?.unwrap_or(0.0));
+            let offset_of = DVec3::new(part("x")?, part("y")?, part("z")?);
+            // The eye must stay within the sphere of radius 1 on which the picture lies.
+            if offset_of.length() >= 1.0 {
+                let problem = format!("{offset_of} has the length {}", offset_of.length());
+                return Err(Fault::new(&offset.place, problem, "must be shorter than 1, the radius of the dome"));
+            }
+            Ok(offset_of)
+        })?;
+        // Half the size of the cropped square in the viewport. A mesh by Paul Bourke has coordinates in a square picture.
+        let (wide, high) = (1.0 - left - right, 1.0 - bottom - top);
+        let aspect = if is_bourke { 1.0 } else { area.aspect } * high / wide;
+        let edge = if keep { [(1.0 / aspect).min(1.0), aspect.min(1.0)] } else { [1.0; 2] };
+        self.note(format!(
+            "fisheye of {fov_deg} degrees, equidistant, centre = apex of the dome tilted by {tilt_deg} degrees to the front, bottom = front"
+        ));
+        if [left, right, bottom, top] != [0.0; 4] {
+            self.note(format!(
+                "fisheye: its square is cut by {left} on the left, {right} on the right, {bottom} at the bottom and {top} at the top"
+            ));
+        }
+        // SGCT counts the second number downwards in the picture.
+        let eye = DVec3::new(offset.x, -offset.y, offset.z);
+        if offset != DVec3::ZERO {
+            self.note(format!(
+                "fisheye: seen from {eye} in radii of the dome (right, up and towards the centre of the picture)"
+            ));
+        }
+        let radius = [edge[0] / wide, edge[1] / high];
+        let content = Content::fisheye(fov_deg.to_radians(), tilt_deg.to_radians(), radius)
+            .map_err(|fault| fault.within(&field.place))?
+            .cut(edge, [left - right, bottom - top], eye);
+        Ok(Drawn { content, round: true, texture_mapped: false })
+    }
+}
+
+/// The picture of a planar projection. Its plane is at a distance from the room's origin, not from the eye.
+fn planar(field: &Field, eye: DVec3) -> Result<Content, Fault> {
+    let fov = field.needed("fov")?;
+    let edge = |single: &str, whole: &str| -> Result<f64, Fault> {
+        match (fov.optional_number(single)?, fov.optional_number(whole)?) {
+            (Some(edge), _) => Ok(edge.to_radians()),
+            (None, Some(whole)) => Ok((whole / 2.0).to_radians()),
+            (None, None) => Err(Fault::new(
+                &fov.place,
+                format!("neither `{single}` nor `{whole}`"),
+                "must have one of them, in degrees",
+            )),
+        }
+    };
+    let (left, right) = (-edge("left", "hfov")?, edge("right", "hfov")?);
+    let (down, up) = (-edge("down", "vfov")?, edge("up", "vfov")?);
+    let rotation = field.get("orientation")?.map_or(Ok(DMat3::IDENTITY), |orientation| orientation.rotation())?;
+    let distance = match (field.optional_number("distance")?, fov.optional_number("distance")?) {
+        (Some(distance), _) | (None, Some(distance)) => distance,
+        (None, None) => 10.0,
+    };
+    if distance <= 0.0 {
+        return Err(Fault::new(&field.place, format!("distance = {distance}"), "must be more than 0"));
+    }
+    let offset = field.get("offset")?.map_or(Ok(DVec3::ZERO), |offset| offset.vector())?;
+    let content = Content::frustum(left, right, down, up, rotation).map_err(|fault| fault.within(&fov.place))?;
+    let Content::Plane { lower_left, right, up } = content else {
+        return Ok(content);
+    };
+    let lower_left = lower_left * distance + offset;
+    let (upper_left, upper_right) = (lower_left + up * distance, lower_left + up * distance + right * distance);
+    Content::corners(lower_left, upper_left, upper_right, eye).map_err(|fault| fault.within(&field.place))
+}

@@ -1,0 +1,141 @@
+//! Nodes of intensity 0 in Paul Bourke's meshes.
+//!
+//! Programs that write such meshes often leave placeholders in the coordinates of nodes that get no light. Between a lit
+//! node and an unlit one there is light, so an unlit node next to lit ones needs coordinates: its own if they continue
+//! those of its neighbours, else an extrapolation of them. Other unlit nodes whose coordinates continue nothing are
+//! unknown.
+
+use std::collections::VecDeque;
+
+use glam::DVec2;
+
+use super::mesh::Mesh;
+
+/// Steps to the eight neighbours of a node, in columns and rows.
+const STEPS: [[isize; 2]; 8] = [[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]];
+/// Largest deviation of coordinates that continue those of their neighbours, in the distance of these.
+const CONTINUES_WITHIN: f64 = 0.5;
+
+/// The nodes of a lattice, row by row.
+struct Lattice<'a> {
+    mesh: &'a Mesh,
+    columns: usize,
+    rows: usize,
+}
+
+impl Lattice<'_> {
+    fn stepped(&self, node: usize, [across, down]: [isize; 2], times: isize) -> Option<usize> {
+        let column = (node % self.columns).checked_add_signed(across * times).filter(|at| *at < self.columns)?;
+        let row = (node / self.columns).checked_add_signed(down * times).filter(|at| *at < self.rows)?;
+        Some(row * self.columns + column)
+    }
+
+    /// The content that continues two or three neighbours in a direction: its order, position and tolerance.
+    fn continued(&self, node: usize, step: [isize; 2], trusted: &[bool]) -> Option<(usize, DVec2, f64)> {
+        let content = |times: isize| {
+            let at = self.stepped(node, step, times).filter(|at| trusted[*at])?;
+            Some(self.mesh.nodes[at].content)
+        };
+        let (first, second) = (content(1)?, content(2)?);
+        let within = CONTINUES_WITHIN * first.distance(second) + 1e-9;
+        Some(match content(3) {
+            Some(third) => (2, 3.0 * first - 3.0 * second + third, within),
+            None => (1, 2.0 * first - second, within),
+        })
+    }
+
+    /// The mean of the extrapolations of the highest order to a node.
+    fn extrapolated(&self, node: usize, trusted: &[bool]) -> Option<DVec2> {
+        let found: Vec<_> = STEPS.iter().filter_map(|step| self.continued(node, *step, trusted)).collect();
+        let most = found.iter().map(|(order, ..)| *order).max()?;
+        let best: Vec<DVec2> = found.iter().filter(|(order, ..)| *order == most).map(|(_, at, _)| *at).collect();
+        Some(best.iter().sum::<DVec2>() / best.len() as f64)
+    }
+
+    /// The nodes whose coordinates count: lit ones, and unlit ones that continue them.
+    fn trusted(&self, lit: &[bool]) -> Vec<bool> {
+        let mut trusted = lit.to_vec();
+        let mut waiting: VecDeque<usize> = (0..lit.len()).filter(|node| !lit[*node]).collect();
+        while let Some(node) = waiting.pop_front() {
+            let own = self.mesh.nodes[node].content;
+            let continues = |step: &[isize; 2]| {
+                self.continued(node, *step, &trusted).is_some_and(|(_, at, within)| own.distance(at) <= within)
+            };
+            if trusted[node] || !STEPS.iter().any(continues) {
+                continue;
+            }
+            trusted[node] = true;
+            for step in STEPS {
+                waiting.extend((1..=3).filter_map(|times| self.stepped(node, step, times)).filter(|at| !trusted[*at]));
+            }
+        }
+        trusted
+    }
+}
+
+/// Gives unlit nodes their coordinates, or marks them as not drawn; returns how many had none of their own.
+pub(super) fn settle(mesh: &mut Mesh, columns: usize, rows: usize) -> usize {
+    let lit: Vec<bool> = mesh.nodes.iter().map(|node| node.intensity > 0.0).collect();
+    if !lit.contains(&true) || mesh.nodes.iter().all(|node| node.intensity != 0.0) {
+        return 0;
+    }
+    let lattice = Lattice { mesh, columns, rows };
+    let trusted = lattice.trusted(&lit);
+    let unknown: Vec<usize> =
+        (0..lit.len()).filter(|node| !trusted[*node] && lattice.mesh.nodes[*node].intensity == 0.0).collect();
+    let settled: Vec<Option<DVec2>> = unknown
+        .iter()
+        .map(|node| {
+            let beside = STEPS.iter().filter_map(|step| lattice.stepped(*node, *step, 1)).any(|at| lit[at]);
+            if beside { lattice.extrapolated(*node, &trusted) } else { None }
+        })
+        .collect();
+    for (node, content) in unknown.iter().zip(&settled) {
+        match content {
+            Some(content) => mesh.nodes[*node].content = *content,
+            None => mesh.nodes[*node].intensity = -1.0,
+        }
+    }
+    unknown.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{super::mesh::Node, *};
+
+    fn mesh(content: impl Fn(DVec2) -> DVec2, intensity: impl Fn(usize, usize) -> f64) -> Mesh {
+        let nodes = (0..48).map(|i| {
+            let place = DVec2::new((i % 8) as f64, (i / 8) as f64) / 8.0;
+            Node { place, content: content(place), intensity: intensity(i % 8, i / 8) }
+        });
+        Mesh { nodes: nodes.collect(), triangles: Vec::new() }
+    }
+
+    #[test]
+    fn placeholders_are_replaced_beside_light_and_unknown_elsewhere() {
+        let dark = |column: usize, _: usize| if column < 5 { 1.0 } else { 0.0 };
+        let smooth = |place: DVec2| place + place * place * 0.1;
+        let right = mesh(smooth, dark);
+        let mut found = mesh(|place| if place.x > 0.6 { DVec2::new(0.5, 0.3) } else { smooth(place) }, dark);
+        assert_eq!(settle(&mut found, 8, 6), 18);
+        for (i, (node, right)) in found.nodes.iter().zip(&right.nodes).enumerate() {
+            if i % 8 > 5 {
+                assert!(node.intensity < 0.0, "{i}");
+            } else {
+                assert!(node.content.abs_diff_eq(right.content, 1e-12) && node.intensity >= 0.0, "{i}");
+            }
+        }
+    }
+
+    #[test]
+    fn unlit_nodes_with_coordinates_of_their_own_stay_as_they_are() {
+        let smooth = |place: DVec2| place + place * place * 0.1;
+        for dark in [|column: usize, _: usize| (column % 3) as f64, |_: usize, row: usize| (row / 3) as f64, |_, _| 0.0]
+        {
+            let right = mesh(smooth, dark);
+            let mut found = right.clone();
+            assert_eq!(settle(&mut found, 8, 6), 0);
+            assert_eq!(found.nodes, right.nodes);
+        }
+    }
+}

@@ -1,0 +1,283 @@
+//! Files of theatres as programs and installers write them, compared with directions in closed form.
+
+use std::io::Write as _;
+
+use steradian::{
+    glam::{DMat3, DVec3},
+    theatre::{Calibration, ReadOptions, Region, TheatreError, read},
+};
+
+use crate::common::theatre::{png_grey, sgct};
+
+const SIZE: [u32; 2] = [96, 54];
+const PLANAR: &str = r#"{"type":"PlanarProjection","fov":{"left":30,"right":30,"up":20,"down":20},"orientation":{"yaw":0,"pitch":0,"roll":0}}"#;
+
+fn read_files(files: &[(&str, &[u8])], options: &ReadOptions) -> Result<Calibration, TheatreError> {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, bytes) in files {
+        std::fs::write(folder.path().join(name), bytes).unwrap();
+    }
+    read(&folder.path().join(files[0].0), options)
+}
+
+fn one(files: &[(&str, &[u8])]) -> Region {
+    read_files(files, &sized()).unwrap().regions.remove(0)
+}
+
+fn sized() -> ReadOptions {
+    ReadOptions { size_px: Some(SIZE), ..ReadOptions::default() }
+}
+
+/// The direction of a point of a frustum of 60 x 40 degrees, x to the right and y downwards, turned to the right by
+/// `yaw_deg` and then up by `pitch_deg`.
+fn planar(x: f64, y: f64, yaw_deg: f64, pitch_deg: f64) -> DVec3 {
+    let (wide, high) = (30f64.to_radians().tan(), 20f64.to_radians().tan());
+    let turn = DMat3::from_rotation_y(-yaw_deg.to_radians()) * DMat3::from_rotation_x(pitch_deg.to_radians());
+    (turn * DVec3::new((2.0 * x - 1.0) * wide, (1.0 - 2.0 * y) * high, -1.0)).normalize()
+}
+
+/// Asserts that all samples of a lattice from edge to edge are those of the frustum.
+#[track_caller]
+fn assert_planar(region: &Region, yaw_deg: f64, pitch_deg: f64) {
+    let grid = &region.grid;
+    assert_eq!(region.size_px, SIZE);
+    for (i, sample) in grid.samples.iter().enumerate() {
+        let x = (i % grid.columns) as f64 / (grid.columns - 1) as f64;
+        let y = (i / grid.columns) as f64 / (grid.rows - 1) as f64;
+        let expected = planar(x, y, yaw_deg, pitch_deg);
+        assert!(sample.unwrap().abs_diff_eq(expected, 1e-6), "{i}: {sample:?}, not {expected}");
+    }
+}
+
+fn open_mesh() -> String {
+    let mut text = "OPENMESH Version 1.1\nVERTICES 9\nFACES 8\nMAPPING NORMALIZED\nPROJECTION PERSPECTIVE\nPERSPECTIVE_PITCH 20\n\
+                    PERSPECTIVE_YAW -30\nPERSPECTIVE_LEFT -30\nPERSPECTIVE_RIGHT 30\nPERSPECTIVE_TOP 20\nPERSPECTIVE_BOTTOM -20\n\
+                    NATIVEXRES 96\nNATIVEYRES 54\n"
+        .to_owned();
+    for i in 0..9 {
+        let (x, y) = (f64::from(i % 3) / 2.0, f64::from(i / 3) / 2.0);
+        text += &format!("{} {} 255 {} {}\n", 96.0 * x, 54.0 * y, 1.0 - y, 1.0 - x);
+    }
+    for low in [0, 1, 3, 4] {
+        text += &format!("[ {low} {} {} ]\n[ {low} {} {} ]\n", low + 1, low + 4, low + 4, low + 3);
+    }
+    text
+}
+
+fn sky_skan() -> String {
+    let mut text = "Dome Azimuth=30\nDome Elevation=20\nHorizontal FOV=60\nVertical FOV=40\n3 3\n".to_owned();
+    for i in 0..9 {
+        let (x, y) = (f64::from(i % 3) / 2.0, f64::from(i / 3) / 2.0);
+        text += &format!("{x} {y} {x} {y}\n");
+    }
+    text
+}
+
+#[test]
+fn openmesh_and_sky_skan_have_their_own_frustum() {
+    for text in [open_mesh(), sky_skan()] {
+        assert_planar(&one(&[("mesh", text.as_bytes())]), 30.0, 20.0);
+        let json = sgct(SIZE, PLANAR, r#","mesh":"mesh""#);
+        assert_planar(&one(&[("set", json.as_bytes()), ("mesh", text.as_bytes())]), 30.0, 20.0);
+    }
+    for (from, to, expected) in [
+        ("VERTICES 9", "VERTICES 8", "8, but there are 9"),
+        ("PERSPECTIVE_TOP 20", "PERSPECTIVE_TOP x", "not a number"),
+        ("NATIVEXRES 96\n", "", "no NATIVEXRES"),
+        ("[ 0 1 4 ]", "[ 0 1 ]", "not a face"),
+        ("NATIVEXRES", "FRUSTUM_EULER_ANGLES 1\nNATIVEXRES", "not documented"),
+    ] {
+        let error = read_files(&[("mesh", open_mesh().replacen(from, to, 1).as_bytes())], &sized()).unwrap_err();
+        assert!(error.to_string().contains(expected), "{error}");
+    }
+    for (from, to) in [("3 3\n", "3 4\n"), ("Dome Azimuth=30", "Dome Azimuth=x"), ("Dome Elevation=20\n", "")] {
+        assert!(read_files(&[("mesh", sky_skan().replacen(from, to, 1).as_bytes())], &sized()).is_err(), "{to}");
+    }
+}
+
+#[test]
+fn shifts_of_simcad_move_the_points_of_the_picture() {
+    let zeros = "0 ".repeat(9);
+    let mesh = |x: &str| {
+        format!(
+            "<GeometryFile><GeometryDefinition><X-FlatParameters range=\"10\">{x}</X-FlatParameters>\
+             <Y-FlatParameters range=\"10\">{zeros}</Y-FlatParameters></GeometryDefinition></GeometryFile>"
+        )
+    };
+    let json = sgct(SIZE, PLANAR, r#","mesh":"mesh""#);
+    assert_planar(&one(&[("set", json.as_bytes()), ("mesh", mesh(&zeros).as_bytes())]), 0.0, 0.0);
+    // The middle column moves by a tenth of the raster to the right: the middle shows what was to its left.
+    let moved = one(&[("set", json.as_bytes()), ("mesh", mesh("0 1 0 0 1 0 0 1 0").as_bytes())]);
+    let middle = moved.grid.samples[(moved.grid.rows / 2) * moved.grid.columns + moved.grid.columns / 2].unwrap();
+    let x = (moved.grid.columns / 2) as f64 + 0.5;
+    let share = 0.5 * (x / moved.grid.columns as f64) / 0.6;
+    let expected = planar(share, ((moved.grid.rows / 2) as f64 + 0.5) / moved.grid.rows as f64, 0.0, 0.0);
+    assert!(middle.abs_diff_eq(expected, 1e-9), "{middle}, not {expected}");
+    let alone = read_files(&[("mesh", mesh(&zeros).as_bytes())], &sized()).unwrap_err().to_string();
+    assert!(alone.contains("SimCAD") && !alone.contains("MPCDI"), "{alone}");
+    let old = read_files(&[("old.xml", b"<Cluster masterAddress=\"localhost\"/>")], &sized()).unwrap_err().to_string();
+    assert!(old.contains("a configuration of SGCT in XML"), "{old}");
+}
+
+#[test]
+fn sgc_meshes_of_version_2_are_triangles_or_a_strip() {
+    let mesh = |version: u8, mode: u32, indices: &[u32]| {
+        let mut bytes = b"SGC".to_vec();
+        bytes.push(version);
+        bytes.extend(0_u32.to_le_bytes());
+        let head = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 20.0, -20.0, -30.0, 30.0_f32];
+        bytes.extend(head.iter().flat_map(|value| value.to_le_bytes()));
+        bytes.extend([mode, 4].iter().flat_map(|count| count.to_le_bytes()));
+        for (x, y) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0_f32)] {
+            bytes.extend([x, y, 0.0, x, 1.0 - y, 0.0].iter().flat_map(|value| value.to_le_bytes()));
+        }
+        bytes.extend((indices.len() as u32).to_le_bytes());
+        bytes.extend(indices.iter().flat_map(|index| index.to_le_bytes()));
+        bytes
+    };
+    for version in [2, b'2'] {
+        assert_planar(&one(&[("mesh", &mesh(version, 4, &[0, 1, 2, 2, 1, 3]))]), 0.0, 0.0);
+        assert_planar(&one(&[("mesh", &mesh(version, 5, &[0, 1, 2, 3]))]), 0.0, 0.0);
+        let whole = mesh(version, 4, &[0, 1, 2, 2, 1, 3]);
+        assert!(read_files(&[("mesh", &whole[..whole.len() - 4])], &sized()).is_err());
+    }
+}
+
+#[test]
+fn masks_of_sgct_multiply_the_codes() {
+    let json = |masks: &str| sgct(SIZE, PLANAR, masks);
+    let grey = |code: u8| png_grey([4, 4], move |_, _| code);
+    let with = |masks: &str, code: u8| one(&[("set", json(masks).as_bytes()), ("m.png", &grey(code))]);
+    let black = r#","blacklevelmask":"m.png""#;
+    let white = with(black, 255);
+    assert!(white.beta.is_none() && white.alpha.unwrap().values.iter().all(|value| *value == 1.0));
+    let half = with(black, 128);
+    let expected = (128f32 / 255.0).powf(2.2);
+    assert!(half.beta.is_none() && half.alpha.unwrap().values.iter().all(|value| (value - expected).abs() < 1e-6));
+    let both = with(r#","blendmask":"m.png","blacklevelmask":"m.png""#, 128);
+    assert!(both.alpha.unwrap().values.iter().all(|value| (value - expected * expected).abs() < 1e-6));
+}
+
+#[test]
+fn the_raster_of_sgct_is_the_window_and_not_the_internal_picture() {
+    let json =
+        sgct(SIZE, PLANAR, "").replace(r#""viewports""#, r#""res":{"x":128,"y":128},"name":"Left one","viewports""#);
+    let region = one(&[("set", json.as_bytes())]);
+    assert_planar(&region, 0.0, 0.0);
+    assert_eq!(region.title.as_deref(), Some("Left one"));
+    // A window that draws no scene.
+    let no_scene = |json: &str| json.replace(r#""viewports""#, r#""draw3D":false,"viewports""#);
+    let refused = read_files(&[("set", no_scene(&json).as_bytes())], &sized()).unwrap_err().to_string();
+    assert!(refused.contains("no window draws the 3D scene"), "{refused}");
+    let window = r#"{"name":"Panel","draw3D":false,"viewports":[{}]},{"res""#;
+    let two = json.replacen(r#"{"size""#, &format!("{}{}", window.replace(r#"{"res""#, ""), r#"{"size""#), 1);
+    let both = read_files(&[("set", two.as_bytes())], &sized()).unwrap();
+    assert_eq!((both.regions.len(), both.regions[0].name.as_str()), (1, "0/1/0"));
+    assert!(both.notes.iter().any(|note| note.contains("`Panel`")), "{:?}", both.notes);
+}
+
+#[test]
+fn the_orientation_of_the_scene_turns_the_directions_back() {
+    let scene = |pitch: f64| {
+        sgct(SIZE, PLANAR, "").replace(
+            r#""users""#,
+            &format!(r#""scene":{{"orientation":{{"yaw":0,"pitch":{pitch},"roll":0}}}},"users""#),
+        )
+    };
+    // A scene that is turned down shows what is above.
+    assert_planar(&one(&[("set", scene(-27.0).as_bytes())]), 0.0, 27.0);
+    assert_planar(&one(&[("set", scene(0.0).as_bytes())]), 0.0, 0.0);
+    let yaw = scene(0.0).replace(r#""yaw":0,"pitch":0,"roll":0}},"users"#, r#""yaw":15,"pitch":0,"roll":0}},"users"#);
+    assert_planar(&one(&[("set", yaw.as_bytes())]), -15.0, 0.0);
+}
+
+#[test]
+fn a_cropped_fisheye_fills_the_raster_with_the_rest_of_its_square() {
+    let fisheye =
+        |more: &str| sgct([64, 64], &format!(r#"{{"type":"FisheyeProjection","fov":180,"tilt":0{more}}}"#), "");
+    let options = ReadOptions::default();
+    let read = |json: &str| read_files(&[("set", json.as_bytes())], &options).map(|mut found| found.regions.remove(0));
+    let region = read(&fisheye(r#","crop":{"left":0,"right":0,"bottom":0.2,"top":0.1}"#)).unwrap();
+    // SGCT's ratio of the sides: ((1 - 2 x 0.2) + (1 - 2 x 0.1)) / 2 = 0.7, so the picture has 0.7 of the raster's height.
+    let grid = &region.grid;
+    let sample =
+        |x: usize, y: usize| grid.samples[y * (grid.columns - 1) / 64 * grid.columns + x * (grid.columns - 1) / 64];
+    let at = |v: f64| {
+        let theta = v * std::f64::consts::FRAC_PI_2;
+        DVec3::new(0.0, theta.cos(), theta.sin())
+    };
+    let ratio = 0.7;
+    for y in [16, 32, 48] {
+        let s = (1.0 - 2.0 * y as f64 / 64.0) / ratio;
+        let expected = at(0.1 + 0.7 * s);
+        assert!(sample(32, y).unwrap().abs_diff_eq(expected, 1e-6), "{y}: {:?}, not {expected}", sample(32, y));
+    }
+    let rows: Vec<bool> = region.alpha.unwrap().values.chunks(64).map(|row| row[32] > 0.0).collect();
+    assert_eq!((rows[9], rows[10], rows[53], rows[54]), (false, true, true, false));
+    let offset = read(&fisheye(r#","offset":{"x":0.5,"y":0,"z":0}"#)).unwrap().grid;
+    let centre = offset.samples[32 * offset.columns + 32].unwrap();
+    assert!(centre.abs_diff_eq(DVec3::new(-0.5, 1.0, 0.0).normalize(), 1e-9), "{centre}");
+    for wrong in [r#","crop":{"left":0.5,"right":0.5}"#, r#","crop":{"top":-0.1}"#, r#","offset":{"x":1.5}"#] {
+        assert!(read(&fisheye(wrong)).is_err(), "{wrong}");
+    }
+}
+
+#[test]
+fn a_fisheye_that_no_file_asks_for_is_refused() {
+    let json = sgct(SIZE, PLANAR, "");
+    for options in [ReadOptions { tilt_deg: 20.0, ..sized() }, ReadOptions { fov_deg: 170.0, ..sized() }] {
+        let error = read_files(&[("set", json.as_bytes())], &options).unwrap_err().to_string();
+        assert!(error.contains("has no effect"), "{error}");
+    }
+    let bourke = "2\n2 2\n-1 -1 0.2 0.2 1\n1 -1 0.8 0.2 1\n-1 1 0.2 0.8 1\n1 1 0.8 0.8 1\n";
+    let options = ReadOptions { tilt_deg: 20.0, size_px: Some([64, 64]), ..ReadOptions::default() };
+    assert!(read_files(&[("mesh", bourke.as_bytes())], &options).unwrap().asks_for_fisheye);
+}
+
+#[test]
+fn names_in_archives_may_differ_in_separators_capitals_and_folders() {
+    let frustum = "<frustum><yaw>30</yaw><pitch>20</pitch><roll>0</roll><leftAngle>-30</leftAngle><rightAngle>30</rightAngle>\
+                   <upAngle>20</upAngle><downAngle>-20</downAngle></frustum>";
+    let head = format!(
+        r#"<MPCDI profile="2d" geometry="1" color="1" version="2.0"><display><buffer id="b" xResolution="96" yResolution="54"><region id="r" xResolution="96" yResolution="54" x="0" y="0" xsize="1" ysize="1">{frustum}</region></buffer></display>"#
+    );
+    let set = |description: &str, path: &str, entry: &str, zeros: bool| {
+        let files = format!(
+            r#"<files><fileset region="r"><geometryWarpFile><path>{path}</path></geometryWarpFile></fileset></files></MPCDI>"#
+        );
+        let mut map = b"PF\n4 4\n-1.0\n".to_vec();
+        for i in 0..16 {
+            let coordinate = |at: i32| (at as f32 + 0.5) / 4.0;
+            let sample = if zeros && i < 4 { [0.0; 3] } else { [coordinate(i % 4), coordinate(i / 4), 0.0] };
+            map.extend(sample.iter().flat_map(|value| value.to_le_bytes()));
+        }
+        let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+        let options = zip::write::SimpleFileOptions::default();
+        for (name, bytes) in [(description, format!("{head}{files}").into_bytes()), (entry, map)] {
+            zip.start_file(name, options).unwrap();
+            zip.write_all(&bytes).unwrap();
+        }
+        zip.finish().unwrap().into_inner()
+    };
+    for (description, path, entry) in [
+        ("mpcdi.xml", "dome/p1.pfm", "dome/p1.pfm"),
+        ("mpcdi.xml", "dome\\p1.pfm", "dome/p1.pfm"),
+        ("mpcdi.xml", "Dome/P1.PFM", "dome/p1.pfm"),
+        ("mpcdi.xml", "./p1.pfm", "p1.pfm"),
+        ("show/MPCDI.xml", "dome/p1.pfm", "show/dome/p1.pfm"),
+    ] {
+        let bytes = set(description, path, entry, false);
+        let found = read_files(&[("set", &bytes)], &ReadOptions::default()).unwrap();
+        let expected = planar(0.125, 0.125, 30.0, 20.0);
+        assert!(found.regions[0].grid.samples[0].unwrap().abs_diff_eq(expected, 1e-6), "{path}");
+    }
+    assert!(read_files(&[("set", &set("mpcdi.xml", "p2.pfm", "p1.pfm", false))], &ReadOptions::default()).is_err());
+    // Zeros in several samples are no positions.
+    let found = read_files(&[("set", &set("mpcdi.xml", "p1.pfm", "p1.pfm", true))], &ReadOptions::default()).unwrap();
+    assert_eq!(found.regions[0].grid.samples.iter().filter(|sample| sample.is_none()).count(), 4);
+    // A frustum alone.
+    let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    zip.start_file("mpcdi.xml", zip::write::SimpleFileOptions::default()).unwrap();
+    zip.write_all(format!("{head}</MPCDI>").as_bytes()).unwrap();
+    assert_planar(&one(&[("set", &zip.finish().unwrap().into_inner())]), 30.0, 20.0);
+}
