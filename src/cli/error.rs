@@ -193,7 +193,12 @@ impl CliError {
                 | WindowsError::Window { .. } => NO_ADAPTER,
                 WindowsError::Refused(_) => FAILED,
             },
-            CliError::Serve(ServeError::Address { .. } | ServeError::Open { .. } | ServeError::Access(_)) => BAD_USAGE,
+            CliError::Serve(
+                ServeError::Address { .. }
+                | ServeError::NotSocket { .. }
+                | ServeError::Open { .. }
+                | ServeError::Access(_),
+            ) => BAD_USAGE,
             CliError::Serve(_) | CliError::Runtime(_) => FAILED,
             CliError::Psf(error) => psf_exit_code(error),
             CliError::Film(error) => match error {

@@ -156,6 +156,70 @@ async fn bad_and_taken_addresses_are_clear_errors() {
     daemon.shutdown().await.unwrap();
 }
 
+/// Returns the error of a daemon that must not start.
+async fn refusal(listen: &str) -> ServeError {
+    let scene = steradian::scene::SceneSnapshot {
+        revision: 0,
+        stars: Default::default(),
+        objects: Default::default(),
+        camera: Default::default(),
+    };
+    let engine = Box::new(TestEngine::new(Default::default()));
+    let never = |address| panic!("ready on {address}");
+    within(run(ServeOptions::new(listen, engine, scene, small_rig(), Default::default(), never))).await.unwrap_err()
+}
+
+#[tokio::test]
+async fn a_path_that_is_no_socket_is_refused_and_stays_as_it_is() {
+    use std::{fs, os::unix::fs::symlink};
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    fs::write(path("notes.txt"), "months of notes").unwrap();
+    fs::write(path("empty"), "").unwrap();
+    fs::create_dir(path("drawer")).unwrap();
+    symlink(path("notes.txt"), path("link")).unwrap();
+    for (name, what) in [("notes.txt", "file"), ("empty", "file"), ("link", "file"), ("drawer", "folder")] {
+        let listen = format!("unix:{}", path(name).display());
+        let wanted = format!("listen = `{listen}`: a {what} is there, not a socket");
+        let checked = steradian::service::check_listen(&listen, &Default::default()).unwrap_err();
+        for error in [checked, refusal(&listen).await] {
+            assert!(matches!(error, ServeError::NotSocket { .. }) && error.to_string().contains(&wanted), "{error}");
+        }
+        assert!(path(name).symlink_metadata().is_ok(), "{name} is gone");
+    }
+    assert_eq!(fs::read_to_string(path("notes.txt")).unwrap(), "months of notes");
+
+    // At its end a daemon removes its socket, and nothing that has taken the place of it.
+    let listen = format!("unix:{}", path("socket").display());
+    let daemon = Daemon::start_with(small_rig(), |options| options.network.listen = listen).await;
+    fs::remove_file(path("socket")).unwrap();
+    fs::write(path("socket"), "more notes").unwrap();
+    daemon.shutdown().await.unwrap();
+    assert_eq!(fs::read_to_string(path("socket")).unwrap(), "more notes");
+}
+
+#[tokio::test]
+async fn a_taken_address_is_found_before_slow_work() {
+    let daemon = Daemon::start(small_rig()).await;
+    let check = |listen: &str| steradian::service::check_listen(listen, &Default::default());
+    match check(&daemon.address.to_string()) {
+        Err(ServeError::AddressInUse { address }) => assert_eq!(address, daemon.listening),
+        other => panic!("{other:?}"),
+    }
+    check("127.0.0.1:0").unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("socket");
+    let listen = format!("unix:{}", path.display());
+    check(&listen).unwrap();
+    assert!(!path.exists());
+    let listener = std::os::unix::net::UnixListener::bind(&path).unwrap();
+    assert!(matches!(check(&listen), Err(ServeError::AddressInUse { .. })));
+    // What a killed daemon left behind is in nobody's way.
+    drop(listener);
+    check(&listen).unwrap();
+    daemon.shutdown().await.unwrap();
+}
+
 #[tokio::test]
 async fn a_client_without_a_daemon_reports_a_clear_error() {
     let daemon = Daemon::start(small_rig()).await;

@@ -3,6 +3,7 @@
 use std::{
     io,
     net::{SocketAddr, ToSocketAddrs},
+    os::unix::{self, fs::FileTypeExt as _},
     path::Path,
     sync::Arc,
 };
@@ -41,13 +42,57 @@ pub(super) async fn bind(listen: &str, access: &Access) -> Result<(Listener, Add
 ///
 /// # Errors
 ///
-/// The address is invalid, or other machines reach it without encryption or access control.
+/// The address is invalid or taken, the path of a socket leads to something else, or other machines reach the address
+/// without encryption or access control.
 pub fn check_listen(listen: &str, access: &Access) -> Result<(), ServeError> {
-    if listen.starts_with(UNIX_PREFIX) {
-        return Ok(());
+    if let Some(path) = listen.strip_prefix(UNIX_PREFIX).map(Path::new) {
+        check_socket(path)?;
+        return match unix::net::UnixStream::connect(path) {
+            Ok(_) => Err(ServeError::AddressInUse { address: Address::Unix(path.to_owned()) }),
+            Err(_) => Ok(()),
+        };
     }
-    let wrong = |error: io::Error| ServeError::Address { listen: listen.to_owned(), problem: error.to_string() };
-    check_addresses(listen, &listen.to_socket_addrs().map_err(wrong)?.collect::<Vec<_>>(), access)
+    let wrong = |problem: String| ServeError::Address { listen: listen.to_owned(), problem };
+    let addresses: Vec<SocketAddr> = listen.to_socket_addrs().map_err(|error| wrong(error.to_string()))?.collect();
+    check_addresses(listen, &addresses, access)?;
+    let mut first = None;
+    for address in addresses {
+        match std::net::TcpListener::bind(address) {
+            // Closed at once: the daemon binds it when it is ready.
+            Ok(_) => return Ok(()),
+            Err(source) => keep_clearest(&mut first, refusal(address, source)),
+        }
+    }
+    first.map_or(Ok(()), Err)
+}
+
+/// Whether a path leads to a socket.
+fn is_socket(path: &Path) -> bool {
+    std::fs::metadata(path).is_ok_and(|metadata| metadata.file_type().is_socket())
+}
+
+/// Checks that a path leads to a socket, or to nothing.
+fn check_socket(path: &Path) -> Result<(), ServeError> {
+    let Ok(metadata) = std::fs::metadata(path) else { return Ok(()) };
+    let what = match metadata.file_type() {
+        kind if kind.is_socket() => return Ok(()),
+        kind if kind.is_dir() => "folder",
+        kind if kind.is_file() => "file",
+        _ => "device",
+    };
+    Err(ServeError::NotSocket { path: path.to_owned(), what })
+}
+
+impl Address {
+    /// Removes the file of a Unix socket, unless something else is there by now; a failure is logged.
+    pub(super) fn remove_socket(&self) {
+        let Self::Unix(path) = self else { return };
+        if !is_socket(path) {
+            tracing::warn!("{self} is no longer a socket: it is left as it is");
+        } else if let Err(error) = std::fs::remove_file(path) {
+            tracing::warn!("cannot remove {self}: {error}");
+        }
+    }
 }
 
 fn check_addresses(listen: &str, addresses: &[SocketAddr], access: &Access) -> Result<(), ServeError> {
@@ -60,9 +105,11 @@ async fn bind_unix(path: &Path) -> Result<UnixListener, ServeError> {
     const OWNER_AND_GROUP: u32 = 0o117;
     let address = || Address::Unix(path.to_owned());
     let refused = |source| ServeError::Bind { address: address(), source };
+    // The system answers for other files as for a socket that nobody listens on.
+    check_socket(path)?;
     match UnixStream::connect(path).await {
         Ok(_) => return Err(ServeError::AddressInUse { address: address() }),
-        Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => {
+        Err(error) if error.kind() == io::ErrorKind::ConnectionRefused && is_socket(path) => {
             std::fs::remove_file(path).map_err(refused)?;
         }
         // There is no socket, or it cannot be opened: binding reports it.
@@ -106,23 +153,29 @@ pub(super) async fn keep_access(
 /// `None` if there was no address. Of several errors, it returns the first, but prefers a port in use, which the user
 /// can change.
 async fn bind_first(addresses: impl Iterator<Item = SocketAddr>) -> Option<Result<TcpListener, ServeError>> {
-    let mut refusal = None;
+    let mut first = None;
     for address in addresses {
-        let error = match TcpListener::bind(address).await {
+        match TcpListener::bind(address).await {
             Ok(listener) => return Some(Ok(listener)),
-            Err(source) if source.kind() == io::ErrorKind::AddrInUse => {
-                ServeError::AddressInUse { address: Address::Tcp(address) }
-            }
-            Err(source) => ServeError::Bind { address: Address::Tcp(address), source },
-        };
-        if !matches!(
-            (&refusal, &error),
-            (Some(ServeError::AddressInUse { .. }), _) | (Some(_), ServeError::Bind { .. })
-        ) {
-            refusal = Some(error);
+            Err(source) => keep_clearest(&mut first, refusal(address, source)),
         }
     }
-    refusal.map(Err)
+    first.map(Err)
+}
+
+fn refusal(address: SocketAddr, source: io::Error) -> ServeError {
+    let address = Address::Tcp(address);
+    match source.kind() {
+        io::ErrorKind::AddrInUse => ServeError::AddressInUse { address },
+        _ => ServeError::Bind { address, source },
+    }
+}
+
+/// Keeps the first of several errors, but prefers a port in use.
+fn keep_clearest(kept: &mut Option<ServeError>, error: ServeError) {
+    if !matches!((&*kept, &error), (Some(ServeError::AddressInUse { .. }), _) | (Some(_), ServeError::Bind { .. })) {
+        *kept = Some(error);
+    }
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ mod listen;
 mod options;
 mod threads;
 
-use std::{io, pin::Pin, sync::Arc, time::Duration};
+use std::{io, path::PathBuf, pin::Pin, sync::Arc, time::Duration};
 
 use tokio::{
     signal,
@@ -94,6 +94,14 @@ pub enum ServeError {
     AddressInUse {
         /// The address.
         address: Address,
+    },
+    /// The path of the socket leads to something else.
+    #[error("listen = `unix:{path}`: a {what} is there, not a socket: name another path, or move it away", path = path.display())]
+    NotSocket {
+        /// The path.
+        path: PathBuf,
+        /// What is there.
+        what: &'static str,
     },
     /// The access rules or the certificates cannot be read.
     #[error("{0}")]
@@ -186,17 +194,6 @@ impl Shutdown {
             Self::Signals => Box::pin(signals()?),
             Self::When(future) => future,
         })
-    }
-}
-
-impl Address {
-    /// Removes the file of a Unix socket; a failure is logged.
-    fn remove_socket(&self) {
-        if let Self::Unix(path) = self
-            && let Err(error) = std::fs::remove_file(path)
-        {
-            tracing::warn!("cannot remove {self}: {error}");
-        }
     }
 }
 
