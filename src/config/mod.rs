@@ -49,6 +49,7 @@ pub use projector::{BlendConfig, ProjectorConfig, ProjectorMethod, RowsConfig};
 pub use scene::{CameraConfig, CatalogueConfig, GalaxyConfig, LightConfig, LightUnit, SceneConfig};
 use schemars::JsonSchema;
 use serde::Deserialize;
+pub(crate) use server::hidden_character;
 pub use server::{CertificateConfig, Role, ServerConfig, Sha256Hex, TlsConfig, TokenConfig, UNIX_PREFIX, parse_listen};
 pub use surroundings::{AirConfig, GroundConfig, MOST_POINTS as MOST_HORIZON_POINTS};
 use toml::{Table, Value};

@@ -1,10 +1,13 @@
 //! `[server]`: the address of the daemon, and access to it.
 
+mod plain_text;
+
 use std::{fmt, path::PathBuf, str::FromStr};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
 
+pub(crate) use self::plain_text::hidden_character;
 use super::error::Fault;
 
 /// Prefix of the path of a Unix socket.
@@ -175,11 +178,13 @@ pub(super) fn check(server: &ServerConfig) -> Result<(), Fault> {
         certificates.map(|(index, certificate)| (format!("certificates[{index}].name"), &certificate.name));
     let mut known: Vec<&String> = Vec::new();
     for (key, name) in tokens.chain(certificates) {
-        let is_plain = |c: char| !c.is_control();
-        if name.is_empty() || name.chars().count() > MOST_NAME || !name.chars().all(is_plain) {
+        if name.is_empty() || name.chars().count() > MOST_NAME || hidden_character(name).is_some() {
             return Err(Fault::new(
                 &key,
-                format!("`{name}`: must have between 1 and {MOST_NAME} characters, without control characters"),
+                format!(
+                    "`{}`: must have between 1 and {MOST_NAME} characters, without control and format characters",
+                    name.escape_debug()
+                ),
             ));
         }
         if known.contains(&name) {

@@ -86,6 +86,33 @@ async fn the_lease_holder_has_exclusive_control_until_takeover_or_release() {
     daemon.shutdown().await.unwrap();
 }
 
+/// Names of holders are shown to others and in the log: they must not make another line, or change how it is read.
+#[tokio::test]
+async fn holders_have_no_hidden_characters() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    for (holder, code) in [
+        ("a\nb INFO steradian::changes: forged", "U+000A"),
+        ("a\0", "U+0000"),
+        ("\u{1b}[31mred", "U+001B"),
+        ("desk \u{202e}ksed", "U+202E"),
+        ("de\u{200b}sk", "U+200B"),
+        ("desk\u{2028}desk", "U+2028"),
+    ] {
+        let problem = format!("holder: must be without control and format characters, contains {code}");
+        let steering = client.steer(Lease::Take, holder).await.unwrap();
+        refused(within(steering.end()).await, Code::InvalidArgument, &problem);
+        assert_eq!(client.camera_holder().await.unwrap(), "");
+    }
+    for holder in ["Pult № 2", "操作台"] {
+        let mut steering = client.steer(Lease::Take, holder).await.unwrap();
+        assert!(steering.send(&at_x(1.0)).await);
+        within(async { while client.camera_holder().await.unwrap() != holder {} }).await;
+        within(steering.end()).await.unwrap();
+    }
+    daemon.shutdown().await.unwrap();
+}
+
 /// A change that would make frames impossible is refused, whichever part changes.
 #[tokio::test]
 async fn incompatible_settings_are_refused() {

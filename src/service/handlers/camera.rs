@@ -11,6 +11,7 @@ use tonic::{Request, Response, Status, Streaming};
 
 use super::{find::turned, service::Service};
 use crate::{
+    config::hidden_character,
     observer::Frame,
     scene::Camera,
     service::{
@@ -54,6 +55,11 @@ fn lease_of(message: &proto::StreamCameraRequest) -> Result<Option<bool>, Status
     let wrong = |problem: String| Err(refusals::invalid(problem));
     if message.holder.chars().count() > MOST_NAME {
         return wrong(format!("holder: must have at most {MOST_NAME} characters"));
+    }
+    // It is shown to other clients and in the log, where it must not look like anything else.
+    if let Some(hidden) = hidden_character(&message.holder) {
+        let code = u32::from(hidden);
+        return wrong(format!("holder: must be without control and format characters, contains U+{code:04X}"));
     }
     match CameraLease::try_from(message.lease) {
         Ok(CameraLease::None) => Ok(None),
