@@ -28,6 +28,7 @@ use crate::{
             views::{ViewSet, ViewUpdate},
         },
         state_file::Saved,
+        time_source::TimeSource,
         wire::{
             camera::{self, camera_from_pb},
             encoding,
@@ -82,10 +83,11 @@ fn changed(update: &SceneUpdate) -> Result<SceneState, String> {
     let scene = scene();
     update.overlay.check_views(&["dome", "flat"])?;
     let made = update.make(&scene)?;
-    let changed = scene.changed(&made, None).map_err(|error| error.to_string())?;
+    let time = TimeSource::default();
+    let changed = scene.changed(&made, None, time.now()).map_err(|error| error.to_string())?;
     // Messages to clients and state files.
-    scene_to_pb(&changed, &[]).encode_to_vec();
-    Saved::from_scene(&changed, None).encode_to_vec();
+    scene_to_pb(&changed, &[], &time).encode_to_vec();
+    Saved::from_scene(&changed, None, &time).encode_to_vec();
     Ok(changed)
 }
 
@@ -116,7 +118,7 @@ fn encode_views(before: &SceneState, views: ViewSet) {
         view_to_pb(view, &scene).encode_to_vec();
     }
     scene.views.frame_groups(&RenderSettings::default());
-    Saved::from_scene(&scene, None).encode_to_vec();
+    Saved::from_scene(&scene, None, &TimeSource::default()).encode_to_vec();
 }
 
 fn create_view(bytes: &[u8]) -> Result<(), String> {
@@ -159,7 +161,7 @@ fn saved(bytes: &[u8]) -> Result<(), String> {
     if let Some(camera) = saved.camera.clone() {
         camera_from_pb(camera).map_err(|error| error.to_string())?;
     }
-    saved.applied(&scene(), &RenderSettings::default()).map(drop)
+    saved.applied(&scene(), &RenderSettings::default(), TimeSource::default().now()).map(drop)
 }
 
 /// Messages to clients.
@@ -321,7 +323,7 @@ fn seeds() -> Vec<Vec<u8>> {
     }
     let (eyes, view) = spec_from_pb(&definition).unwrap();
     displayed.views = Arc::new(displayed.views.with(&general, eyes, view).unwrap().without(&general, 0).unwrap());
-    let mut full = Saved::from_scene(&displayed, Some(&Camera::default()));
+    let mut full = Saved::from_scene(&displayed, Some(&Camera::default()), &TimeSource::default());
     full.scene = Some(full_scene());
     let frame = proto::Frame {
         view: "dome".to_owned(),
@@ -343,7 +345,7 @@ fn seeds() -> Vec<Vec<u8>> {
         redefined(&["definition.ipd_m", "definition.fov_left", "definition.test_pattern"]),
         message(2, moved.encode_to_vec()),
         message(3, asked.encode_to_vec()),
-        message(4, Saved::from_scene(&displayed, Some(&Camera::default())).encode_to_vec()),
+        message(4, Saved::from_scene(&displayed, Some(&Camera::default()), &TimeSource::default()).encode_to_vec()),
         message(4, full.encode_to_vec()),
         message(5, frame.encode_to_vec()),
         message(5, full_scene().encode_to_vec()),

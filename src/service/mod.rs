@@ -18,6 +18,7 @@
 //! | module | content |
 //! |---|---|
 //! | `threads` | thread priority, text of a panic |
+//! | `time_source` | the time of the daemon, which never jumps |
 //! | `scene` | the part of the scene that clients may change, in plain types: objects, observer, overlay, views, camera updates |
 //! | `wire` | conversion between protobuf messages and plain types, error statuses with details |
 //! | `state_file` | the file of acknowledged changes and snapshots |
@@ -47,6 +48,7 @@ mod network;
 mod scene;
 mod state_file;
 mod threads;
+mod time_source;
 mod wire;
 
 /// Target of the spans that measure frames, encodings and calls; logs contain them on request.
@@ -77,6 +79,7 @@ pub use scene::{
     state::{SceneCatalogue, SceneUpdate},
     views::{SettingsChange, ViewUpdate},
 };
-pub use state_file::StateError;
+pub use state_file::{StateError, check_state};
+pub use time_source::TimeSource;
 
 pub use steradian_proto::v1 as proto;

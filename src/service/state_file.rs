@@ -21,6 +21,7 @@ use crate::{
     service::{
         proto,
         scene::state::SceneState,
+        time_source::TimeSource,
         wire::{
             camera, scene,
             views::{spec_from_pb, spec_to_pb},
@@ -120,26 +121,32 @@ pub(crate) struct Saved {
 
 impl Saved {
     /// Copies the parts of a scene that clients may change.
-    pub(crate) fn from_scene(scene: &SceneState, camera: Option<&Camera>) -> Self {
+    pub(crate) fn from_scene(scene: &SceneState, camera: Option<&Camera>, time: &TimeSource) -> Self {
         Self {
-            scene: Some(scene::scene_to_pb(scene, &[])),
+            scene: Some(scene::scene_to_pb(scene, &[], time)),
             // Only a specification with a non-UTF-8 path has no message.
             views: scene.views.kept().filter_map(|spec| spec_to_pb(&spec).ok()).collect(),
             text_views: Vec::new(),
             deleted: scene.views.deleted().map(str::to_owned).collect(),
             camera: camera.map(camera::camera_to_pb),
-            time: Some(SystemTime::now().into()),
+            time: Some(time.machine_now().into()),
         }
     }
 
-    /// Returns the saved clock, advanced by the time since it was saved.
-    pub(crate) fn clock(&self, set: SceneClock) -> SceneClock {
+    /// Returns the saved clock, advanced by the time since it was saved. If the machine's clock was set back since then,
+    /// it goes on from where it was saved.
+    pub(crate) fn clock(&self, set: SceneClock, time: &TimeSource) -> SceneClock {
         let saved_at = self.scene.as_ref().and_then(|scene| scene.time_told?.try_into().ok());
-        saved_at.map_or(set, |since| SceneClock { since, ..set })
+        saved_at.map_or(set, |told| SceneClock { since: time.heard(told).min(time.now()), ..set })
     }
 
-    /// Applies the saved values to a scene, whatever its revision. Logs the saved objects that no longer exist.
-    pub(crate) fn applied(&self, scene: &SceneState, general: &RenderSettings) -> Result<SceneState, String> {
+    /// Applies the saved values to a scene at the daemon's time `now`, whatever its revision. Logs the saved objects that no longer exist.
+    pub(crate) fn applied(
+        &self,
+        scene: &SceneState,
+        general: &RenderSettings,
+        now: SystemTime,
+    ) -> Result<SceneState, String> {
         // Older versions have only the timestamp.
         let is_exact = self.scene.as_ref().is_some_and(|scene| scene.time_j2000_s.is_some());
         let time = if is_exact { "time_j2000_s" } else { "time" };
@@ -156,7 +163,7 @@ impl Saved {
             expected_revision: None,
         };
         let made = scene::scene_update_from_pb(&request)?.make(scene)?;
-        let mut after = scene.clone().changed(&made, None).map_err(|error| error.to_string())?;
+        let mut after = scene.clone().changed(&made, None, now).map_err(|error| error.to_string())?;
         let older = self.text_views.iter().map(TextView::message).collect::<Result<Vec<_>, String>>()?;
         let kept = older.iter().chain(&self.views).map(kept_spec).collect::<Result<_, String>>()?;
         after.views = Arc::new(scene.views.restored(general, kept, &self.deleted)?);
@@ -203,6 +210,15 @@ pub(crate) struct StateFile {
 pub(crate) struct SnapshotName {
     pub(crate) name: String,
     pub(crate) time: Option<prost_types::Timestamp>,
+}
+
+/// Checks, before slow work at the start, whether [`run`](super::run) can use a state file. Creates it if it is missing.
+///
+/// # Errors
+///
+/// The file is damaged, of another format, not writable, or in use.
+pub fn check_state(path: &Path) -> Result<(), StateError> {
+    StateFile::open(path)?.current_state().map(drop)
 }
 
 impl StateFile {
@@ -313,7 +329,27 @@ impl StateFile {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
+
+    #[test]
+    fn a_clock_that_was_saved_in_the_future_runs_from_now() {
+        let time = TimeSource::default();
+        for told in [Duration::ZERO, Duration::from_secs(3600)] {
+            let saved = Saved {
+                scene: Some(proto::Scene { time_told: Some((time.now() + told).into()), ..Default::default() }),
+                ..Saved::default()
+            };
+            let clock = saved.clock(SceneClock::running(0.0, 1.0, SystemTime::UNIX_EPOCH), &time);
+            assert_eq!(clock.time_s(time.now() + Duration::from_secs(60)).floor(), 60.0);
+        }
+        let old = time.now() - Duration::from_secs(100);
+        let scene = proto::Scene { time_told: Some(old.into()), ..Default::default() };
+        let saved = Saved { scene: Some(scene), ..Saved::default() };
+        let clock = saved.clock(SceneClock::running(0.0, 1.0, SystemTime::UNIX_EPOCH), &time);
+        assert_eq!(clock.since, old);
+    }
 
     #[test]
     fn other_files_are_refused_with_an_explanation() {

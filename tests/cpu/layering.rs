@@ -65,8 +65,19 @@ const ONLY_SERVICE: &[&str] = &["tonic", "prost", "include_proto"];
 const GENERATED: &[&str] = &["proto"];
 
 /// Modules of `service`, in the order of the table in its head: each may import those before it.
-const SERVICE: &[&str] =
-    &["threads", "scene", "wire", "state_file", "network", "frames", "engine", "displays", "handlers", "daemon"];
+const SERVICE: &[&str] = &[
+    "threads",
+    "time_source",
+    "scene",
+    "wire",
+    "state_file",
+    "network",
+    "frames",
+    "engine",
+    "displays",
+    "handlers",
+    "daemon",
+];
 
 /// Imports between modules of `service` besides those of [`SERVICE`]: (importer, imported). The client shares plain types and
 /// conversions with the daemon, and nothing else.
@@ -437,6 +448,21 @@ mod the_check_itself {
         for (importer, imported) in SERVICE_PAIRS {
             assert!(SERVICE.contains(imported) && !SERVICE.contains(importer), "{importer}, {imported}");
         }
+    }
+
+    /// The machine's clock may be set at any time: what runs follows the time of the daemon.
+    #[test]
+    fn only_the_time_source_of_the_service_reads_the_machines_clock() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/service");
+        let mut files = Vec::new();
+        rust_files(&root, &root, &mut files);
+        let reads = |file: &&PathBuf| {
+            let text = std::fs::read_to_string(root.join(file)).expect("the file can be read");
+            let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+            code.contains("SystemTime::now") && !file.ends_with("tests.rs") && !file.ends_with("fuzz_tests.rs")
+        };
+        let found: Vec<&PathBuf> = files.iter().filter(reads).collect();
+        assert_eq!(found, [Path::new("time_source.rs")]);
     }
 
     #[test]

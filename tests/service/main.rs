@@ -8,6 +8,7 @@ use testkit::spk;
 mod access;
 mod calls;
 mod camera;
+mod clock;
 mod daemon;
 mod headset;
 mod hostile;

@@ -11,6 +11,7 @@ use crate::{
         displays::headset::HeadsetOptions,
         scene::{objects::Objects, state::SceneState, views::ViewSet},
         state_file::{StateError, StateFile},
+        time_source::TimeSource,
         wire::camera::camera_from_pb,
     },
     view::{RigError, check_name},
@@ -26,7 +27,7 @@ pub(super) struct Begun {
 }
 
 /// Returns the initial state with the saved values of a state file.
-fn restored(file: &StateFile, begun: Begun) -> Result<Begun, StateError> {
+fn restored(file: &StateFile, begun: Begun, time: &TimeSource) -> Result<Begun, StateError> {
     let Begun { mut scene, mut objects, mut clock, mut views, mut settings } = begun;
     let (saved, camera) = file.current_state()?;
     if let Some(saved) = saved {
@@ -39,7 +40,7 @@ fn restored(file: &StateFile, begun: Begun) -> Result<Begun, StateError> {
             views: Arc::new(views),
             jumps: 0,
         };
-        let restored = saved.applied(&configured, &settings).map_err(|problem| file.content(problem))?;
+        let restored = saved.applied(&configured, &settings, time.now()).map_err(|problem| file.content(problem))?;
         let revision = saved.scene.as_ref().map_or(restored.revision, |scene| scene.revision);
         tracing::info!("restored revision {revision} of the scene");
         let of_clients = restored.views.kept().filter(|view| view.geometry.has_keys()).map(|view| view.name);
@@ -63,7 +64,7 @@ fn restored(file: &StateFile, begun: Begun) -> Result<Begun, StateError> {
         }
         let camera = scene.camera.on_horizon_of(before.as_ref(), after.as_ref());
         scene = SceneSnapshot { revision, objects: Arc::clone(&restored.objects.drawn), camera, ..scene };
-        clock = saved.clock(restored.clock);
+        clock = saved.clock(restored.clock, time);
         (settings.stars, settings.asteroids) = (restored.stars, restored.asteroids);
         (objects, views) = (restored.objects, Arc::unwrap_or_clone(restored.views));
     }
@@ -81,7 +82,7 @@ impl Begun {
         headset: Option<&HeadsetOptions>,
         file: Option<&StateFile>,
     ) -> Result<(Self, Arc<SeenStars>), ServeError> {
-        let SceneOptions { snapshot: scene, clock, asteroid_fields, observer, star_sources, .. } = scene;
+        let SceneOptions { snapshot: scene, clock, time, asteroid_fields, observer, star_sources, .. } = scene;
         let ViewOptions { rig, settings, specs, folder } = views;
         let objects =
             Objects::new(Arc::clone(&scene.objects), &asteroid_fields, observer).map_err(ServeError::Objects)?;
@@ -93,12 +94,14 @@ impl Begun {
             (spec.unwrap_or_else(|| ViewSpec::custom(&view.name)), view.clone())
         });
         let views = ViewSet::new(&settings, specified.collect(), &folder).map_err(ServeError::Views)?;
-        let clock = clock.unwrap_or_else(|| SceneClock::stopped(scene.objects.time_s));
+        let mut clock = clock.unwrap_or_else(|| SceneClock::stopped(scene.objects.time_s));
+        // The machine's clock may have been set back since the configuration was read.
+        clock.since = clock.since.min(time.now());
         // The state file may have another place of the observer.
         let seen_stars = SeenStars::new(Arc::clone(&scene.stars), scene.objects.observer.as_ref(), star_sources);
         let mut begun = Self { scene, objects, clock, views, settings };
         if let Some(file) = file {
-            begun = restored(file, begun)?;
+            begun = restored(file, begun, &time)?;
         }
         if let Some(HeadsetOptions { name, .. }) = headset.filter(|headset| begun.views.named(&headset.name).is_some())
         {

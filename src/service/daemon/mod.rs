@@ -224,6 +224,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     let LimitOptions { drain, pending_renders, subscribers } = limits;
     let file = state.map(|path| StateFile::open(&path)).transpose()?;
     let catalogues = scene.catalogues.clone();
+    let time = scene.time.clone();
     let (Begun { scene, objects, clock, views, settings }, seen_stars) =
         Begun::new(scene, views, headset.as_ref(), file.as_ref())?;
     let first = access.as_ref().map_or_else(|| Ok(Access::default()), |source| source()).map_err(ServeError::Access)?;
@@ -243,7 +244,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     let stars = scene.stars.stars.len() as u64;
     let capacity = Capacity { requests: pending_renders, subscribers };
     let (handle, thread) =
-        render_thread::spawn(engine, (scene, seen_stars), (objects, clock, views), settings, capacity)?;
+        render_thread::spawn(engine, (scene, seen_stars), (objects, clock, views), settings, capacity, time)?;
     let (headset, drive) =
         headset.map(|options| (Arc::new(Headset::new(options.name, handle.clone())), options.drive)).unzip();
     let (windows, window_work) = windows

@@ -13,6 +13,7 @@ use crate::{
         engine::interface::Engine,
         network::access::AccessSource,
         scene::state::SceneCatalogue,
+        time_source::TimeSource,
     },
     view::Rig,
 };
@@ -113,6 +114,8 @@ pub struct SceneOptions {
     pub snapshot: SceneSnapshot,
     /// The scene's time if it runs; `None`: it stays at the time of the snapshot's objects.
     pub clock: Option<SceneClock>,
+    /// The daemon's time.
+    pub time: TimeSource,
     /// Catalogues of the scene's stars.
     pub catalogues: Vec<SceneCatalogue>,
     /// Definitions of the scene's asteroid fields, in their order.
@@ -180,6 +183,7 @@ impl ServeOptions {
             scene: SceneOptions {
                 snapshot: scene,
                 clock: None,
+                time: TimeSource::default(),
                 catalogues: Vec::new(),
                 asteroid_fields: Vec::new(),
                 observer: None,

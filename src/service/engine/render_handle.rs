@@ -30,6 +30,7 @@ use crate::{
             state::{SceneError, SceneState},
             views::ViewId,
         },
+        time_source::TimeSource,
     },
     xr::{Flight, Shown},
 };
@@ -78,7 +79,8 @@ impl RenderHandle {
     /// Returns the current camera.
     pub(crate) fn camera(&self) -> Camera {
         let mut state = self.shared.state();
-        state.follow(SystemTime::now());
+        let now = state.time.now();
+        state.follow(now);
         state.camera.newest
     }
 
@@ -91,7 +93,8 @@ impl RenderHandle {
         lease: Option<u64>,
     ) -> Result<Camera, CameraError> {
         let mut state = self.shared.state();
-        state.follow(SystemTime::now());
+        let now = state.time.now();
+        state.follow(now);
         let old = state.camera.newest;
         if let Some(expected) = expected_revision.filter(|expected| *expected != old.revision) {
             return Err(CameraError::Revision { expected, found: old.revision });
@@ -103,20 +106,28 @@ impl RenderHandle {
         Ok(camera)
     }
 
-    /// Adds a pose for a future time: the camera moves there from the previous pose. Values that the update lacks come
+    /// Adds a pose of a stream for a future time of the machine's clock: the camera moves there from the previous pose. Values that the update lacks come
     /// from that pose. Returns the current camera.
     pub(crate) fn plan_camera(
         &self,
         update: &CameraUpdate,
         time: SystemTime,
-        lease: Option<u64>,
+        (stream, lease): (u64, Option<u64>),
     ) -> Result<Camera, CameraError> {
+        let time = self.shared.time.heard(time);
         let mut state = self.shared.state();
         let camera = update.applied_to(&state.camera.path.last().unwrap_or(state.camera.newest))?;
         state.check_camera(&camera, lease)?;
-        state.camera.path.push(time, camera, SystemTime::now())?;
+        let now = state.time.now();
+        state.camera.path.push(time, camera, now)?;
+        state.camera.path_of = stream;
         self.shared.wake.notify_one();
         Ok(state.camera.newest)
+    }
+
+    /// Returns the daemon's time.
+    pub(crate) fn time(&self) -> &TimeSource {
+        &self.shared.time
     }
 
     /// Checks that no other client holds the lease of the camera.
@@ -134,18 +145,37 @@ impl RenderHandle {
         Ok(camera.revision)
     }
 
-    /// Takes the lease of the camera; `over` takes it from another holder. Returns its number, and a receiver that
-    /// reports a takeover.
+    /// Begins a stream of poses; returns its number.
+    pub(crate) fn begin_stream(&self) -> u64 {
+        let mut state = self.shared.state();
+        state.camera.streams += 1;
+        state.camera.streams
+    }
+
+    /// Ends a stream of poses: its waiting poses are removed, and its lease is released unless another stream has it.
+    pub(crate) fn end_stream(&self, stream: u64) {
+        let mut state = self.shared.state();
+        if state.camera.path_of == stream {
+            state.rest_camera();
+        }
+        if state.camera.lease.as_ref().is_some_and(|held| held.number == stream) {
+            state.camera.lease = None;
+            state.tell_camera();
+        }
+    }
+
+    /// Takes the lease of the camera for a stream, whose number it gets; `over` takes it from another holder. Poses of
+    /// others that wait are removed. Returns a receiver that reports a takeover.
     pub(crate) fn lease_camera(
         &self,
+        stream: u64,
         holder: &str,
         over: bool,
-    ) -> Result<(u64, oneshot::Receiver<String>), CameraError> {
+    ) -> Result<oneshot::Receiver<String>, CameraError> {
         let mut state = self.shared.state();
         if state.draining {
             return Err(CameraError::Ending);
         }
-        let number = state.camera.lease.as_ref().map_or(1, |held| held.number + 1);
         match state.camera.lease.take() {
             Some(held) if !over => {
                 let other = held.holder.clone();
@@ -159,18 +189,10 @@ impl RenderHandle {
             None => {}
         }
         let (taken, is_taken) = oneshot::channel();
-        state.camera.lease = Some(Lease { number, holder: holder.to_owned(), taken });
+        state.camera.lease = Some(Lease { number: stream, holder: holder.to_owned(), taken });
+        state.rest_camera();
         state.tell_camera();
-        Ok((number, is_taken))
-    }
-
-    /// Releases the lease of the camera, unless another one has replaced it.
-    pub(crate) fn release_camera(&self, lease: u64) {
-        let mut state = self.shared.state();
-        if state.camera.lease.as_ref().is_some_and(|held| held.number == lease) {
-            state.camera.lease = None;
-            state.tell_camera();
-        }
+        Ok(is_taken)
     }
 
     /// Returns the holder of the lease of the camera; empty if there is none.
@@ -185,7 +207,7 @@ impl RenderHandle {
 
     /// Returns the content of a frame that begins now; `None` at the end.
     pub(crate) fn frame_content(&self) -> Option<Shown> {
-        let now = SystemTime::now();
+        let now = self.shared.time.now();
         let (scene, camera, settings, camera_time) = {
             let mut state = self.shared.state();
             let scene = state.scene.published.borrow().clone().filter(|_| !state.draining)?;
@@ -193,6 +215,7 @@ impl RenderHandle {
             let settings = state.settings_of(&scene);
             (scene, state.camera.newest, settings, state.camera.pose_time)
         };
+        let camera_time = self.shared.time.told(camera_time);
         Some(Shown { snapshot: self.shared.snapshot(&scene, camera, now), settings, camera_time })
     }
 
@@ -200,7 +223,7 @@ impl RenderHandle {
     pub(crate) fn revisions(&self) -> Option<Revisions> {
         let state = self.shared.state();
         let scene = state.scene.published.borrow().as_ref().map(|scene| scene.revision);
-        scene.filter(|_| !state.draining).map(|scene| state.shows(scene, SystemTime::now()))
+        scene.filter(|_| !state.draining).map(|scene| state.shows(scene, self.shared.time.now()))
     }
 
     /// Returns the streams of frames, of all sources.
@@ -235,12 +258,13 @@ impl RenderHandle {
         if let Err(error) = now.expect(Some(made_for)) {
             return Ok(Err(error));
         }
-        let jumps = scene.jumps_after(&now, SystemTime::now());
+        let jumps = scene.jumps_after(&now, self.shared.time.now());
         let scene = SceneState { revision: made_for + 1, jumps, ..scene };
         let [before, after] = [&now, &scene].map(|scene| scene.objects.drawn.observer);
         if before != after {
             // A camera in the horizon frame was relative to the previous observer.
-            state.follow(SystemTime::now());
+            let now = state.time.now();
+            state.follow(now);
             let turned = |camera: &Camera| camera.on_horizon_of(before.as_ref(), after.as_ref());
             let camera = turned(&state.camera.newest);
             if camera != state.camera.newest {
@@ -258,7 +282,7 @@ impl RenderHandle {
 
     /// Returns a scene at the current time, with the newest camera.
     pub(crate) fn snapshot(&self, scene: &SceneState) -> SceneSnapshot {
-        self.shared.snapshot(scene, self.camera(), SystemTime::now())
+        self.shared.snapshot(scene, self.camera(), self.shared.time.now())
     }
 
     /// Returns the settings for failure tests: those of frames, with another star method if one is given.

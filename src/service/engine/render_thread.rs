@@ -16,7 +16,7 @@ use std::{
     mem,
     sync::{Arc, Condvar, Mutex, PoisonError},
     thread,
-    time::{Duration, Instant, SystemTime},
+    time::{Duration, Instant},
 };
 
 use glam::DVec3;
@@ -56,6 +56,7 @@ use crate::{
             state::SceneState,
             views::{ViewId, ViewSet},
         },
+        time_source::TimeSource,
     },
     units::PARSEC_M,
 };
@@ -95,8 +96,9 @@ pub(crate) fn spawn(
     scene_parts: (Objects, SceneClock, ViewSet),
     settings: RenderSettings,
     capacity: Capacity,
+    time: TimeSource,
 ) -> std::io::Result<(RenderHandle, RenderThread)> {
-    spawn_with(engine, scene, scene_parts, settings, capacity, Forecast::default())
+    spawn_with(engine, scene, scene_parts, settings, (capacity, time), Forecast::default())
 }
 
 /// Starts the thread with known frame times.
@@ -105,7 +107,7 @@ fn spawn_with(
     (scene, stars): (SceneSnapshot, Arc<SeenStars>),
     (objects, clock, views): (Objects, SceneClock, ViewSet),
     settings: RenderSettings,
-    capacity: Capacity,
+    (capacity, time): (Capacity, TimeSource),
     forecast: Forecast,
 ) -> std::io::Result<(RenderHandle, RenderThread)> {
     let initial = SceneState {
@@ -120,9 +122,11 @@ fn spawn_with(
     let state = State {
         camera: CameraControl {
             newest: scene.camera,
-            pose_time: SystemTime::now(),
+            pose_time: time.now(),
             path: CameraPath::default(),
             lease: None,
+            streams: 0,
+            path_of: 0,
             watched: watch::Sender::new(Some(scene.camera)),
         },
         scene: SceneControl { published: watch::Sender::new(Some(initial.clone())), newest: initial.clone() },
@@ -130,6 +134,7 @@ fn spawn_with(
         statistics: RenderStatistics::default(),
         settings: settings.clone(),
         quality: settings.accuracy.frame_ms.map(Quality::new),
+        time: time.clone(),
         limits: engine.limits(),
         draining: false,
         stop: false,
@@ -140,6 +145,7 @@ fn spawn_with(
         stars,
         capacity,
         streams: Streams::new(capacity.subscribers),
+        time,
         audits: AuditReport::default(),
         placed: Mutex::default(),
     });
@@ -352,7 +358,7 @@ impl Worker {
                     }
                 }
                 state.statistics.last_times = Some(frame.times.clone());
-                state.statistics.last_age = job.pose_time.elapsed().ok();
+                state.statistics.last_age = state.time.now().duration_since(job.pose_time).ok();
                 let given_up = state.quality.as_mut().zip(job.level()).map(|(quality, level)| {
                     quality.note(level, frame.times.total_ms);
                     let settings = &job.groups.all[job.group].settings;
@@ -363,8 +369,8 @@ impl Worker {
                     frame: Arc::new(frame),
                     views: Arc::clone(job.scene.views.ids()),
                     camera: job.camera,
-                    pose_time: job.pose_time,
-                    render_time: SystemTime::now(),
+                    pose_time: self.shared.time.told(job.pose_time),
+                    render_time: self.shared.time.told(self.shared.time.now()),
                     shows: job.shows(),
                     given_up: given_up.unwrap_or_default(),
                     encoded: EncodedImages::default(),
@@ -464,7 +470,7 @@ impl Worker {
         // At the end, requests are drawn with the last scene.
         let scene = state.scene.newest.clone();
         // Time at which frames that begin now are finished.
-        let seen = SystemTime::now() + self.forecast.frame();
+        let seen = state.time.now() + self.forecast.frame();
         self.end_notice.look(&scene.clock, seen);
         let moves = state.camera.path.moves().map(|moves| moves.duration_since(seen).unwrap_or_default());
         let is_moving = moves == Some(Duration::ZERO);
@@ -501,7 +507,7 @@ impl Worker {
     }
 
     fn take_job(&mut self, state: &mut State, Tasks { scene, newest, groups, .. }: Tasks, start: Instant) -> Job {
-        let seen = SystemTime::now() + self.forecast.frame();
+        let seen = state.time.now() + self.forecast.frame();
         state.follow(seen);
         let clock = scene.clock;
         let newest = Revisions { camera: state.camera.newest.revision, step: clock.step(seen), ..newest };

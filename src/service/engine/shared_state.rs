@@ -34,6 +34,7 @@ use crate::{
             state::SceneState,
             views::{ViewId, ViewSet},
         },
+        time_source::TimeSource,
     },
 };
 
@@ -118,12 +119,16 @@ pub(crate) enum CameraError {
 /// The camera, its planned motion, and the clients that move or watch it.
 pub(crate) struct CameraControl {
     pub(crate) newest: Camera,
-    /// Time at which the newest camera was set.
+    /// Time of the daemon at which the newest camera was set.
     pub(crate) pose_time: SystemTime,
     /// Poses that clients have sent ahead of their time.
     pub(crate) path: CameraPath,
     /// The exclusive right to move the camera, while a client holds it.
     pub(crate) lease: Option<Lease>,
+    /// Number of the last stream of poses; leases have the numbers of their streams.
+    pub(crate) streams: u64,
+    /// The stream whose poses wait.
+    pub(crate) path_of: u64,
     /// The camera for watching clients; `None` after the last change.
     pub(crate) watched: watch::Sender<Option<Camera>>,
 }
@@ -168,6 +173,8 @@ pub(crate) struct State {
     pub(crate) settings: RenderSettings,
     /// Chooses the quality level of display images; `None`: their time is not limited.
     pub(crate) quality: Option<Quality>,
+    /// The daemon's time.
+    pub(crate) time: TimeSource,
     /// Limits of the adapter that plans must respect.
     pub(crate) limits: Limits,
     /// No new work is accepted.
@@ -208,6 +215,12 @@ impl State {
         Ok(())
     }
 
+    /// Removes waiting poses; the camera rests where it is.
+    pub(super) fn rest_camera(&mut self) {
+        self.follow(self.time.now());
+        self.camera.path.clear();
+    }
+
     /// Moves the camera and removes waiting poses.
     pub(super) fn move_camera(&mut self, camera: Camera) -> Camera {
         self.camera.path.clear();
@@ -216,7 +229,7 @@ impl State {
 
     pub(super) fn place_camera(&mut self, camera: Camera) -> Camera {
         self.camera.newest = Camera { revision: self.camera.newest.revision + 1, ..camera };
-        self.camera.pose_time = SystemTime::now();
+        self.camera.pose_time = self.time.now();
         self.tell_camera();
         self.camera.newest
     }
@@ -293,6 +306,8 @@ pub(crate) struct Shared {
     pub(crate) stars: Arc<SeenStars>,
     pub(crate) capacity: Capacity,
     pub(crate) streams: Streams,
+    /// The daemon's time, without the lock.
+    pub(crate) time: TimeSource,
     /// Results of audits.
     pub(crate) audits: AuditReport,
     /// The last placed objects, with the objects that they were placed from.

@@ -18,9 +18,9 @@ pub(crate) struct RenderedFrame {
     pub(crate) views: Arc<[ViewId]>,
     /// Camera of the frame; for a headset: the origin of the room.
     pub(crate) camera: Camera,
-    /// Time at which the camera was set; for a headset: time at which the poses of the eyes were predicted.
+    /// Time of the machine's clock at which the camera was set; for a headset: time at which the poses of the eyes were predicted.
     pub(crate) pose_time: SystemTime,
-    /// Time at which the frame was finished.
+    /// Time of the machine's clock at which the frame was finished.
     pub(crate) render_time: SystemTime,
     /// Revisions of the content.
     pub(crate) shows: Revisions,

@@ -36,17 +36,17 @@ pub(crate) fn unmoved(error: &CameraError) -> Status {
     }
 }
 
-/// Releases a lease when the call that holds it ends.
+/// Ends a stream of poses when its call ends.
 struct Steering {
     render: RenderHandle,
+    stream: u64,
+    /// Its lease, if it has one.
     lease: Option<u64>,
 }
 
 impl Drop for Steering {
     fn drop(&mut self) {
-        if let Some(lease) = self.lease {
-            self.render.release_camera(lease);
-        }
+        self.render.end_stream(self.stream);
     }
 }
 
@@ -151,7 +151,7 @@ impl Service {
         &self,
         request: proto::SetCameraRequest,
         time: prost_types::Timestamp,
-        lease: Option<u64>,
+        by: &Steering,
     ) -> Result<Camera, Status> {
         if request.expected_revision.is_some() {
             return Err(refusals::invalid(
@@ -160,7 +160,7 @@ impl Service {
         }
         let time = SystemTime::try_from(time).map_err(|error| refusals::invalid(format!("time: {error}")))?;
         let update = self.camera_update(request)?;
-        self.render.plan_camera(&update, time, lease).map_err(|error| unmoved(&error))
+        self.render.plan_camera(&update, time, (by.stream, by.lease)).map_err(|error| unmoved(&error))
     }
 }
 
@@ -194,7 +194,7 @@ impl proto::camera_service_server::CameraService for Service {
         let by = By::from_request(&request)?;
         let client = by.client();
         let mut messages = request.into_inner();
-        let mut steering = Steering { render: self.render.clone(), lease: None };
+        let mut steering = Steering { render: self.render.clone(), stream: self.render.begin_stream(), lease: None };
         let mut taken: Option<oneshot::Receiver<String>> = None;
         let mut ends = self.render.watch_camera();
         let (mut is_first, mut poses) = (true, 0);
@@ -210,12 +210,13 @@ impl proto::camera_service_server::CameraService for Service {
             if std::mem::take(&mut is_first) {
                 if let Some(over) = lease_of(&message)? {
                     let holder = if message.holder.is_empty() { client.name() } else { message.holder.clone() };
-                    let (lease, is_taken) = self.render.lease_camera(&holder, over).map_err(|error| unmoved(&error))?;
+                    let leased = self.render.lease_camera(steering.stream, &holder, over);
+                    let is_taken = leased.map_err(|error| unmoved(&error))?;
                     by.did(&format!(
                         "StreamCamera: `{holder}` {} the lease",
                         if over { "takes over" } else { "takes" }
                     ));
-                    steering.lease = Some(lease);
+                    steering.lease = Some(steering.stream);
                     taken = Some(is_taken);
                 }
             } else if message.lease != 0 || !message.holder.is_empty() {
@@ -224,7 +225,7 @@ impl proto::camera_service_server::CameraService for Service {
             if let Some(camera) = message.camera {
                 let placed = match message.time {
                     None => self.place_camera(camera, steering.lease)?,
-                    Some(time) => self.plan_camera(camera, time, steering.lease)?,
+                    Some(time) => self.plan_camera(camera, time, &steering)?,
                 };
                 by.moved(placed.revision);
                 poses += 1;
@@ -232,6 +233,8 @@ impl proto::camera_service_server::CameraService for Service {
                 return Err(refusals::invalid("time: must come with a camera, which is missing"));
             }
         }
+        // The camera rests from here on.
+        drop(steering);
         let camera = Some(self.camera_message(&self.render.camera()));
         Ok(Response::new(proto::StreamCameraResponse { camera, poses }))
     }

@@ -64,7 +64,8 @@ impl Service {
             let scene = self.scene_of(expected)?;
             update.overlay.check_views(&self.view_names(&scene)).map_err(refusals::invalid)?;
             let made = self.made(update, &scene).await?;
-            let changed = scene.clone().changed(&made, expected).map_err(|error| unchanged(&error))?;
+            let changed =
+                scene.clone().changed(&made, expected, self.render.time().now()).map_err(|error| unchanged(&error))?;
             let covered = changed.objects.check_covered(&scene.objects, update.time_s.is_some());
             covered.map_err(refusals::invalid)?;
             if update.needs_plan_check() {
@@ -125,7 +126,7 @@ impl Service {
         let writing = move || {
             let next = SceneState { revision: made_for + 1, ..scene };
             if let Some(file) = file.as_ref() {
-                file.save(&Saved::from_scene(&next, None)).map_err(|error| unsaved(&error))?;
+                file.save(&Saved::from_scene(&next, None, render.time())).map_err(|error| unsaved(&error))?;
             }
             let moves = now.objects.drawn.observer != next.objects.drawn.observer;
             let replaced = render.replace_scene(next, made_for).map_err(refused);
@@ -151,7 +152,8 @@ impl Service {
         for _ in 0..MOST_ATTEMPTS {
             let scene = self.scene_of(expected)?;
             let (general, of, before) = (self.render.general(&scene), saved.clone(), scene.clone());
-            let changed = self.placed(move || of.applied(&before, &general)).await?;
+            let now = self.render.time().now();
+            let changed = self.placed(move || of.applied(&before, &general, now)).await?;
             let changed = changed.map_err(Status::failed_precondition)?;
             if let Some(headset) = &self.headset
                 && changed.views.named(headset.name()).is_some()
@@ -286,7 +288,7 @@ impl proto::scene_service_server::SceneService for Service {
 
     async fn get_scene(&self, _: Request<proto::GetSceneRequest>) -> Result<Response<proto::Scene>, Status> {
         let scene = self.render.scene().map_err(refused)?;
-        Ok(Response::new(scene::scene_to_pb(&scene, &self.catalogues)))
+        Ok(Response::new(scene::scene_to_pb(&scene, &self.catalogues, self.render.time())))
     }
 
     async fn update_scene(
@@ -298,7 +300,7 @@ impl proto::scene_service_server::SceneService for Service {
         let update = scene::scene_update_from_pb(&request).map_err(refusals::invalid)?;
         let scene = self.changed_scene(&update, request.expected_revision).await?;
         by.changed("UpdateScene", &paths(request.update_mask), scene.revision);
-        Ok(Response::new(scene::scene_to_pb(&scene, &self.catalogues)))
+        Ok(Response::new(scene::scene_to_pb(&scene, &self.catalogues, self.render.time())))
     }
 
     async fn save_snapshot(
@@ -307,7 +309,8 @@ impl proto::scene_service_server::SceneService for Service {
     ) -> Result<Response<proto::Snapshot>, Status> {
         let by = By::from_request(&request)?;
         let name = snapshot_name(request.into_inner().name)?;
-        let saved = Saved::from_scene(&self.render.scene().map_err(refused)?, Some(&self.render.camera()));
+        let saved =
+            Saved::from_scene(&self.render.scene().map_err(refused)?, Some(&self.render.camera()), self.render.time());
         let time = saved.time;
         let saved_name = name.clone();
         self.with_state(move |file| file.save_snapshot(&saved_name, &saved)).await?;
@@ -339,7 +342,7 @@ impl proto::scene_service_server::SceneService for Service {
         };
         let scene = self.load(&saved, expected_revision).await?;
         by.changed("LoadSnapshot", &[name], scene.revision);
-        Ok(Response::new(scene::scene_to_pb(&scene, &self.catalogues)))
+        Ok(Response::new(scene::scene_to_pb(&scene, &self.catalogues, self.render.time())))
     }
 
     async fn identify(
@@ -358,7 +361,8 @@ impl proto::scene_service_server::SceneService for Service {
         _: Request<proto::WatchSceneRequest>,
     ) -> Result<Response<Self::WatchSceneStream>, Status> {
         let catalogues = Arc::clone(&self.catalogues);
-        let to_pb = move |scene: &SceneState| scene::scene_to_pb(scene, &catalogues);
+        let time = self.render.time().clone();
+        let to_pb = move |scene: &SceneState| scene::scene_to_pb(scene, &catalogues, &time);
         Ok(Response::new(self.watched(self.render.watch_scene(), to_pb)?))
     }
 }

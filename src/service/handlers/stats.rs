@@ -1,7 +1,5 @@
 //! Messages with the statistics of the daemon and of its headset.
 
-use std::time::SystemTime;
-
 use crate::{
     plan::{
         audit::{Audit, AuditedOutput, ImageAudit},
@@ -186,7 +184,7 @@ pub(crate) fn stats_to_pb(
 ) -> proto::Stats {
     let (figures, streams) = (render.figures(), render.streams());
     proto::Stats {
-        time: Some(SystemTime::now().into()),
+        time: Some(render.time().machine_now().into()),
         frames_rendered: figures.frames_rendered,
         streams: u32::try_from(streams.count()).unwrap_or(u32::MAX),
         frames_dropped: streams.dropped(),

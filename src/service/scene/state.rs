@@ -172,11 +172,15 @@ impl SceneState {
         Ok(self)
     }
 
-    /// Returns the scene after a change if it has the expected revision.
-    pub(crate) fn changed(mut self, update: &MadeUpdate, expected_revision: Option<u64>) -> Result<Self, SceneError> {
+    /// Returns the scene after a change at the daemon's time `now`, if it has the expected revision.
+    pub(crate) fn changed(
+        mut self,
+        update: &MadeUpdate,
+        expected_revision: Option<u64>,
+        now: SystemTime,
+    ) -> Result<Self, SceneError> {
         self.expect(expected_revision)?;
         if update.time_s.is_some() || update.time_rate.is_some() {
-            let now = SystemTime::now();
             let time_s = update.time_s.unwrap_or_else(|| self.clock.time_s(now));
             self.clock = SceneClock::running(time_s, update.time_rate.unwrap_or(self.clock.rate), now);
         }

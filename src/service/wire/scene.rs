@@ -1,7 +1,5 @@
 //! The scene and its changes: conversion between protobuf messages and plain types.
 
-use std::time::SystemTime;
-
 use super::{
     objects::{
         add_change, body_from_pb, body_to_pb, change_to_pb, field_from_pb, field_to_pb, time_from_j2000, time_from_pb,
@@ -16,11 +14,12 @@ use crate::{
     service::{
         proto,
         scene::state::{SceneCatalogue, SceneState, SceneUpdate},
+        time_source::TimeSource,
     },
 };
 
-pub(crate) fn scene_to_pb(scene: &SceneState, catalogues: &[SceneCatalogue]) -> proto::Scene {
-    let now = SystemTime::now();
+pub(crate) fn scene_to_pb(scene: &SceneState, catalogues: &[SceneCatalogue], time: &TimeSource) -> proto::Scene {
+    let now = time.now();
     let time_s = scene.clock.time_s(now);
     let catalogue =
         |catalogue: &SceneCatalogue| proto::Catalogue { name: catalogue.name.clone(), stars: catalogue.stars };
@@ -36,7 +35,7 @@ pub(crate) fn scene_to_pb(scene: &SceneState, catalogues: &[SceneCatalogue]) -> 
         time: time_to_pb(time_s),
         time_j2000_s: Some(time_s),
         time_rate: scene.clock.rate,
-        time_told: Some(now.into()),
+        time_told: Some(time.told(now).into()),
         observer: scene.objects.observer().map(observer_to_pb),
         asteroids: Some(proto::AsteroidSettings {
             impostor: scene.asteroids.impostor.name().to_owned(),

@@ -27,7 +27,7 @@ pub struct SceneClock {
     pub time_s: f64,
     /// Seconds of the scene per second of real time; negative: backwards.
     pub rate: f64,
-    /// Real time at which it was set.
+    /// Real time at which it was set. Who asks for the moment uses a time that is never set back.
     pub since: SystemTime,
 }
 

@@ -181,8 +181,15 @@ fn start(planned: Duration, drawn: Duration, mode: ExposureMode) -> (RenderHandl
     forecast.note(planned, drawn);
     let capacity = Capacity { requests: 16, subscribers: 16 };
     let stars = SeenStars::new(Arc::clone(&scene.stars), None, Vec::new());
-    let (handle, thread) =
-        spawn_with(engine, (scene, stars), (objects, clock, views), settings, capacity, forecast).unwrap();
+    let (handle, thread) = spawn_with(
+        engine,
+        (scene, stars),
+        (objects, clock, views),
+        settings,
+        (capacity, TimeSource::default()),
+        forecast,
+    )
+    .unwrap();
     (handle, thread, device)
 }
 
