@@ -77,6 +77,14 @@ class Daemon:
         """SIGKILL."""
         self._end(signal.SIGKILL)
 
+    def hang(self) -> None:
+        """SIGSTOP: its connections stay open, and nothing answers."""
+        self._process.send_signal(signal.SIGSTOP)
+
+    def go_on(self) -> None:
+        """SIGCONT."""
+        self._process.send_signal(signal.SIGCONT)
+
     def stop(self) -> int:
         """Sends SIGTERM; returns the exit code."""
         return self._end(signal.SIGTERM)

@@ -4,6 +4,7 @@ nothing is asserted of times."""
 from __future__ import annotations
 
 import threading
+from pathlib import Path
 
 import pytest
 from conftest import PATIENCE_S, Daemon, until
@@ -141,3 +142,67 @@ def test_a_loop_continues_when_the_daemon_is_back(daemon: Daemon) -> None:
             again = frames.next(PATIENCE_S)
             assert again.render_time > first.render_time and frames.problem == ""
             assert again.image().data == first.image().data, "the scene is as it was"
+
+
+def is_key(frame: steradian.Frame) -> bool:
+    """Returns whether a picture of H.264 can be decoded without others: it has a slice of an IDR picture, the NAL
+    unit type 5 (ITU-T H.264, table 7-1)."""
+    units = frame.image().data.split(b"\0\0\1")[1:]
+    return any(unit[0] & 31 == 5 for unit in units)
+
+
+def test_only_the_first_picture_of_a_video_is_a_key_picture(client: steradian.Client) -> None:
+    with client.frames("flat", "H264") as frames:
+        pictures = []
+        for step in range(13):
+            pictures.append(frames.next(PATIENCE_S))
+            # While the reader is busy, pictures that continue the last one must not be replaced.
+            turn(client, 0.01 * step)
+            client.render("flat")
+        assert frames.skipped == 0
+    assert [is_key(picture) for picture in pictures] == [True] + [False] * 12
+    with client.frames_of({"flat": "H264", "dome": "H264"}) as both:
+        keys: dict[str, list[bool]] = {"flat": [], "dome": []}
+        step = 0
+        while min(len(of) for of in keys.values()) < 4:
+            for view, frame in both.next(PATIENCE_S).items():
+                keys[view].append(is_key(frame))
+            step += 1
+            turn(client, 0.02 * step)
+    assert all(of[0] and not any(of[1:]) for of in keys.values())
+    # A loop whose reader takes nothing ends, too.
+    with client.frames("flat", "H264") as idle:
+        until(lambda: idle.received == 1, "the first picture")
+
+
+def test_a_daemon_that_hangs_is_noticed(daemon: Daemon) -> None:
+    with steradian.Client(daemon.address) as client, client.frames("flat") as frames:
+        frames.next(PATIENCE_S)
+        daemon.hang()
+        with pytest.raises(steradian.Unavailable):
+            frames.next(PATIENCE_S)
+        daemon.go_on()
+        until(lambda: answers(client), "an answer after the daemon goes on")
+
+
+def answers(client: steradian.Client) -> bool:
+    """Returns whether the daemon answers."""
+    try:
+        client.camera()
+    except (steradian.Unavailable, steradian.DeadlineExceeded):
+        return False
+    return True
+
+
+def test_clients_have_their_own_connections_over_sockets_too(tmp_path: Path) -> None:
+    for listen in (f"unix:{tmp_path / 'with space'}", "127.0.0.1:0"):
+        daemon = Daemon(tmp_path, listen=listen)
+        clients = [steradian.Client(daemon.address) for _ in range(3)]
+        try:
+            assert [client.camera().revision for client in clients] == [0, 0, 0]
+            stats = next(iter(clients[0].stats(0.1)))
+            assert stats.message.connections == 3
+        finally:
+            for client in clients:
+                client.close()
+            daemon.kill()

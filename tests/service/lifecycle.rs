@@ -247,3 +247,33 @@ async fn a_renderer_that_is_busy_after_the_drain_is_abandoned() {
         assert!(matches!(error, ClientError::Status { .. }), "{error}");
     }
 }
+
+/// A connection to a daemon through this process, which can be cut off from it without being closed.
+async fn frozen_line(daemon: &Daemon) -> (String, tokio::sync::watch::Sender<bool>) {
+    let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let uri = format!("http://{}", listener.local_addr().unwrap());
+    let address = daemon.address;
+    let (freeze, mut frozen) = tokio::sync::watch::channel(false);
+    tokio::spawn(async move {
+        let (mut near, _) = listener.accept().await.unwrap();
+        let mut far = tokio::net::TcpStream::connect(address).await.unwrap();
+        tokio::select! {
+            copied = tokio::io::copy_bidirectional(&mut near, &mut far) => drop(copied),
+            _ = frozen.wait_for(|frozen| *frozen) => std::future::pending().await,
+        }
+    });
+    (uri, freeze)
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_client_notices_a_daemon_that_hangs() {
+    let daemon = Daemon::start(small_rig()).await;
+    let (uri, freeze) = frozen_line(&daemon).await;
+    let mut client = steradian::service::Client::connect(&uri).await.unwrap();
+    let number = client.next_frame("flat", Encoding::Rgba8, 0, 0).await.unwrap().number;
+    // The connection stays open, so that only the missing answers tell.
+    freeze.send_replace(true);
+    let error = within(client.next_frame("flat", Encoding::Rgba8, number, 0)).await.unwrap_err();
+    assert!(matches!(error.code(), Some(Code::Unavailable | Code::Unknown | Code::Internal)), "{error}");
+    daemon.shutdown().await.unwrap();
+}

@@ -14,13 +14,25 @@ import grpc
 from . import _protocol, errors
 from ._protocol import Message
 
-# Maximum delay between reconnections: by default gRPC waits up to two minutes.
-_OPTIONS: list[tuple[str, int]] = [
+_OPTIONS: list[tuple[str, int | str]] = [
     ("grpc.max_receive_message_length", -1),
     ("grpc.max_send_message_length", -1),
+    # Maximum delay between reconnections: by default gRPC waits up to two minutes.
     ("grpc.initial_reconnect_backoff_ms", 100),
     ("grpc.max_reconnect_backoff_ms", 2000),
+    # A daemon that hangs is noticed within 15 s, also while no call waits.
+    ("grpc.keepalive_time_ms", 10_000),
+    ("grpc.keepalive_timeout_ms", 5_000),
+    # Newer versions wait for this time.
+    ("grpc.http2.ping_timeout_ms", 5_000),
+    ("grpc.keepalive_permit_without_calls", 1),
+    ("grpc.http2.max_pings_without_data", 0),
+    # Each client has its own connection, and with it its own share of the daemon's limits. By default gRPC shares one
+    # between all clients of a process.
+    ("grpc.use_local_subchannel_pool", 1),
 ]
+# gRPC names the host of a Unix socket by its path, percent-encoded, which the HTTP library of the daemon refuses.
+_UNIX_HOST = ("grpc.default_authority", "localhost")
 
 PathLike = str | os.PathLike[str]
 
@@ -40,7 +52,8 @@ class _Address:
 
     def __init__(self, text: str) -> None:
         self.secure = text.startswith("https://")
-        if text.startswith("unix:"):
+        self.unix = text.startswith("unix:")
+        if self.unix:
             self.target = text
             self.local = True
             return
@@ -90,6 +103,8 @@ class Transport:
         if where.local:
             # Connections to this machine must not use a proxy of the environment.
             options.append(("grpc.enable_http_proxy", 0))
+        if where.unix:
+            options.append(_UNIX_HOST)
         if where.secure:
             credentials = grpc.ssl_channel_credentials(_read(ca_file), _read(key_file), _read(cert_file))
             self._channel = grpc.secure_channel(where.target, credentials, options=options)

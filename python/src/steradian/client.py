@@ -237,6 +237,9 @@ class Client:
         A frame comes when the picture has changed, and once a second if it has not. A loop has these ways to take
         frames: `for frame in loop`, `loop.next(timeout_s)` and `loop.latest()`.
 
+        Pictures of `H264` continue each other, so none is skipped: the next one is requested when the last one was
+        taken.
+
         Args:
             view: its name.
             encoding: as of `render`.

@@ -3,6 +3,9 @@
 A stream of frames fills the buffers of connection and client, so that a slow reader sees old pictures. A pull loop has
 no such queue: `NextFrame` returns the newest frame after the last one, the loop keeps one frame of each view, and
 the reader gets the newest frame. Frames that were replaced before they were taken are counted in `skipped`.
+
+A picture of H.264 continues the one before, so it must not be replaced: a loop with such a view requests the next
+frames when the last picture was taken.
 """
 
 from __future__ import annotations
@@ -10,7 +13,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import grpc
 
@@ -25,6 +28,19 @@ Loop = TypeVar("Loop", bound="PullLoop[Any]")
 # Delay between attempts to reconnect: doubles from the first to the second.
 _FIRST_PAUSE_S = 0.1
 _LONGEST_PAUSE_S = 2.0
+
+
+class Seen(NamedTuple):
+    """The last frame of a view that the loop has."""
+
+    # 0: none.
+    number: int
+    # The sequence of H.264 that its pictures continue, 0: none. The next picture continues it, too, and need not be a
+    # key picture.
+    video: int
+
+
+_NOTHING = Seen(0, 0)
 
 
 class Closed(Exception):
@@ -54,6 +70,8 @@ class PullLoop(Generic[T]):
             raise ValueError(f"max_rate_hz = {max_rate_hz}: must be above 0, or None")
         self._transport = transport
         self._encodings = {view: _protocol.enum_value("Encoding", encoding) for view, encoding in wanted.items()}
+        # Views whose frames must all be taken.
+        self._videos = {view for view, encoding in wanted.items() if encoding == "H264"}
         self._max_size = max_size
         self._period_s = 0.0 if max_rate_hz is None else 1.0 / max_rate_hz
         self._reconnect = reconnect
@@ -122,6 +140,7 @@ class PullLoop(Generic[T]):
                     raise TimeoutError(f"no frame within {timeout_s} s{': ' if self._problem else ''}{self._problem}")
                 self._changed.wait(left)
             taken, self._waiting = self._waiting, {}
+            self._changed.notify_all()
             return self._given(taken)
 
     def latest(self) -> T | None:
@@ -134,6 +153,7 @@ class PullLoop(Generic[T]):
             if self._error is not None:
                 raise self._error
             self._waiting = {}
+            self._changed.notify_all()
             return self._given(dict(self._newest)) if self._newest else None
 
     def close(self) -> None:
@@ -169,7 +189,7 @@ class PullLoop(Generic[T]):
         """Converts frames for readers."""
         raise NotImplementedError
 
-    def _request(self, after: Mapping[str, int]) -> tuple[_protocol.Method, Message]:
+    def _request(self, after: Mapping[str, Seen]) -> tuple[_protocol.Method, Message]:
         """Returns the call and its message."""
         raise NotImplementedError
 
@@ -177,10 +197,16 @@ class PullLoop(Generic[T]):
         """Reads the frames of an answer."""
         raise NotImplementedError
 
-    def _views(self, after: Mapping[str, int]) -> list[dict[str, object]]:
+    def _views(self, after: Mapping[str, Seen]) -> list[dict[str, object]]:
         """Returns the fields of a `NextFrameRequest` for each view."""
         return [
-            {"view": view, "encoding": encoding, "after_frame_number": after[view], "max_size": self._max_size}
+            {
+                "view": view,
+                "encoding": encoding,
+                "after_frame_number": after[view].number,
+                "max_size": self._max_size,
+                "video": after[view].video,
+            }
             for view, encoding in self._encodings.items()
         ]
 
@@ -194,7 +220,7 @@ class PullLoop(Generic[T]):
                 self._changed.notify_all()
 
     def _pull(self) -> None:
-        after = dict.fromkeys(self._encodings, 0)
+        after = dict.fromkeys(self._encodings, _NOTHING)
         pause_s, lost = _FIRST_PAUSE_S, False
         while True:
             begun = time.monotonic()
@@ -204,7 +230,7 @@ class PullLoop(Generic[T]):
                 if not self._reconnect:
                     raise
                 # A restarted daemon restarts its frame numbers.
-                after, lost = dict.fromkeys(self._encodings, 0), True
+                after, lost = dict.fromkeys(self._encodings, _NOTHING), True
                 if self._pause(pause_s, str(error)):
                     return
                 pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
@@ -212,17 +238,18 @@ class PullLoop(Generic[T]):
             if frames is None:
                 return
             for frame in frames:
-                after[frame.view] = frame.frame_number
+                after[frame.view] = Seen(frame.frame_number, frame.message.video)
             self._put(frames, lost)
             pause_s, lost = _FIRST_PAUSE_S, False
             # Wait before the request, so that the frame is new.
             if self._pause(begun + self._period_s - time.monotonic(), ""):
                 return
 
-    def _fetch(self, after: Mapping[str, int]) -> list[Frame] | None:
+    def _fetch(self, after: Mapping[str, Seen]) -> list[Frame] | None:
         """Returns the next frames; None when the loop is closed."""
         method, request = self._request(after)
         with self._changed:
+            self._changed.wait_for(lambda: self._closed or self._videos.isdisjoint(self._waiting))
             if self._closed:
                 return None
             self._call = call = self._transport.start(method, request, self._timeout_s)
@@ -262,7 +289,7 @@ class FrameLoop(PullLoop[Frame]):
     def _given(self, frames: dict[str, Frame]) -> Frame:
         return next(iter(frames.values()))
 
-    def _request(self, after: Mapping[str, int]) -> tuple[_protocol.Method, Message]:
+    def _request(self, after: Mapping[str, Seen]) -> tuple[_protocol.Method, Message]:
         method = _protocol.method("ViewService", "NextFrame")
         return method, _protocol.build(method.request, self._views(after)[0])
 
@@ -277,7 +304,7 @@ class FramesLoop(PullLoop[dict[str, Frame]]):
     def _given(self, frames: dict[str, Frame]) -> dict[str, Frame]:
         return frames
 
-    def _request(self, after: Mapping[str, int]) -> tuple[_protocol.Method, Message]:
+    def _request(self, after: Mapping[str, Seen]) -> tuple[_protocol.Method, Message]:
         method = _protocol.method("ViewService", "NextFrames")
         return method, _protocol.build(method.request, {"views": self._views(after)})
 

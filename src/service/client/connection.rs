@@ -1,6 +1,6 @@
 //! A client of the daemon in plain Rust types.
 
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
 use tonic::{Code, Status, Streaming, service::interceptor::InterceptedService, transport::Endpoint};
 
@@ -24,6 +24,11 @@ use crate::{
         },
     },
 };
+
+/// The daemon is pinged after this time.
+const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(10);
+/// A daemon that does not answer a ping within this time is disconnected.
+const KEEPALIVE_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Errors of calls.
 #[derive(Debug, thiserror::Error)]
@@ -320,7 +325,13 @@ impl Client {
     /// call.
     pub async fn connect_as(uri: &str, credentials: &Credentials) -> Result<Self, ClientError> {
         let failed = |source| ClientError::Connect { uri: uri.to_owned(), source };
-        let mut endpoint = Endpoint::from_shared(uri.to_owned()).map_err(failed)?.tcp_nodelay(true);
+        let mut endpoint = Endpoint::from_shared(uri.to_owned()).map_err(failed)?;
+        // A daemon that hangs is noticed within 15 s.
+        endpoint = endpoint
+            .tcp_nodelay(true)
+            .http2_keep_alive_interval(KEEPALIVE_INTERVAL)
+            .keep_alive_timeout(KEEPALIVE_TIMEOUT)
+            .keep_alive_while_idle(true);
         if uri.starts_with("https:") {
             endpoint = endpoint.tls_config(credentials.tls()).map_err(failed)?;
         }
