@@ -199,6 +199,7 @@ impl CliError {
                 | ServeError::Open { .. }
                 | ServeError::Access(_),
             ) => BAD_USAGE,
+            CliError::Serve(ServeError::State(error)) if error.is_damage() => BAD_DATA,
             CliError::Serve(_) | CliError::Runtime(_) => FAILED,
             CliError::Psf(error) => psf_exit_code(error),
             CliError::Film(error) => match error {

@@ -65,6 +65,11 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
     let listen = arguments.listen.clone().unwrap_or_else(|| config.server.listen.clone());
     let current = access().map_err(|problem| CliError::Serve(ServeError::Access(problem)))?;
     service::check_listen(&listen, &current).map_err(CliError::Serve)?;
+    let configured = config.server.state.as_ref().map(|state| config.folder.join(state));
+    let state = arguments.state.clone().or(configured);
+    if let Some(path) = &state {
+        service::check_state(path).map_err(|error| CliError::Serve(error.into()))?;
+    }
     let renderer = Renderer::new(Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(CliError::Runtime)?;
@@ -94,8 +99,7 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         options.views.folder.clone_from(&config.folder);
         options.network.hosts.clone_from(&config.server.hosts);
         options.network.access = Some(access);
-        let configured = config.server.state.as_ref().map(|state| config.folder.join(state));
-        options.state = arguments.state.clone().or(configured);
+        options.state = state;
         options.headset = headset(&config);
         options.windows = windows(&config, &options.views.rig, adapter_name);
         options.shutdown = Shutdown::When(Box::pin(async move {

@@ -70,7 +70,7 @@ pub use displays::{
     windows::{OpenWindows, WindowsEnd, WindowsOptions},
 };
 pub use engine::interface::{BesideEngine, Engine, EngineError, OpenBeside};
-pub use network::access::{Access, AccessSource, Admitted, digest_of, new_token};
+pub use network::access::{Access, AccessSource, Admitted, Validity, digest_of, new_token};
 pub use scene::{
     camera::CameraUpdate,
     objects::{BodyForm, Change},

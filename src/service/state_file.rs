@@ -11,7 +11,7 @@ use std::{
 };
 
 use prost::Message;
-use redb::{Database, DatabaseError, ReadableDatabase, ReadableTable, TableDefinition};
+use redb::{Database, DatabaseError, ReadableDatabase, ReadableTable, StorageError, TableDefinition};
 use serde::de::DeserializeOwned;
 
 use crate::{
@@ -49,7 +49,7 @@ const MOST_SNAPSHOTS: u64 = 256;
 #[non_exhaustive]
 pub enum StateError {
     /// The file cannot be opened.
-    #[error("server.state = {path}: {source}; the file must be writable and not in use by another daemon", path = path.display())]
+    #[error("server.state = {path}: {source}; the file must be writable and not in use by another program", path = path.display())]
     Open {
         /// Path of the file.
         path: PathBuf,
@@ -200,6 +200,35 @@ fn parsed<M: DeserializeOwned>(view: &str, text: Option<&String>) -> Result<Opti
     text.map(|text| toml::from_str(text)).transpose().map_err(|error| format!("view `{view}`: {error}"))
 }
 
+/// Returns why a file cannot be opened: its content, or its use by others and its permissions.
+fn unopened(path: &Path, source: DatabaseError) -> StateError {
+    use std::io::ErrorKind::{InvalidData, UnexpectedEof};
+    let is_damage = match &source {
+        DatabaseError::Storage(StorageError::Io(error)) => matches!(error.kind(), InvalidData | UnexpectedEof),
+        DatabaseError::Storage(StorageError::Corrupted(_))
+        | DatabaseError::RepairAborted
+        | DatabaseError::UpgradeRequired(_) => true,
+        _ => false,
+    };
+    match is_damage {
+        true => {
+            StateError::Content { path: path.to_owned(), problem: format!("it is damaged or no state file: {source}") }
+        }
+        false => StateError::Open { path: path.to_owned(), source: Box::new(source) },
+    }
+}
+
+impl StateError {
+    /// Whether the content of the file is at fault.
+    pub fn is_damage(&self) -> bool {
+        match self {
+            Self::Content { .. } => true,
+            Self::Access { source, .. } => matches!(**source, redb::Error::Corrupted(_)),
+            _ => false,
+        }
+    }
+}
+
 /// An open state file.
 pub(crate) struct StateFile {
     path: PathBuf,
@@ -224,8 +253,7 @@ pub fn check_state(path: &Path) -> Result<(), StateError> {
 impl StateFile {
     /// Opens a file, or creates it.
     pub(crate) fn open(path: &Path) -> Result<Self, StateError> {
-        let opened = Database::create(path);
-        let database = opened.map_err(|source| StateError::Open { path: path.to_owned(), source: Box::new(source) })?;
+        let database = Database::create(path).map_err(|source| unopened(path, source))?;
         let file = Self { path: path.to_owned(), database };
         match file.get(FORMAT)?.as_deref() {
             Some([VERSION]) => {}
@@ -358,9 +386,23 @@ mod tests {
         std::fs::write(&path, b"not a database, but long enough to be examined").unwrap();
         let error = StateFile::open(&path).err().unwrap().to_string();
         assert!(error.contains("server.state") && error.contains("state.redb"), "{error}");
+        assert!(error.contains("damaged or no state file"), "{error}");
         std::fs::remove_file(&path).unwrap();
         let file = StateFile::open(&path).unwrap();
-        assert!(StateFile::open(&path).is_err(), "the file is open already");
+        let error = StateFile::open(&path).err().unwrap();
+        assert!(matches!(error, StateError::Open { .. }) && !error.is_damage(), "the file is open already: {error}");
+        // A good file that was cut, and one whose head was overwritten.
+        let good = std::fs::read(&path).unwrap();
+        let mut overwritten = good.clone();
+        overwritten[..4096].fill(0x5a);
+        for damaged in [&good[..good.len() / 2], &good[..700], &overwritten] {
+            let path = folder.path().join("damaged.redb");
+            std::fs::write(&path, damaged).unwrap();
+            let error = check_state(&path).err().unwrap();
+            assert!(error.is_damage(), "{} bytes: {error:?}", damaged.len());
+        }
+        let missing = StateFile::open(&folder.path().join("none/state.redb")).err().unwrap();
+        assert!(!missing.is_damage(), "{missing}");
         // A file of the previous version is upgraded; after that, an older program refuses it.
         let mut file = file;
         for older in OLDER {

@@ -342,3 +342,78 @@ async fn a_unix_socket_is_protected_by_file_permissions() {
         assert!(path.exists());
     }
 }
+
+/// Sends a request to the socket of a daemon; returns the answer.
+async fn over_socket(path: &Path, request: &str) -> String {
+    let mut socket = tokio::net::UnixStream::connect(path).await.unwrap();
+    socket
+        .write_all(format!("{request} HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n").as_bytes())
+        .await
+        .unwrap();
+    let mut answer = String::new();
+    within(socket.read_to_string(&mut answer)).await.unwrap();
+    answer
+}
+
+/// Returns the days until the certificate of a daemon expires, as its metrics say.
+async fn days_left(path: &Path) -> f64 {
+    let text = over_socket(path, "GET /metrics").await;
+    let line = text.lines().find_map(|line| line.strip_prefix("steradian_certificate_expiry_seconds "));
+    line.unwrap_or_else(|| panic!("{text}")).parse::<f64>().unwrap() / 86_400.0
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_certificate_that_is_not_valid_is_refused_at_a_reload() {
+    let files = Files::new();
+    files.write(&format!("{TLS}{}", token_of("viewer", Role::View, "look")));
+    let path = files.path("socket");
+    let listen = format!("unix:{}", path.display());
+    let (reload, reloads) = mpsc::channel(1);
+    let source = files.source();
+    let daemon = Daemon::start_with(small_rig(), |options| {
+        options.network.listen = listen;
+        options.network.access = Some(source);
+        options.reloads = Reloads::When(reloads);
+    })
+    .await;
+    let first = days_left(&path).await;
+    assert!(first > 1e5, "{first}");
+    let put = |from: rcgen::CertificateParams| {
+        let key = KeyPair::generate().unwrap();
+        fs::write(files.path("server.pem"), from.signed_by(&key, &files.authority).unwrap().pem()).unwrap();
+        fs::write(files.path("server.key"), key.serialize_pem()).unwrap();
+    };
+    let params = |years: [i32; 2]| {
+        let mut params = CertificateParams::new(["127.0.0.1".to_owned()]).unwrap();
+        params.not_before = date_time_ymd(years[0], 1, 1);
+        params.not_after = date_time_ymd(years[1], 1, 1);
+        params
+    };
+    // One that has expired, and one for later, change nothing. A good one does: reloads are made in their order.
+    for years in [[2020, 2021], [2500, 2600]] {
+        put(params(years));
+        reload.send(()).await.unwrap();
+        // The channel holds one: when the next fits, the last was begun.
+        reload.send(()).await.unwrap();
+        assert!((days_left(&path).await - first).abs() < 1.0);
+    }
+    tokio::time::sleep(std::time::Duration::from_millis(200)).await;
+    assert!((days_left(&path).await - first).abs() < 1.0, "the old certificate stays");
+    put(params([2020, 3000]));
+    reload.send(()).await.unwrap();
+    within(async { while (days_left(&path).await - first).abs() < 1.0 {} }).await;
+    let second = days_left(&path).await;
+    assert!(second > 1e5 && second < first, "{second}");
+    daemon.shutdown().await.unwrap();
+
+    // At the start it is a warning only: the socket needs no certificate.
+    put(params([2020, 2021]));
+    let (source, listen) = (files.source(), format!("unix:{}", path.display()));
+    let daemon = Daemon::start_with(small_rig(), |options| {
+        options.network.listen = listen;
+        options.network.access = Some(source);
+    })
+    .await;
+    assert!(days_left(&path).await < -1000.0);
+    daemon.shutdown().await.unwrap();
+}

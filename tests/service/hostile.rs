@@ -152,3 +152,31 @@ async fn metrics_are_served_for_prometheus() {
     drop(client);
     daemon.shutdown().await.unwrap();
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn health_is_told_and_heads_are_answered() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let ask = async |method: &str, path: &str| {
+        let request = format!("{method} {path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", daemon.address);
+        let text = answer(&daemon, request.as_bytes()).await;
+        let (head, body) = text.split_once("\r\n\r\n").unwrap();
+        (head.split(' ').nth(1).unwrap().to_owned(), head.to_lowercase(), body.to_owned())
+    };
+    let (status, head, body) = ask("HEAD", "/metrics").await;
+    assert!(status == "200" && head.contains("application/openmetrics-text") && body.is_empty(), "{head}");
+    let (status, _, body) = ask("GET", "/healthz").await;
+    assert!(status == "200" && body.contains("ok"), "{status} {body}");
+    assert_eq!(ask("HEAD", "/healthz").await.0, "200");
+    assert_eq!(ask("GET", "/health").await.0, "404");
+    daemon.controls.failing.store(true, std::sync::atomic::Ordering::SeqCst);
+    client.render_frame("flat", Encoding::Png).await.unwrap_err();
+    let (status, _, body) = ask("GET", "/healthz").await;
+    assert!(status == "503" && body.contains("frames cannot be drawn"), "{status} {body}");
+    assert_eq!(ask("HEAD", "/healthz").await.0, "503");
+    daemon.controls.failing.store(false, std::sync::atomic::Ordering::SeqCst);
+    client.render_frame("flat", Encoding::Png).await.unwrap();
+    assert_eq!(ask("GET", "/healthz").await.0, "200");
+    drop(client);
+    daemon.shutdown().await.unwrap();
+}

@@ -259,7 +259,7 @@ async fn frozen_line(daemon: &Daemon) -> (String, tokio::sync::watch::Sender<boo
         let mut far = tokio::net::TcpStream::connect(address).await.unwrap();
         tokio::select! {
             copied = tokio::io::copy_bidirectional(&mut near, &mut far) => drop(copied),
-            _ = frozen.wait_for(|frozen| *frozen) => std::future::pending().await,
+            () = async { assert!(frozen.wait_for(|frozen| *frozen).await.is_ok()) } => std::future::pending().await,
         }
     });
     (uri, freeze)

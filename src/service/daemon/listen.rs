@@ -6,6 +6,7 @@ use std::{
     os::unix::{self, fs::FileTypeExt as _},
     path::Path,
     sync::Arc,
+    time::Duration,
 };
 
 use tokio::{
@@ -17,9 +18,12 @@ use tokio::{
 use super::{Address, Reloads, ServeError};
 use crate::{
     config::UNIX_PREFIX,
-    service::network::{
-        access::{Access, AccessSource},
-        connections::Listener,
+    service::{
+        network::{
+            access::{Access, AccessSource},
+            connections::Listener,
+        },
+        time_source::TimeSource,
     },
 };
 
@@ -121,25 +125,48 @@ async fn bind_unix(path: &Path) -> Result<UnixListener, ServeError> {
     listener.map_err(refused)
 }
 
-/// Reloads the access rules on each signal.
+/// Interval of warnings about a certificate.
+const WARNINGS: Duration = Duration::from_secs(86_400);
+
+/// Reloads the access rules on each signal, and warns of a certificate that ends.
 pub(super) async fn keep_access(
     mut reloads: Reloads,
     mut hangups: signal::unix::Signal,
     source: Option<AccessSource>,
     access: watch::Sender<Arc<Access>>,
+    time: TimeSource,
 ) {
-    while reloads.next(&mut hangups).await.is_some() {
+    let warn = |access: &Access| {
+        let validity = access.certificate_validity;
+        if let Some(warning) = validity.and_then(|validity| validity.warning(time.machine_now())) {
+            tracing::warn!("{warning}");
+        }
+    };
+    let mut daily = tokio::time::interval(WARNINGS);
+    loop {
+        let reload = tokio::select! {
+            reload = reloads.next(&mut hangups) => reload,
+            // The first one comes at once.
+            _ = daily.tick() => {
+                warn(&access.borrow());
+                continue;
+            }
+        };
+        if reload.is_none() {
+            break;
+        }
         let Some(source) = source.clone() else {
             tracing::info!("there are no access rules to reload");
             continue;
         };
         let read = tokio::task::spawn_blocking(move || source()).await;
         let read = read.unwrap_or_else(|error| Err(error.to_string()));
-        let read = read.and_then(|read| access.borrow().check_successor(&read).map(|()| read));
+        let read = read.and_then(|read| access.borrow().check_successor(&read, time.machine_now()).map(|()| read));
         match read {
             Ok(read) => {
                 let (tokens, certificates) = (read.tokens.len(), read.certificates.len());
                 access.send_replace(Arc::new(read));
+                warn(&access.borrow());
                 tracing::info!("reloaded the access rules: {tokens} tokens, {certificates} certificates");
             }
             Err(problem) => tracing::error!("cannot reload the access rules, the old ones stay: {problem}"),

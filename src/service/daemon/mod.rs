@@ -231,7 +231,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     let (listener, address) = bind(&listen, &first).await?;
     let (new_access, current_access) = watch::channel(Arc::new(first));
     let hangups = signal::unix::signal(signal::unix::SignalKind::hangup())?;
-    let access_keeper = tokio::spawn(keep_access(reloads, hangups, access, new_access));
+    let access_keeper = tokio::spawn(keep_access(reloads, hangups, access, new_access, time.clone()));
     let mut shutdown = shutdown.future()?;
 
     let (reflection_v1, reflection_v1alpha) = (reflection().build_v1()?, reflection().build_v1alpha()?);
@@ -290,7 +290,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         .http2_max_header_list_size(HEADER_BYTES)
         .layer(Bounds::new(hosts))
         .layer(Gate::new(current_access.clone()))
-        .layer(HandleFirst(Metrics { service: service.clone() }))
+        .layer(HandleFirst(Metrics { service: service.clone(), access: current_access.clone() }))
         .layer(HandleFirst(Page::new()))
         .layer(GrpcWebLayer::new())
         .add_service(SceneServiceServer::new(service.clone()))

@@ -1,7 +1,7 @@
-//! Metrics for Prometheus at `/metrics`, in the text format of OpenMetrics 1.0. They are the values of `WatchStats`,
+//! The health of the daemon at `/healthz`, and metrics for Prometheus at `/metrics`, in the text format of OpenMetrics 1.0. They are the values of `WatchStats`,
 //! read on request.
 
-use std::sync::atomic::AtomicU64;
+use std::sync::{Arc, atomic::AtomicU64};
 
 use prometheus_client::{
     encoding::text::encode,
@@ -12,42 +12,80 @@ use prometheus_client::{
     },
     registry::{Registry, Unit},
 };
+use tokio::sync::watch;
 use tonic::{
     body::Body,
     codegen::http::{Method, Request, Response, StatusCode, header},
 };
 
 use super::service::Service;
-use crate::{service::network::http_handler::HttpHandler, xr};
+use crate::{
+    service::network::{
+        access::Access,
+        http_handler::{HEALTH, HttpHandler, METRICS},
+    },
+    xr,
+};
 
 /// Media type of the text format.
 const TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
-const PATH: &str = "/metrics";
+const PLAIN: &str = "text/plain; charset=utf-8";
 
-/// Answers GET `/metrics`.
+/// Answers GET and HEAD of `/metrics` and `/healthz`.
 #[derive(Clone)]
 pub(crate) struct Metrics {
     pub(crate) service: Service,
+    pub(crate) access: watch::Receiver<Arc<Access>>,
+}
+
+impl Metrics {
+    fn metrics(&self) -> Response<Body> {
+        let mut all = registry(&self.service);
+        if let Some(validity) = self.access.borrow().certificate_validity {
+            all.register_with_unit(
+                "certificate_expiry",
+                "Time until the certificate of the daemon expires; negative: it has",
+                Unit::Seconds,
+                ConstGauge::new(validity.left_s(self.service.render.time().machine_now())),
+            );
+        }
+        let mut text = String::new();
+        match encode(&mut text, &all) {
+            Ok(()) => answer(StatusCode::OK, TYPE, text),
+            Err(error) => answer(StatusCode::INTERNAL_SERVER_ERROR, PLAIN, error.to_string()),
+        }
+    }
+
+    /// Whether the daemon can draw frames. Anybody may ask, so it tells nothing else.
+    fn health(&self) -> Response<Body> {
+        let is_ending = self.service.render.scene().is_err();
+        match self.service.render.figures().failures.problem {
+            _ if is_ending => answer(StatusCode::SERVICE_UNAVAILABLE, PLAIN, "shutting down\n".to_owned()),
+            Some(_) => answer(StatusCode::SERVICE_UNAVAILABLE, PLAIN, "frames cannot be drawn\n".to_owned()),
+            None => answer(StatusCode::OK, PLAIN, "ok\n".to_owned()),
+        }
+    }
+}
+
+fn answer(status: StatusCode, kind: &'static str, text: String) -> Response<Body> {
+    let mut response = Response::new(Body::new(text));
+    *response.status_mut() = status;
+    response.headers_mut().insert(header::CONTENT_TYPE, header::HeaderValue::from_static(kind));
+    response
 }
 
 impl HttpHandler for Metrics {
     fn answer(&self, request: &Request<Body>) -> Option<Response<Body>> {
-        if request.method() != Method::GET || request.uri().path() != PATH {
+        let is_head = request.method() == Method::HEAD;
+        if !is_head && request.method() != Method::GET {
             return None;
         }
-        let mut text = String::new();
-        Some(match encode(&mut text, &registry(&self.service)) {
-            Ok(()) => {
-                let mut response = Response::new(Body::new(text));
-                response.headers_mut().insert(header::CONTENT_TYPE, header::HeaderValue::from_static(TYPE));
-                response
-            }
-            Err(error) => {
-                let mut response = Response::new(Body::new(error.to_string()));
-                *response.status_mut() = StatusCode::INTERNAL_SERVER_ERROR;
-                response
-            }
-        })
+        let response = match request.uri().path() {
+            METRICS => self.metrics(),
+            HEALTH => self.health(),
+            _ => return None,
+        };
+        Some(if is_head { response.map(|_| Body::empty()) } else { response })
     }
 }
 

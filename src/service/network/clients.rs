@@ -13,7 +13,10 @@ use std::{
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::Status;
 
-use super::access::{Digest, Moves};
+use super::{
+    access::{Digest, Moves},
+    http_handler::is_monitoring,
+};
 use crate::service::wire::refusals;
 
 /// Concurrent RenderFrame calls of one client.
@@ -108,6 +111,8 @@ struct Calls {
     open: usize,
     /// Number of all calls.
     count: u64,
+    /// Number of those by monitoring.
+    monitoring: u64,
     /// Time of the last received data.
     last_read: Instant,
     /// Answers that were read in part, and the time of the last read.
@@ -144,7 +149,9 @@ pub(crate) enum From {
 
 impl Drop for Client {
     fn drop(&mut self) {
-        let count = self.calls.get_mut().unwrap_or_else(PoisonError::into_inner).count;
+        let calls = self.calls.get_mut().unwrap_or_else(PoisonError::into_inner);
+        // Monitoring makes a connection every few seconds.
+        let count = calls.count - calls.monitoring;
         if count > 0 {
             let seconds = self.since.elapsed().as_secs_f64();
             let rest = self.moves.get_mut().unwrap_or_else(PoisonError::into_inner).take().and_then(Moves::rest);
@@ -173,7 +180,8 @@ impl ClientInfo {
     pub(crate) fn new(shares: &Arc<Shares>, from: From) -> Self {
         let now = Instant::now();
         shares.connected.fetch_add(1, Relaxed);
-        let calls = Calls { open: 0, count: 0, last_read: now, handed_out: HashMap::new(), next_answer: 0 };
+        let calls =
+            Calls { open: 0, count: 0, monitoring: 0, last_read: now, handed_out: HashMap::new(), next_answer: 0 };
         Self(Arc::new(Client {
             number: shares.next_number.fetch_add(1, Relaxed),
             from,
@@ -293,10 +301,11 @@ impl ClientInfo {
     }
 
     /// Records the start of a call.
-    pub(crate) fn open_call(&self) -> OpenCall {
+    pub(crate) fn open_call(&self, path: &str) -> OpenCall {
         let mut calls = self.calls();
         calls.open += 1;
         calls.count += 1;
+        calls.monitoring += u64::from(is_monitoring(path));
         calls.next_answer += 1;
         OpenCall { client: self.clone(), number: calls.next_answer }
     }
@@ -403,7 +412,7 @@ mod tests {
         assert!(new.overdue(begun + FIRST_CALL + UNIT_OF_TIME).unwrap().contains("no call within 10 s"));
 
         let reader = client(&shares);
-        let call = reader.open_call();
+        let call = reader.open_call("");
         let late = Instant::now() + STALLED + UNIT_OF_TIME;
         call.note(true);
         assert!(reader.overdue(late).unwrap().contains("not read for 60 s"));

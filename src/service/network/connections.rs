@@ -355,7 +355,7 @@ where
         let Some(client) = request.extensions().get::<ClientInfo>().cloned() else {
             return Box::pin(async { Ok(Status::internal("the request has no connection").into_http()) });
         };
-        let call = client.open_call();
+        let call = client.open_call(request.uri().path());
         let of_header = request.headers().get(header::HOST).and_then(|host| host.to_str().ok());
         let host = request.uri().authority().map(http::uri::Authority::as_str).or(of_header);
         // Browsers cannot reach a Unix socket.

@@ -9,6 +9,16 @@ use tonic::{
 };
 use tower_layer::Layer;
 
+/// Path of the metrics.
+pub(crate) const METRICS: &str = "/metrics";
+/// Path of the health.
+pub(crate) const HEALTH: &str = "/healthz";
+
+/// Whether a path is requested again and again by monitoring.
+pub(crate) fn is_monitoring(path: &str) -> bool {
+    [METRICS, HEALTH].contains(&path)
+}
+
 /// Answers some of the requests.
 pub(crate) trait HttpHandler: Clone {
     /// Returns the answer; `None` passes the request on.

@@ -12,10 +12,37 @@ const DOMAIN: &str = "steradian";
 /// A request that is invalid in every state of the daemon. If the text starts with a key and a colon or an equals sign,
 /// the details name that key as the field.
 pub(crate) fn invalid(problem: impl Into<String>) -> Status {
-    let problem = problem.into();
+    let problem = with_short_numbers(problem.into());
     let Some(field) = field_of(&problem) else { return Status::invalid_argument(problem) };
     let details = ErrorDetails::with_bad_request_violation(field, problem.clone());
     Status::with_error_details(Code::InvalidArgument, problem, details)
+}
+
+/// Digits of a number that is written in full; longer ones are written with an exponent.
+const MOST_DIGITS: usize = 21;
+
+/// Writes very large and very small numbers of a text with an exponent, except within names in backquotes.
+fn with_short_numbers(text: String) -> String {
+    let is_number = |c: char| c.is_ascii_digit() || c == '.';
+    if text.split(|c| !is_number(c)).all(|number| number.len() <= MOST_DIGITS) {
+        return text;
+    }
+    let short = |part: &str| {
+        let mut written = String::new();
+        let mut rest = part;
+        while let Some(start) = rest.find(|c: char| c.is_ascii_digit()) {
+            let (before, from) = rest.split_at(start);
+            let (number, after) = from.split_at(from.find(|c| !is_number(c)).unwrap_or(from.len()));
+            let value = number.parse::<f64>().ok().filter(|_| number.len() > MOST_DIGITS);
+            written += before;
+            written += &value.map_or_else(|| number.to_owned(), |value| format!("{value:e}"));
+            rest = after;
+        }
+        written + rest
+    };
+    let parts = text.split('`').enumerate();
+    let parts: Vec<String> = parts.map(|(i, part)| if i % 2 == 0 { short(part) } else { part.to_owned() }).collect();
+    parts.join("`")
 }
 
 /// Returns the key at the start of a text.
@@ -86,6 +113,23 @@ mod tests {
             assert_eq!((status.code(), status.message()), (Code::InvalidArgument, problem));
             let found = status.get_details_bad_request().map(|request| request.field_violations[0].field.clone());
             assert_eq!(found.as_deref(), field, "{problem}");
+        }
+    }
+
+    #[test]
+    fn extreme_numbers_are_short_and_names_stay_as_they_are() {
+        let digits = "1".repeat(30);
+        for (problem, short) in [
+            (
+                format!("radius_deg = {}: must be at most 180", 1e308),
+                "radius_deg = 1e308: must be at most 180".to_owned(),
+            ),
+            (format!("a: {}: must be above 0", 5e-324), "a: 5e-324: must be above 0".to_owned()),
+            (format!("a: [-{}, 0.25]", f64::MAX), "a: [-1.7976931348623157e308, 0.25]".to_owned()),
+            (format!("view `{digits}` and {digits}"), format!("view `{digits}` and 1.1111111111111111e29")),
+            ("a: 12345678901234567890".to_owned(), "a: 12345678901234567890".to_owned()),
+        ] {
+            assert_eq!(invalid(problem).message(), short);
         }
     }
 

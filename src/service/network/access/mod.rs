@@ -10,13 +10,15 @@ mod change_log;
 mod gate;
 mod roles;
 mod tls;
+mod validity;
 
-use std::{net::SocketAddr, sync::Arc};
+use std::{net::SocketAddr, sync::Arc, time::SystemTime};
 
 use http::{HeaderMap, header};
 use sha2::{Digest as _, Sha256};
 use subtle::ConstantTimeEq as _;
 
+pub use self::validity::Validity;
 pub(crate) use self::{
     change_log::{By, Moves},
     gate::{Caller, Gate},
@@ -49,6 +51,8 @@ pub struct Access {
     pub certificates: Vec<Admitted>,
     /// `None`: connections are not encrypted.
     pub tls: Option<Arc<rustls::ServerConfig>>,
+    /// The time in which the daemon's certificate is valid.
+    pub certificate_validity: Option<Validity>,
 }
 
 /// Reads [`Access`] at the start of the daemon and on each reload. The error states the problem and its place.
@@ -140,8 +144,11 @@ impl Access {
     ///
     /// # Errors
     ///
-    /// The new rules would admit more clients than the daemon was started for.
-    pub(crate) fn check_successor(&self, other: &Self) -> Result<(), String> {
+    /// The new rules would admit more clients than the daemon was started for, or their certificate is not valid now.
+    pub(crate) fn check_successor(&self, other: &Self, now: SystemTime) -> Result<(), String> {
+        if let Some(validity) = &other.certificate_validity {
+            validity.check(now).map_err(|problem| format!("server.tls.certificate: {problem}"))?;
+        }
         let lost = [
             (self.tls.is_some() && other.tls.is_none(), "[server.tls]"),
             (self.is_guarded() && !other.is_guarded(), "[[server.tokens]] and [[server.certificates]]"),
@@ -246,8 +253,9 @@ mod tests {
             let problem = access("right").check_address(address).unwrap_err();
             assert!(problem.contains("[server.tls]") && !problem.contains("[[server.tokens]]"), "{problem}");
         }
-        access("a").check_successor(&access("b")).unwrap();
-        Access::default().check_successor(&access("b")).unwrap();
-        assert!(access("a").check_successor(&Access::default()).unwrap_err().contains("restart the daemon"));
+        let now = SystemTime::now();
+        access("a").check_successor(&access("b"), now).unwrap();
+        Access::default().check_successor(&access("b"), now).unwrap();
+        assert!(access("a").check_successor(&Access::default(), now).unwrap_err().contains("restart the daemon"));
     }
 }

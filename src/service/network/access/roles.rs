@@ -1,6 +1,9 @@
 //! The role that each call needs.
 
-use crate::{config::Role, service::network::page::is_page};
+use crate::{
+    config::Role,
+    service::network::{http_handler::HEALTH, page::is_page},
+};
 
 /// Requirement of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +29,7 @@ const ADMIN: [&str; 2] = ["SceneService/LoadSnapshot", "DiagnosticsService/Verif
 
 /// Returns the requirement of a path.
 pub(super) fn need(path: &str) -> Need {
-    if path.starts_with("/grpc.health.v1.Health/") || is_page(path) {
+    if path.starts_with("/grpc.health.v1.Health/") || is_page(path) || path == HEALTH {
         return Need::Nothing;
     }
     let call = path.strip_prefix("/steradian.v1.").unwrap_or_default();
@@ -68,7 +71,9 @@ mod tests {
         for named in STEER.iter().chain(&ADMIN) {
             assert!(calls.iter().any(|call| call == named), "{named} is not a call");
         }
-        assert_eq!(need("/grpc.health.v1.Health/Check"), Need::Nothing);
+        for path in ["/grpc.health.v1.Health/Check", HEALTH] {
+            assert_eq!(need(path), Need::Nothing, "{path}");
+        }
         for path in ["/metrics", "/grpc.reflection.v1.ServerReflection/ServerReflectionInfo", "/elsewhere"] {
             assert_eq!(need(path), Need::Role(Role::View), "{path}");
         }

@@ -8,7 +8,7 @@ use rustls::{
     server::WebPkiClientVerifier,
 };
 
-use super::{Access, Admitted, digest_of};
+use super::{Access, Admitted, Validity, digest_of};
 use crate::{
     config::{self, TlsConfig},
     files,
@@ -30,8 +30,10 @@ fn certificates(key: &str, path: &Path) -> Result<Vec<CertificateDer<'static>>, 
     if all.is_empty() { Err(wrong("it contains none".to_owned())) } else { Ok(all) }
 }
 
-fn server(of: &TlsConfig, folder: &Path) -> Result<ServerConfig, String> {
+fn server(of: &TlsConfig, folder: &Path) -> Result<(ServerConfig, Validity), String> {
     let chain = certificates("server.tls.certificate", &folder.join(&of.certificate))?;
+    let validity = Validity::of(&chain[0])
+        .map_err(|problem| format!("server.tls.certificate = {}: {problem}", of.certificate.display()))?;
     let path = folder.join(&of.key);
     let key = PrivateKeyDer::from_pem_slice(&read("server.tls.key", &path)?).map_err(|error| {
         format!("server.tls.key = {}: {error}; it must contain a private key in PEM", path.display())
@@ -57,7 +59,7 @@ fn server(of: &TlsConfig, folder: &Path) -> Result<ServerConfig, String> {
         .with_single_cert(chain, key)
         .map_err(|error| format!("server.tls.certificate and server.tls.key: {error}"))?;
     server.alpn_protocols = PROTOCOLS.map(<[u8]>::to_vec).to_vec();
-    Ok(server)
+    Ok((server, validity))
 }
 
 impl Access {
@@ -67,7 +69,8 @@ impl Access {
     ///
     /// A file cannot be read or is invalid: names the file and the reason.
     pub fn from_config(config: &config::ServerConfig, folder: &Path) -> Result<Self, String> {
-        let tls = config.tls.as_ref().map(|tls| server(tls, folder)).transpose()?.map(Arc::new);
+        let tls = config.tls.as_ref().map(|tls| server(tls, folder)).transpose()?;
+        let (tls, certificate_validity) = tls.map(|(server, validity)| (Arc::new(server), validity)).unzip();
         if !config.certificates.is_empty() && config.tls.as_ref().is_none_or(|tls| tls.client_ca.is_none()) {
             return Err(
                 "[[server.certificates]] need server.tls.client_ca, the certificate that has signed them".to_owned()
@@ -84,6 +87,6 @@ impl Access {
             Ok(Admitted { name: certificate.name.clone(), role: certificate.role, digest })
         });
         let certificates = certificates.collect::<Result<Vec<_>, String>>()?;
-        Ok(Self { tokens: tokens.collect(), certificates, tls })
+        Ok(Self { tokens: tokens.collect(), certificates, tls, certificate_validity })
     }
 }
