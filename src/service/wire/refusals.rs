@@ -32,7 +32,8 @@ fn with_short_numbers(text: String) -> String {
         let mut rest = part;
         while let Some(start) = rest.find(|c: char| c.is_ascii_digit()) {
             let (before, from) = rest.split_at(start);
-            let (number, after) = from.split_at(from.find(|c| !is_number(c)).unwrap_or(from.len()));
+            let number = from[..from.find(|c| !is_number(c)).unwrap_or(from.len())].trim_end_matches('.');
+            let after = &from[number.len()..];
             let value = number.parse::<f64>().ok().filter(|_| number.len() > MOST_DIGITS);
             written += before;
             written += &value.map_or_else(|| number.to_owned(), |value| format!("{value:e}"));
@@ -126,7 +127,8 @@ mod tests {
             ),
             (format!("a: {}: must be above 0", 5e-324), "a: 5e-324: must be above 0".to_owned()),
             (format!("a: [-{}, 0.25]", f64::MAX), "a: [-1.7976931348623157e308, 0.25]".to_owned()),
-            (format!("view `{digits}` and {digits}"), format!("view `{digits}` and 1.1111111111111111e29")),
+            (format!("view `{digits}` and {digits}"), format!("view `{digits}` and 1.111111111111111e29")),
+            (format!("a: must be below {}.", 1e30), "a: must be below 1e30.".to_owned()),
             ("a: 12345678901234567890".to_owned(), "a: 12345678901234567890".to_owned()),
         ] {
             assert_eq!(invalid(problem).message(), short);
