@@ -369,7 +369,7 @@ fn sciss(bytes: &[u8]) -> Result<Loaded, Fault> {
         return Err(bad("indices", problem, "must be 3 or more of four bytes each, up to the end of the file"));
     }
     let list: Vec<u32> = std::iter::from_fn(|| words.u32()).collect();
-    mesh.triangles = if is_second && first == 4 && indices % 3 == 0 {
+    mesh.triangles = if is_second && first == 4 && indices.is_multiple_of(3) {
         list.chunks_exact(3).map(|three| [three[0], three[1], three[2]]).collect()
     } else {
         // A triangle strip; where it turns back, a node occurs twice in a triangle, which is degenerate.
