@@ -119,7 +119,7 @@ fn import_reports_bad_rows_and_info_describes_the_store() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("two.csv"), CSV).unwrap();
     let (out, err) = run(folder.path(), &["catalogue", "import", "two.csv", "builtin:bright", "--out", "sky.stars"], 0);
-    assert!(out.contains("two.csv: 2 stars, 1 of 3 rows rejected"), "{out}");
+    assert!(out.contains("two.csv: 2 stars, read as plain table, 1 of 3 rows rejected"), "{out}");
     assert!(out.contains("wrote sky.stars"), "{out}");
     assert!(err.contains("line 3"), "{err}");
     assert!(err.contains("loading two.csv (1 of 2)"), "plain progress lines: {err}");
