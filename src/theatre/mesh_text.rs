@@ -7,7 +7,7 @@
 //! | Sky-Skan | 0 to 1, y downwards; -1: not drawn | u, v downwards |
 //! | SimCAD | a lattice and shifts of it, y downwards | the lattice |
 //!
-//! Sources: the readers of SGCT (`src/correction/scalable.cpp`, `skyskan.cpp`, `simcad.cpp`), which draw these files.
+//! Sources: the readers of SGCT (the correction module "scalable", `skyskan.cpp`, `simcad.cpp`), which draw these files.
 
 use std::collections::HashMap;
 
