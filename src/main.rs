@@ -7,7 +7,7 @@ use clap::Parser;
 use steradian::cli::{self, BAD_USAGE, Cli, CliError, FAILED};
 
 fn main() -> ExitCode {
-    let arguments = match Cli::try_parse() {
+    let arguments = match Cli::try_parse_from(cli::with_joined_eye(std::env::args_os())) {
         Ok(arguments) => arguments,
         // Help and version also arrive as `Err`, and are printed to standard output.
         Err(message) => {

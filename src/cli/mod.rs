@@ -31,6 +31,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use clap::{Parser, Subcommand};
 pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
+pub use projectors::with_joined_eye;
 
 use crate::render::{SHADER_FOLDER_VARIABLE, checked_shader_folder};
 

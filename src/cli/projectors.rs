@@ -2,6 +2,7 @@
 
 use std::{
     collections::BTreeMap,
+    ffi::{OsStr, OsString},
     fmt::Write as _,
     fs,
     path::{Path, PathBuf},
@@ -198,4 +199,43 @@ fn unique(region: &str, names: &mut BTreeMap<String, usize>) -> String {
     let count = names.entry(name.clone()).or_default();
     *count += 1;
     if *count == 1 { name } else { unique(&format!("{name}_{count}"), names) }
+}
+
+/// Words of the command line in which `--eye-m X Y Z`, with blanks, is `--eye-m X,Y,Z`: both forms are valid. clap would take a file after
+/// the first form for a fourth number.
+pub fn with_joined_eye(words: impl Iterator<Item = OsString>) -> Vec<OsString> {
+    let mut words: Vec<OsString> = words.collect();
+    let is_number = |word: &OsString| word.to_str().is_some_and(|text| text.parse::<f64>().is_ok());
+    if let Some(option) = words.iter().position(|word| word == "--eye-m")
+        && let Some(numbers) = words.get(option + 1..option + 4).filter(|numbers| numbers.iter().all(is_number))
+    {
+        let joined = numbers.join(OsStr::new(","));
+        words.splice(option + 1..option + 4, [joined]);
+    }
+    words
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_eye_may_be_given_with_blanks_or_commas() {
+        let joined = |line: &str| {
+            let words = with_joined_eye(line.split(' ').map(OsString::from));
+            words.join(OsStr::new(" ")).into_string().unwrap_or_default()
+        };
+        for (line, expected) in [
+            ("import --eye-m 0 1.2 -3 a.mpcdi --out o", "import --eye-m 0,1.2,-3 a.mpcdi --out o"),
+            ("import --eye-m 0,1.2,0 a.mpcdi", "import --eye-m 0,1.2,0 a.mpcdi"),
+            ("import --eye-m 0 1.2 a.mpcdi", "import --eye-m 0 1.2 a.mpcdi"),
+            ("import a.mpcdi --eye-m 1", "import a.mpcdi --eye-m 1"),
+        ] {
+            assert_eq!(joined(line), expected);
+        }
+        for wrong in ["0,1", "0,1,2,3", "a,b,c", "0,inf,0", ""] {
+            assert!(eye(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(eye("0, 1.2,-3"), Ok([0.0, 1.2, -3.0]));
+    }
 }
