@@ -25,12 +25,12 @@ pub struct BodyConfig {
     pub name: String,
     /// A body of the Solar System: gives the size, albedo, reflection law and spin that are not given here, and the Sun's position and emission.
     pub preset: Option<SolarBody>,
-    /// Source of the position at the scene's time, instead of `position_m`: a body of the Solar System, or `spk:NUMBER` for the object of `scene.kernels` with this NAIF number. A body of
-    /// the Solar System also has its orientation and rotation from here, instead of `orientation` and `spin`.
+    /// Ephemeris of the position, instead of `position_m`: the name of a body of the Solar System, or `spk:NUMBER`, where NUMBER is the NAIF number of an object in `scene.kernels`.
+    /// For a body of the Solar System it gives orientation and rotation too, instead of `orientation` and `spin`.
     #[serde(default)]
     #[schemars(schema_with = "super::reference::ephemeris")]
     pub ephemeris: Option<Ephemeris>,
-    /// Centre, ICRS, barycentric; needed, or `ephemeris`, except for the preset `sun`, which is at the origin.
+    /// Centre, ICRS, barycentric. Either this or `ephemeris` is required. The preset `sun` needs neither: it is at the origin.
     #[schemars(inner(range(min = -FARTHEST_M, max = FARTHEST_M)), extend("x-unit" = "m"))]
     pub position_m: Option<[f64; 3]>,
     /// Unit quaternion from the body's axes to ICRS axes; the identity by default. The body spins about its z axis.

@@ -325,7 +325,7 @@ fn sciss(bytes: &[u8]) -> Result<Loaded, Fault> {
         1 => {
             return Err(Fault::refused(
                 "a mesh for a cube map",
-                "its coordinates do not include a face; only planar ones (0) are supported",
+                "its nodes do not say which face of the cube they show; only planar coordinates (0) are supported",
             ));
         }
         other => return Err(bad("mapping", other.to_string(), "must be 0 (planar)")),

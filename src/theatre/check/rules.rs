@@ -136,7 +136,7 @@ pub(super) fn rim(samples: &DomeSamples<'_>) -> Option<Finding> {
     let is_ring = inside_dark == 0 && parts.iter().all(|[dark, lit]| *dark > 2 * *lit);
     (is_ring && samples.lit() < LEAST_COVERAGE).then(|| {
         let what =
-            "the dark part is a ring along the whole rim: is the field of view too small, or the dome a different one?";
+            "the dark part is a ring along the rim: either the fields of view of the projectors are too small, or --dome-fov-deg is that of another dome";
         together("rim", false, what.to_owned())
     })
 }

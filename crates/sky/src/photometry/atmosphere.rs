@@ -129,8 +129,8 @@ impl Air {
     }
 }
 
-/// Share of white at which the mean of a picture of this luminance is displayed, because eyes see dim light as dim:
-/// G. Krawczyk, K. Myszkowski and H.-P. Seidel, "Perceptual effects in real-time tone mapping", SCCG 2005: 0.03 at
+/// Display level of the mean of a picture, as a share of white. It falls with the luminance, because a night must look
+/// dark. Source: G. Krawczyk, K. Myszkowski and H.-P. Seidel, "Perceptual effects in real-time tone mapping", SCCG 2005: 0.03 at
 /// night, 0.1 at 0.4 cd/m^2, 0.65 by day.
 pub fn key_of(mean_cd_m2: f64) -> f64 {
     1.03 - 2.0 / (2.0 + (mean_cd_m2 + 1.0).log10())

@@ -99,8 +99,8 @@ pub struct PixelLight {
     pub near_cd_m2: f64,
     /// Number of these stars.
     pub near_stars: u32,
-    /// Mean luminance of the surrounding faint sources whose scattered light is not resolved: the light that they
-    /// scatter within a pixel or two of themselves, spread over degrees, cd/m^2.
+    /// Glare of the faint sources around the pixel, cd/m^2. Each source scatters most of it within two pixels of itself.
+    /// Here it is the mean over degrees.
     pub unresolved_cd_m2: f64,
     /// Whether a nearby star is so close to a threshold that f32 may draw it with another kernel, or not at all.
     pub undecided: bool,

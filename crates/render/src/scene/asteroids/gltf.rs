@@ -151,7 +151,7 @@ fn levels_of(path: &Path) -> Result<Vec<Solid>, MeshProblem> {
     let named = reader.levels.keys().filter(|level| level.is_some()).count();
     if named > 0 && (named < reader.levels.len() || !reader.levels.contains_key(&Some(named - 1))) {
         let found = reader.levels.keys().map(|level| level.map_or("none".to_owned(), |level| format!("_LOD{level}")));
-        let reason = format!("levels in the names are {}", found.collect::<Vec<_>>().join(", "));
+        let reason = format!("the names of the meshes have the levels {}", found.collect::<Vec<_>>().join(", "));
         return Err(MeshProblem::Levels { reason });
     }
     if named > MOST_LEVELS {
