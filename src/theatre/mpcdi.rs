@@ -65,7 +65,10 @@ impl Reader<'_> {
     fn described(&mut self, root: &Element, archive: &mut Archive) -> Result<Vec<Region>, Fault> {
         let profile = self.profile(root)?;
         let display = root.needed("display")?;
-        let filesets: Vec<Element> = root.child("files")?.iter().flat_map(|files| files.children("fileset")).collect();
+        // Some programs write the sets beside <files> instead of in it.
+        let files = root.child("files")?;
+        let filesets: Vec<Element> = files.iter().chain([root]).flat_map(|parent| parent.children("fileset")).collect();
+        let lenses = lenses(root)?;
         let mut names = Vec::new();
         let mut ids = HashSet::new();
         let mut regions = Vec::new();
@@ -102,7 +105,16 @@ impl Reader<'_> {
                             return Err(Fault::new(place, "it occurs twice", "every region must have only one set"));
                         }
                     };
-                    regions.push(self.region(profile, name.clone(), size_px, &region, fileset.as_ref(), archive)?);
+                    let lens = lenses.iter().find(|(buffer, region, _)| *buffer == buffer_id && *region == id);
+                    let read = self.region(
+                        profile,
+                        name.clone(),
+                        (size_px, lens.map(|(_, _, lens)| lens)),
+                        &region,
+                        fileset.as_ref(),
+                        archive,
+                    )?;
+                    regions.push(read);
                 }
                 names.push(name);
             }
@@ -204,12 +216,12 @@ impl Reader<'_> {
         &mut self,
         profile: Profile,
         name: String,
-        size_px: [u32; 2],
+        (size_px, lens): ([u32; 2], Option<&Element>),
         region: &Element,
         fileset: Option<&Element>,
         archive: &mut Archive,
     ) -> Result<Region, Fault> {
-        let child = |name: &str| fileset.map_or(Ok(None), |fileset| fileset.child(name));
+        let child = |name: &str| fileset.map_or(Ok(None), |fileset| named_file(fileset, name));
         if let Some(distortion) = child("distortionMap")? {
             return Err(Fault::refused(distortion.place, "a second map on top of the warp map is not supported"));
         }
@@ -220,6 +232,13 @@ impl Reader<'_> {
                 let problem = "<geometryWarpFile> is missing";
                 let allowed = "profiles a3 and sl must have their points there, or the region a frustum";
                 return Err(Fault::new(fileset.map_or(&region.place, |set| &set.place), problem, allowed));
+            }
+            (Profile::Frustum(_), _) | (_, None) if lens.is_some() => {
+                let place = lens.map_or_else(|| region.place.clone(), |lens| lens.place.clone());
+                return Err(Fault::refused(
+                    place,
+                    "the extension gives the lens of the projector by coefficients whose unit differs between programs, and the region has no points of the screen; export a warp map of the profile a3 or sl",
+                ));
             }
             (_, None) => {
                 self.note(format!("region {name}: no warp map, so the raster is the picture of its frustum"));
@@ -457,7 +476,7 @@ impl Reader<'_> {
     }
 
     fn mask(&mut self, kind: &str, fileset: &Element, archive: &mut Archive) -> Result<Option<Mask>, Fault> {
-        let Some(element) = fileset.child(kind)? else { return Ok(None) };
+        let Some(element) = named_file(fileset, kind)? else { return Ok(None) };
         let gamma = match element.child_text("gammaEmbedded")? {
             Some(_) => element.number("gammaEmbedded")?,
             None => {
@@ -492,7 +511,7 @@ impl Reader<'_> {
         let mut found = None;
         // The table that corrects the projector's colours takes precedence over those that change the encoding.
         for kind in ["correctLUT", "colorCorrectLUT", "encodeLUT", "decodeLUT"] {
-            let Some(element) = fileset.child(kind)? else { continue };
+            let Some(element) = named_file(fileset, kind)? else { continue };
             if found.is_some() {
                 self.note(format!("region {name}: {kind} is not applied because there is another table"));
                 continue;
@@ -505,6 +524,31 @@ impl Reader<'_> {
         }
         Ok(found)
     }
+}
+
+/// A child of a set of files, unless it names no file: some programs write every element, with an empty path if there is
+/// no file.
+fn named_file<'a, 'input>(fileset: &Element<'a, 'input>, name: &str) -> Result<Option<Element<'a, 'input>>, Fault> {
+    let Some(element) = fileset.child(name)? else { return Ok(None) };
+    Ok(if element.child_text("path")? == Some("") { None } else { Some(element) })
+}
+
+/// Buffer, region and element of each lens of the extension `BufferExtension` that is not planar with square pixels.
+fn lenses<'a, 'input>(root: &Element<'a, 'input>) -> Result<Vec<(&'a str, &'a str, Element<'a, 'input>)>, Fault> {
+    let mut found = Vec::new();
+    for set in root.children("extensionSet") {
+        let named = |extension: &Element| extension.attribute("name") == Some("BufferExtension");
+        for buffer in set.children("extension").filter(named).flat_map(|extension| extension.children("buffer")) {
+            for region in buffer.children("region") {
+                for kind in ["fisheye", "anamorphic"] {
+                    if let Some(lens) = region.child(kind)? {
+                        found.push((buffer.needed_attribute("id")?, region.needed_attribute("id")?, lens));
+                    }
+                }
+            }
+        }
+    }
+    Ok(found)
 }
 
 /// Whether a sample has zeros instead of a position.

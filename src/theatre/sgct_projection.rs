@@ -49,9 +49,15 @@ impl Reader<'_> {
                 format!("{}: a spherical mirror", field.place),
                 "its meshes refer to four pictures whose directions the file does not contain; export one mesh of a fisheye (Paul Bourke's .data)",
             )),
-            "cubemap" | "cylindrical" | "equirectangular" => Err(Fault::refused(
+            "cubemap" | "equirectangular" => Err(Fault::refused(
                 format!("{}: the projection `{name}`", field.place),
-                format!("it shows all directions and is not a projector; {known}"),
+                format!(
+                    "it shows all directions and needs no calibration: write a view of the type `{name}`; a projector {known}"
+                ),
+            )),
+            "cylindrical" => Err(Fault::refused(
+                format!("{}: the projection `cylindrical`", field.place),
+                format!("it shows all azimuths, and no view has this projection; a projector {known}"),
             )),
             other => Err(Fault::new(&kind.place, format!("`{}`", other.escape_debug()), known)),
         }

@@ -276,8 +276,25 @@ fn names_in_archives_may_differ_in_separators_capitals_and_folders() {
     let found = read_files(&[("set", &set("mpcdi.xml", "p1.pfm", "p1.pfm", true))], &ReadOptions::default()).unwrap();
     assert_eq!(found.regions[0].grid.samples.iter().filter(|sample| sample.is_none()).count(), 4);
     // A frustum alone.
-    let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
-    zip.start_file("mpcdi.xml", zip::write::SimpleFileOptions::default()).unwrap();
-    zip.write_all(format!("{head}</MPCDI>").as_bytes()).unwrap();
-    assert_planar(&one(&[("set", &zip.finish().unwrap().into_inner())]), 30.0, 20.0);
+    let described = |rest: &str| {
+        let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+        zip.start_file("mpcdi.xml", zip::write::SimpleFileOptions::default()).unwrap();
+        zip.write_all(format!("{head}{rest}</MPCDI>").as_bytes()).unwrap();
+        zip.finish().unwrap().into_inner()
+    };
+    assert_planar(&one(&[("set", &described(""))]), 30.0, 20.0);
+    // The same with elements that name no file, in sets beside <files>.
+    let empty = r#"<files></files><fileset region="r"><geometryWarpFile><path></path></geometryWarpFile><alphaMap>
+        <gammaEmbedded>1.0</gammaEmbedded><path></path></alphaMap><distortionMap><path></path></distortionMap></fileset>"#;
+    assert_planar(&one(&[("set", &described(empty))]), 30.0, 20.0);
+    // A lens that is not planar: no frustum describes it.
+    let lens = |region: &str| {
+        described(&format!(
+            r#"<extensionSet><extension Name="BufferExtension"><buffer id="b"><region id="{region}"><fisheye>
+            <f1>75</f1></fisheye></region></buffer></extension></extensionSet>"#
+        ))
+    };
+    let error = read_files(&[("set", &lens("r"))], &sized()).unwrap_err().to_string();
+    assert!(error.contains("<fisheye>") && error.contains("a3 or sl"), "{error}");
+    assert_planar(&one(&[("set", &lens("other"))]), 30.0, 20.0);
 }
