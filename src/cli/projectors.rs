@@ -38,7 +38,7 @@ enum ProjectorsCommand {
     steradian projectors import dome.mpcdi --out dome.toml\n  \
     steradian projectors import left.data right.data --size 1920x1200 --blend computed --out dome.toml\n\n\
     The views refer to the files in their present place, and every key is written out. Comments list which values the files leave open\n\
-    and which were assumed. Warps that fold are refused.")]
+    and which were assumed. Warps that fold are refused. `test_pattern = true` of a view draws a pattern for aligning its projector.")]
 struct ImportArguments {
     /// MPCDI, SGCT JSON, meshes, or directions as PFM or OpenEXR; recognised by content.
     #[arg(required = true, value_name = "FILE")]

@@ -18,6 +18,8 @@ use super::CliError;
     steradian film --config configs/dome.toml --path paths/flight.toml --frames 0..240 --out film --shutter 0.5 --sub-frames 16\n  \
     steradian film --config configs/perspective.toml --path path.toml --frames 0..=239 --out film --video film.mp4\n  \
     steradian film record --address 127.0.0.1:7143 --out path.toml --seconds 60\n\n\
+    A path is TOML: `fps`, and [[keyframes]] with `frame` and any of position_m, orientation or look, time, fov_y_deg or fov_scale,\n\
+    ev100 or compensation_ev, magnitude_limit, velocity_c and easing.\n\n\
     Writes <view>_00001.png (or .exr; with several images <view>.<part>_00001.png) and film.json. Existing frames are not\n\
     drawn again. A frame depends only on its number: shards on several machines with the same adapter make one film."
 )]
