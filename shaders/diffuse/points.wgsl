@@ -39,11 +39,15 @@ fn place_diffuse(@builtin(global_invocation_id) place: vec3<u32>) {
     let direction = picture_direction(arriving);
     let light = passed * diffuse_luminance(parameters.light, arriving, direction);
     var is_rough = parameters.air.present != 0u && dot(towards, parameters.air.zenith) < LEAST_SINE;
-    // The roughness of a block also covers its surroundings, up to the extent of a cell from its corner.
+    // The roughness of a block also covers its surroundings, up to the extent of a cell from its corner. The zodiacal
+    // light is smooth everywhere.
     let map = parameters.light.map;
-    let texel = vec2<u32>(max(0.5 * f32(map.side) + direction.offset * map.texels_per_rad, vec2(0.0)));
-    let blocks = (map.side + ROUGHNESS_BLOCK - 1u) / ROUGHNESS_BLOCK;
-    let block = min(texel / ROUGHNESS_BLOCK, vec2(blocks - 1u));
-    is_rough = is_rough || !(roughness[(direction.number * blocks + block.y) * blocks + block.x] <= parameters.most_rough);
+    if map.side > 0u {
+        let texel = vec2<u32>(max(0.5 * f32(map.side) + direction.offset * map.texels_per_rad, vec2(0.0)));
+        let blocks = (map.side + ROUGHNESS_BLOCK - 1u) / ROUGHNESS_BLOCK;
+        let block = min(texel / ROUGHNESS_BLOCK, vec2(blocks - 1u));
+        let of_block = roughness[(direction.number * blocks + block.y) * blocks + block.x];
+        is_rough = is_rough || !(of_block <= parameters.most_rough);
+    }
     grid_points[grid.first + place.y * grid.columns + place.x] = vec4(light, select(0.0, 1.0, is_rough));
 }

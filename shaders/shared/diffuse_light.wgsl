@@ -23,10 +23,24 @@ fn diffuse_luminance(light: DiffuseLight, seen: vec3<f32>, at_rest: PictureDirec
         // A black body stays a black body; its temperature is multiplied by the Doppler factor 1 / behind.
         shifted = (exp(DIFFUSE_EXPONENTS) - 1.0) / (exp(min(DIFFUSE_EXPONENTS * behind, vec3(87.0))) - 1.0);
     }
-    let place = sky_place(light.map, direction);
-    let start = place.first;
+    var sum = vec3(0.0);
+    if light.map.side > 0u {
+        sum = shifted * map_luminance(light.map, 0u, direction);
+    }
+    // The zodiacal light is that seen from the Earth, so it is neither aberrated nor shifted.
+    if light.zodiacal.side > 0u {
+        let towards = vec3(dot(light.zodiacal_x, seen), dot(light.zodiacal_y, seen), dot(light.zodiacal_z, seen));
+        sum += map_luminance(light.zodiacal, light.first_zodiacal, picture_direction(towards));
+    }
+    return sum;
+}
+
+// Luminance of a map in a direction, interpolated between four texels. `first`: index of its first texel.
+fn map_luminance(map: SkyMap, first: u32, direction: PictureDirection) -> vec3<f32> {
+    let place = sky_place(map, direction);
+    let start = first + place.first;
     let upper = mix(light_of_texel(diffuse_texels[start]), light_of_texel(diffuse_texels[start + 1u]), place.share.x);
-    let below = start + light.map.side;
+    let below = start + map.side;
     let lower = mix(light_of_texel(diffuse_texels[below]), light_of_texel(diffuse_texels[below + 1u]), place.share.x);
-    return light.map.unit_cd_m2 * shifted * mix(upper, lower, place.share.y);
+    return map.unit_cd_m2 * mix(upper, lower, place.share.y);
 }

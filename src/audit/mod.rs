@@ -259,6 +259,7 @@ impl Expected {
                 stars: &audited.scene.stars,
                 eye_m: position_m,
                 velocity_c,
+                zodiacal: self.plan.diffuse.as_ref().and_then(|diffuse| diffuse.zodiacal.as_ref()),
                 faintest_lx: self.plan.stars.faintest_lx,
                 glare: glare.map(|kernel| SampledGlare {
                     kernel,

@@ -503,6 +503,7 @@ impl Config {
             surroundings,
             local_sky: None,
             earth_m: None,
+            zodiacal_light: self.scene.zodiacal_light,
             overlay,
         };
         Ok(objects.placed())

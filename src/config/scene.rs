@@ -43,6 +43,8 @@ pub struct SceneConfig {
     /// Whether the Sun, the Moon, the planets and their largest moons are among the bodies, at their places at the scene's time; by default if there is an observer. Bodies of the same name, preset or
     /// ephemeris replace them.
     pub solar_system: Option<bool>,
+    /// Whether the zodiacal light and the gegenschein are drawn, as seen from the Earth. They require an observer and the Solar System.
+    pub zodiacal_light: bool,
     /// Initial camera pose and velocity.
     pub camera: CameraConfig,
 }
@@ -56,6 +58,7 @@ impl Default for SceneConfig {
             observer: None,
             kernels: Vec::new(),
             solar_system: None,
+            zodiacal_light: false,
             camera: CameraConfig::default(),
         }
     }
@@ -261,6 +264,10 @@ impl SceneConfig {
             let problem = "scene.observer is given too, which places and directs the camera: give only one of them";
             return Err(Fault::new("camera", problem));
         }
+        if self.zodiacal_light && !self.has_zodiacal_light() {
+            let problem = "has no effect: the zodiacal light is that seen from the Earth, and requires scene.observer and the Solar System";
+            return Err(Fault::new("zodiacal_light", problem));
+        }
         Ok(())
     }
 
@@ -281,6 +288,11 @@ impl SceneConfig {
     /// The observer on the Earth, if there is one.
     pub(super) fn observer(&self) -> Option<Observer> {
         self.observer.as_ref().map(|observer| Observer::new(observer.place(), observer.clock(), self.time_s()))
+    }
+
+    /// Whether the zodiacal light is drawn.
+    pub(super) fn has_zodiacal_light(&self) -> bool {
+        self.zodiacal_light && self.observer.is_some() && self.has_solar_system()
     }
 
     /// Whether the bodies of the Solar System are part of the scene.

@@ -1,4 +1,4 @@
-//! Unresolved starlight: pixels compared with the f64 reference, at rest, at relativistic speeds, through air, behind a
+//! Unresolved starlight and zodiacal light: pixels compared with the f64 reference, at rest, at relativistic speeds, through air, behind a
 //! body, and with glare.
 
 use std::{f64::consts::PI, sync::Arc};
@@ -12,9 +12,12 @@ use steradian::{
         galaxy::{GalaxyParameters, generate},
     },
     observer::{Clock, Observer, Place, RefractingAir},
-    photometry::atmosphere::{Air, glow_of},
+    photometry::{
+        atmosphere::{Air, glow_of},
+        zodiacal_light::ZodiacalLight,
+    },
     plan::settings::{AccuracySettings, ExposureSettings, GlareMethod, GlareSettings, RenderSettings, StarMethod},
-    reference::diffuse::luminance_cd_m2,
+    reference::diffuse::{luminance_cd_m2, zodiacal_cd_m2},
     scene::{
         Camera, SceneObjects, SceneSnapshot,
         bodies::{Body, SolarBody},
@@ -187,6 +190,57 @@ fn light_is_interpolated_between_points_within_the_budget() {
             println!("    with a budget of 8 codes {share:.1e}, at most {most}");
             assert!(share > 3e-4 && most >= 3, "{name} {view}: {share} {most}");
         }
+    }
+}
+
+#[test]
+fn the_zodiacal_light_is_added_in_space_and_behind_air() {
+    let sky = band();
+    // By night.
+    let time_s = 8.2e8 - 14_400.0;
+    let observer =
+        Observer::new(Place { latitude_rad: 0.8, longitude_rad: 0.2, height_m: 500.0 }, Clock::default(), time_s);
+    let mut sun = Body::preset(SolarBody::Sun, "sun", DVec3::ZERO);
+    sun.ephemeris = Some(SolarBody::Sun.into());
+    let air = Air::new(0.3, 500.0, glow_of(99.0, [1.0; 3]));
+    let air = Surroundings { air: Some(air), refraction: Some(RefractingAir::at_height(0.0)), ground: None };
+    let position_m = observer.epoch.position_m;
+    let camera = Camera { position_m, world_from_camera: observer.icrs_from_horizon(time_s), ..Camera::default() };
+    for (surroundings, with_stars) in [(None, true), (None, false), (Some(Arc::new(air)), true)] {
+        let objects = SceneObjects {
+            bodies: vec![Arc::new(sun.clone())],
+            time_s,
+            observer: Some(observer),
+            surroundings,
+            zodiacal_light: true,
+            ..Default::default()
+        };
+        let mut scene = SceneSnapshot { objects: Arc::new(objects.placed()), ..scene(camera) };
+        if !with_stars {
+            scene.stars = Arc::new((*scene.stars).clone().with_unresolved(None));
+        }
+        let seen = scene.objects.seen_from(position_m);
+        let (light, local) = (seen.zodiacal_light().unwrap(), seen.local_sky.as_deref());
+        let to_sun = (seen.bodies[0].position_m - position_m).normalize();
+        // Not near the Sun, whose own light and sky would be compared too.
+        let wanted = |towards: DVec3| {
+            towards.angle_between(to_sun) > 0.3
+                && local.is_none_or(|local| (local.horizon_from_world * towards).y > 0.05)
+        };
+        let of_air = |towards: DVec3| local.map_or([0.0; 3], |local| local.luminance_cd_m2(towards));
+        let expected = |light: &ZodiacalLight, towards: DVec3| {
+            let stars = if with_stars { luminance_cd_m2(&sky, towards, DVec3::ZERO, local) } else { [0.0; 3] };
+            let (dust, air) = (zodiacal_cd_m2(light, towards, local), of_air(towards));
+            [0, 1, 2].map(|c| stars[c] + dust[c] + air[c])
+        };
+        let settings = settings(StarMethod::Auto);
+        let (worst, compared) = worst_of(&scene, &settings, &|towards| expected(&light, towards), &wanted);
+        println!("air {}, stars {with_stars}: {compared} pixels, worst {worst:.1e}", local.is_some());
+        assert!(worst < 1e-3 && compared > 5_000, "{worst} {compared}");
+        // A Sun one degree away fails the comparison.
+        let wrong = ZodiacalLight::new(DQuat::from_rotation_z(0.02) * to_sun, local.is_some());
+        let off = worst_of(&scene, &settings, &|towards| expected(&wrong, towards), &wanted).0;
+        assert!(off > 4.0 * worst, "{off} {worst}");
     }
 }
 

@@ -312,6 +312,7 @@ impl Objects {
             surroundings,
             local_sky: None,
             earth_m: None,
+            zodiacal_light: self.drawn.zodiacal_light,
             overlay: Arc::clone(&self.drawn.overlay),
         }
         .placed();

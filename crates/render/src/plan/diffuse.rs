@@ -1,4 +1,5 @@
-//! Diffuse light from the whole sky, such as the Milky Way: light that does not belong to single stars.
+//! Diffuse light from the whole sky, such as the Milky Way and the zodiacal light: light that does not belong to single
+//! stars.
 
 use std::sync::Arc;
 
@@ -8,13 +9,15 @@ use super::{
     kept::Kept,
     technique::{PlanInputs, Step, Technique},
 };
-use crate::catalogue::diffuse::DiffuseSky;
+use crate::{catalogue::diffuse::DiffuseSky, photometry::zodiacal_light::ZodiacalLight};
 
 /// Diffuse light of a frame.
 #[derive(Clone)]
 pub struct DiffusePlan {
-    /// The light.
-    pub sky: Arc<DiffuseSky>,
+    /// Light from beyond the Solar System; `None`: there is none.
+    pub sky: Option<Arc<DiffuseSky>>,
+    /// Zodiacal light; `None`: it is not drawn.
+    pub zodiacal: Option<ZodiacalLight>,
     /// Greatest error of light that is interpolated between grid points, cd/m^2; `None`: every pixel reads the light individually.
     pub step_cd_m2: Option<f64>,
 }
@@ -38,13 +41,9 @@ impl Technique for Diffuse {
                     .display
                     .step_cd_m2
                     .filter(|_| plan.views.motion.is_none() && are_smooth(&plan.views.viewports));
-                plan.diffuse = inputs
-                    .scene
-                    .stars
-                    .unresolved
-                    .clone()
-                    .filter(|_| is_drawn)
-                    .map(|sky| DiffusePlan { sky, step_cd_m2 });
+                let (sky, zodiacal) = (inputs.scene.stars.unresolved.clone(), inputs.objects.zodiacal_light());
+                let is_dark = sky.is_none() && zodiacal.is_none();
+                plan.diffuse = (is_drawn && !is_dark).then_some(DiffusePlan { sky, zodiacal, step_cd_m2 });
             }
             Step::Report => {
                 let interpolated = plan.diffuse.as_ref().and_then(|diffuse| diffuse.step_cd_m2);

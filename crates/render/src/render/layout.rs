@@ -94,12 +94,22 @@ gpu_structs! {
     }
     /// Diffuse light: the sky apart from single stars.
     struct DiffuseLight {
-        /// Layout of its texels.
+        /// Layout of the texels of light from beyond the Solar System; side 0: there is none.
         map: SkyMap,
         /// Unit vector of the observer's velocity, world axes.
         velocity: [f32; 3],
         /// Speed over the speed of light.
         beta: f32,
+        /// Layout of the zodiacal light; side 0: it is not drawn.
+        zodiacal: SkyMap,
+        /// Rows of the rotation from world axes to those of the zodiacal light.
+        zodiacal_x: [f32; 3],
+        /// Index of the first texel of the zodiacal light.
+        first_zodiacal: u32,
+        zodiacal_y: [f32; 3],
+        unused_0: u32,
+        zodiacal_z: [f32; 3],
+        unused_1: u32,
     }
     /// Result of the exposure pass.
     struct Exposure {

@@ -13,6 +13,8 @@ use super::{
 use crate::{
     ephemeris::Kernels,
     observer::{Frame, Moment, Observer},
+    photometry::zodiacal_light::ZodiacalLight,
+    solar_system::SolarBody,
 };
 
 /// Objects of a scene; see the module.
@@ -36,6 +38,8 @@ pub struct SceneObjects {
     /// Centre of the Earth on which the observer stands, as drawn, m: it may cast a shadow on the Moon. Set together
     /// with the bodies that have an ephemeris.
     pub earth_m: Option<DVec3>,
+    /// Whether the zodiacal light is drawn. It requires an observer and a Sun that has an ephemeris.
+    pub zodiacal_light: bool,
     /// Overlay drawn over display images.
     pub overlay: Arc<Overlay>,
 }
@@ -71,6 +75,14 @@ impl SceneObjects {
         };
         let bodies = self.bodies.iter().map(through).collect();
         Arc::new(Self { bodies, local_sky: Some(Arc::new(sky)), ..(**self).clone() })
+    }
+
+    /// The zodiacal light at the scene's time, if it is drawn. Air has the part of it that is the same everywhere.
+    pub fn zodiacal_light(&self) -> Option<ZodiacalLight> {
+        let of_sun = |body: &&Arc<Body>| body.ephemeris == Some(SolarBody::Sun.into());
+        let sun = self.bodies.iter().find(of_sun).filter(|_| self.zodiacal_light)?;
+        let has_air = self.local_sky.as_ref().is_some_and(|sky| sky.air.is_some());
+        Some(ZodiacalLight::new((sun.position_m - self.earth_m?).normalize(), has_air))
     }
 
     /// The objects, with the bodies that have an ephemeris moved to their positions at the scene's time.

@@ -93,7 +93,9 @@ impl Exposure {
     /// Estimates an unknown exposure from the stars and objects in view, and from the mean luminance of air and diffuse light.
     fn expected_ev100(inputs: &PlanInputs<'_>, plan: &Plan) -> Option<f64> {
         let air_cd_m2 = inputs.objects.local_sky.as_ref().map_or(0.0, |sky| sky.mean_cd_m2);
-        let diffuse_cd_m2 = inputs.scene.stars.unresolved.as_ref().map_or(0.0, |diffuse| diffuse.mean_cd_m2());
+        let zodiacal = inputs.objects.zodiacal_light().map(|light| light.sky);
+        let diffuse_cd_m2: f64 =
+            inputs.scene.stars.unresolved.iter().chain(&zodiacal).map(|diffuse| diffuse.mean_cd_m2()).sum();
         let total_solid_angle_sr = plan.views.total_solid_angle_sr;
         let air_lx = (air_cd_m2 + diffuse_cd_m2) * total_solid_angle_sr;
         let (visible, bodies) = (&plan.stars.visible, plan.bodies.as_ref());

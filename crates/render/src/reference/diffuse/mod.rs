@@ -1,9 +1,10 @@
-//! Twin of the unresolved light that the resolve pass adds.
+//! Twin of the diffuse light that the resolve pass adds.
 
 use glam::DVec3;
 
 use crate::{
     catalogue::diffuse::{DiffuseSky, EXPONENTS_AT_REST},
+    photometry::zodiacal_light::ZodiacalLight,
     relativity::{aberrated_cos, gamma},
     scene::surroundings::LocalSky,
 };
@@ -27,4 +28,13 @@ pub fn luminance_cd_m2(sky: &DiffuseSky, seen: DVec3, velocity_c: DVec3, local: 
     let luminance = sky.luminance_cd_m2(towards);
     let through = local.map_or([1.0; 3], |local| local.transmission(seen));
     [0, 1, 2].map(|c| luminance[c] * shifted[c] * through[c])
+}
+
+/// Luminance of the zodiacal light in a direction, world axes, linear Rec. 709, cd/m^2; through the local air, if there
+/// is any.
+pub fn zodiacal_cd_m2(light: &ZodiacalLight, seen: DVec3, local: Option<&LocalSky>) -> [f64; 3] {
+    let seen = seen.normalize();
+    let luminance = light.luminance_cd_m2(local.map_or(seen, |local| local.arriving(seen)));
+    let through = local.map_or([1.0; 3], |local| local.transmission(seen));
+    [0, 1, 2].map(|c| luminance[c] * through[c])
 }

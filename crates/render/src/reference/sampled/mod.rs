@@ -28,6 +28,7 @@ use crate::{
             split::{ShownCore, angle_of_chord_squared},
         },
         kernel::{SplatKernel, bright_kernel, gaussian_part},
+        zodiacal_light::ZodiacalLight,
     },
     plan::KernelPlan,
     view::projection::{Projection, pixel_centre},
@@ -54,6 +55,8 @@ pub struct SampledSky<'a> {
     pub eye_m: DVec3,
     /// Its velocity in units of the speed of light, world axes.
     pub velocity_c: DVec3,
+    /// Zodiacal light, if it is drawn.
+    pub zodiacal: Option<&'a ZodiacalLight>,
     /// Fainter stars are not drawn, lx.
     pub faintest_lx: f64,
     /// Glare, if there is any.
@@ -190,12 +193,12 @@ pub fn pixels(sky: &SampledSky<'_>, images: &[SampledImage<'_>]) -> Vec<Vec<Pixe
 /// Unresolved light at the centre of a pixel.
 fn diffuse_at(sky: &SampledSky<'_>, image: &SampledImage<'_>, [x, y]: [u32; 2]) -> [f64; 3] {
     let towards = image.projection.mapping().direction_from_pixel(pixel_centre(x, y));
-    match (&sky.stars.unresolved, towards) {
-        (Some(diffuse), Some(towards)) => {
-            super::diffuse::luminance_cd_m2(diffuse, image.world_from_view * towards, sky.velocity_c, None)
-        }
-        _ => [0.0; 3],
-    }
+    let Some(towards) = towards.map(|towards| image.world_from_view * towards) else { return [0.0; 3] };
+    let of_stars = sky.stars.unresolved.as_ref();
+    let of_stars =
+        of_stars.map_or([0.0; 3], |light| super::diffuse::luminance_cd_m2(light, towards, sky.velocity_c, None));
+    let of_dust = sky.zodiacal.map_or([0.0; 3], |light| super::diffuse::zodiacal_cd_m2(light, towards, None));
+    [0, 1, 2].map(|c| of_stars[c] + of_dust[c])
 }
 
 /// Illuminance below which a source may be too faint to be drawn individually, if its kernel is as wide as the pixels

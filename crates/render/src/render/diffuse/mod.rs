@@ -1,4 +1,4 @@
-//! Diffuse light from the whole sky (`crate::catalogue::diffuse`), such as the Milky Way. Its pictures stay on the
+//! Diffuse light from the whole sky (`crate::catalogue::diffuse`), such as the Milky Way and the zodiacal light. Its pictures stay on the
 //! adapter, and the resolve pass adds the light from each pixel's direction to that of the stars.
 //!
 //! Shader: `shaders/shared/diffuse_light.wgsl`.
@@ -7,6 +7,8 @@ pub(crate) mod layout;
 mod points;
 
 use std::sync::{Arc, Weak};
+
+use glam::DMat3;
 
 use self::points::DiffusePoints;
 use super::{
@@ -20,11 +22,13 @@ use crate::{
     plan::{DiffusePlan, Plan},
 };
 
-/// Pictures on the adapter, and the sky that they show.
+/// Pictures on the adapter, and the skies that they show.
 pub(super) struct Diffuse {
+    /// Texels of the sky beyond the Solar System, then those of the zodiacal light.
     texels: GrowingBuffer,
     roughness: GrowingBuffer,
-    held: Weak<DiffuseSky>,
+    /// Both skies; `None`: nothing was uploaded.
+    held: Option<[Option<Weak<DiffuseSky>>; 2]>,
     points: DiffusePoints,
 }
 
@@ -34,23 +38,47 @@ impl Diffuse {
         Self {
             texels: GrowingBuffer::new("diffuse light", usage),
             roughness: GrowingBuffer::new("roughness of diffuse light", usage),
-            held: Weak::new(),
+            held: None,
             points: DiffusePoints::new(),
         }
     }
+
+    /// Whether the texels are those of these skies.
+    fn holds(&self, skies: &[Option<&Arc<DiffuseSky>>; 2]) -> bool {
+        let same = |held: &Option<Weak<DiffuseSky>>, sky: &Option<&Arc<DiffuseSky>>| match (held, sky) {
+            (None, None) => true,
+            (Some(held), Some(sky)) => held.upgrade().is_some_and(|held| Arc::ptr_eq(&held, sky)),
+            _ => false,
+        };
+        self.held.as_ref().is_some_and(|held| held.iter().zip(skies).all(|(held, sky)| same(held, sky)))
+    }
 }
 
-fn encode(sky: &DiffuseSky, plan: &Plan) -> DiffuseLight {
+/// Layout of a map with an equal share of light for every source.
+fn map_of(sky: &DiffuseSky, plan: &Plan) -> SkyMap {
     let pictures = sky.pictures();
+    SkyMap {
+        unit_cd_m2: (TEXEL_UNIT_CD_M2 * plan.glare.share_of_smooth_light()) as f32,
+        texels_per_rad: (1.0 / pictures.texel_rad()) as f32,
+        side: pictures.side,
+        unused_0: 0,
+    }
+}
+
+fn encode(diffuse: &DiffusePlan, plan: &Plan) -> DiffuseLight {
+    let map = |sky: Option<&DiffuseSky>| sky.map(|sky| map_of(sky, plan)).unwrap_or_default();
+    let zodiacal = diffuse.zodiacal.as_ref();
+    let rows = zodiacal.map_or(DMat3::ZERO, |light| light.sky_from_icrs.transpose());
     DiffuseLight {
-        map: SkyMap {
-            unit_cd_m2: (TEXEL_UNIT_CD_M2 * plan.glare.share_of_smooth_light()) as f32,
-            texels_per_rad: (1.0 / pictures.texel_rad()) as f32,
-            side: pictures.side,
-            unused_0: 0,
-        },
+        map: map(diffuse.sky.as_deref()),
         velocity: plan.views.motion.map_or([0.0; 3], |motion| motion.direction.as_vec3().to_array()),
         beta: plan.views.motion.map_or(0.0, |motion| motion.beta as f32),
+        zodiacal: map(zodiacal.map(|light| light.sky.as_ref())),
+        zodiacal_x: rows.x_axis.as_vec3().to_array(),
+        first_zodiacal: diffuse.sky.as_ref().map_or(0, |sky| sky.texels().len() as u32),
+        zodiacal_y: rows.y_axis.as_vec3().to_array(),
+        zodiacal_z: rows.z_axis.as_vec3().to_array(),
+        ..Default::default()
     }
 }
 
@@ -62,26 +90,29 @@ impl Technique for Diffuse {
     }
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
-        let Some(DiffusePlan { sky, .. }) = &frame.plan.diffuse else { return };
-        if !self.held.upgrade().is_some_and(|held| Arc::ptr_eq(&held, sky)) {
-            self.texels.upload(gpu, sky.texels());
-            self.roughness.upload(gpu, sky.roughness_cd_m2());
-            self.held = Arc::downgrade(sky);
+        let Some(diffuse) = &frame.plan.diffuse else { return };
+        let skies = [diffuse.sky.as_ref(), diffuse.zodiacal.as_ref().map(|light| &light.sky)];
+        if !self.holds(&skies) {
+            let texels: Vec<u32> = skies.iter().flatten().flat_map(|sky| sky.texels()).copied().collect();
+            self.texels.upload(gpu, &texels);
+            self.roughness.upload(gpu, diffuse.sky.as_ref().map_or(&[0.0][..], |sky| sky.roughness_cd_m2()));
+            self.held = Some(skies.map(|sky| sky.map(Arc::downgrade)));
         }
         if let Some(texels) = self.texels.held() {
             targets.diffuse =
-                Some(DiffuseTexels { light: encode(sky, frame.plan), texels: texels.clone(), smooth: None });
+                Some(DiffuseTexels { light: encode(diffuse, frame.plan), texels: texels.clone(), smooth: None });
         }
     }
 
     fn record(&mut self, phase: Phase, recording: &mut Recording<'_>) {
         let plan = recording.frame.plan;
-        let (Phase::Splat(0), Some(DiffusePlan { sky, step_cd_m2: Some(step_cd_m2) })) = (phase, &plan.diffuse) else {
+        let (Phase::Splat(0), Some(DiffusePlan { sky, step_cd_m2: Some(step_cd_m2), .. })) = (phase, &plan.diffuse)
+        else {
             return;
         };
         let (Some(texels), Some(roughness)) = (self.texels.held(), self.roughness.held()) else { return };
         let Some(light) = recording.targets.diffuse.as_ref().map(|diffuse| diffuse.light) else { return };
-        let smooth = self.points.record(recording, (sky, light, *step_cd_m2), [texels, roughness]);
+        let smooth = self.points.record(recording, (sky.as_deref(), light, *step_cd_m2), [texels, roughness]);
         if let Some(diffuse) = &mut recording.targets.diffuse {
             diffuse.smooth = Some(smooth);
         }
@@ -91,6 +122,6 @@ impl Technique for Diffuse {
         self.texels.release();
         self.roughness.release();
         self.points.release();
-        self.held = Weak::new();
+        self.held = None;
     }
 }

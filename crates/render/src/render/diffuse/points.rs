@@ -49,12 +49,13 @@ impl DiffusePoints {
     pub(super) fn record(
         &mut self,
         recording: &mut Recording<'_>,
-        (sky, light, step_cd_m2): (&DiffuseSky, DiffuseLight, f64),
+        (sky, light, step_cd_m2): (Option<&DiffuseSky>, DiffuseLight, f64),
         [texels, roughness]: [&wgpu::Buffer; 2],
     ) -> SmoothGrid {
         let gpu = recording.gpu;
         let plan: &Plan = recording.frame.plan;
-        let roughness_spacing_rad = 2.0 * f64::from(ROUGHNESS_TEXELS) * sky.pictures().texel_rad();
+        let roughness_spacing_rad =
+            sky.map_or(MOST_RAD, |sky| 2.0 * f64::from(ROUGHNESS_TEXELS) * sky.pictures().texel_rad());
         let most_rad = MOST_RAD.min(roughness_spacing_rad);
         let spacing = GridSpacing { most_rad, most_px: MOST_PX };
         let (grids, count) = point_grids(&plan.views.viewports, spacing);
