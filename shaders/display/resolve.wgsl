@@ -95,7 +95,7 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     }
     // A map side of 0 means no diffuse light. This is a run-time value because shaders are created before the stars are
     // loaded.
-    let has_diffuse = parameters.diffuse.map.side > 0u;
+    let has_diffuse = parameters.diffuse.map.side > 0u || parameters.diffuse.zodiacal.side > 0u;
     let reads_points = parameters.diffuse_is_smooth != 0u;
     var diffuse_grid = PointGrid(0u, 0u, 0u, 1u);
     if reads_points {
