@@ -10,12 +10,10 @@ use steradian::{
     catalogue::{
         diffuse::DiffuseSky,
         galaxy::{GalaxyParameters, generate},
-    },
-    observer::{Clock, Observer, Place, RefractingAir},
-    photometry::{
-        atmosphere::{Air, glow_of},
         zodiacal_light::ZodiacalLight,
     },
+    observer::{Clock, Observer, Place, RefractingAir},
+    photometry::atmosphere::{Air, glow_of},
     plan::settings::{AccuracySettings, ExposureSettings, GlareMethod, GlareSettings, RenderSettings, StarMethod},
     reference::diffuse::{luminance_cd_m2, zodiacal_cd_m2},
     scene::{

@@ -9,7 +9,7 @@ use super::{
     kept::Kept,
     technique::{PlanInputs, Step, Technique},
 };
-use crate::{catalogue::diffuse::DiffuseSky, photometry::zodiacal_light::ZodiacalLight};
+use crate::catalogue::{diffuse::DiffuseSky, zodiacal_light::ZodiacalLight};
 
 /// Diffuse light of a frame.
 #[derive(Clone)]

@@ -11,9 +11,9 @@ use super::{
     surroundings::{LocalSky, Surroundings},
 };
 use crate::{
+    catalogue::zodiacal_light::ZodiacalLight,
     ephemeris::Kernels,
     observer::{Frame, Moment, Observer},
-    photometry::zodiacal_light::ZodiacalLight,
     solar_system::SolarBody,
 };
 

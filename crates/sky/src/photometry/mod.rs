@@ -30,4 +30,3 @@ pub mod rings;
 pub mod sky_light;
 pub mod star_image;
 pub mod tone_map;
-pub mod zodiacal_light;

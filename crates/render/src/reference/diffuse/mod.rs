@@ -3,8 +3,10 @@
 use glam::DVec3;
 
 use crate::{
-    catalogue::diffuse::{DiffuseSky, EXPONENTS_AT_REST},
-    photometry::zodiacal_light::ZodiacalLight,
+    catalogue::{
+        diffuse::{DiffuseSky, EXPONENTS_AT_REST},
+        zodiacal_light::ZodiacalLight,
+    },
     relativity::{aberrated_cos, gamma},
     scene::surroundings::LocalSky,
 };

@@ -20,6 +20,7 @@ use crate::{
     catalogue::{
         chunks::{Chunk, StarSet},
         packed::{TEMPERATURE_STEPS, temperature_of_step_k},
+        zodiacal_light::ZodiacalLight,
     },
     photometry::{
         blackbody::rec709_in_gamut,
@@ -28,7 +29,6 @@ use crate::{
             split::{ShownCore, angle_of_chord_squared},
         },
         kernel::{SplatKernel, bright_kernel, gaussian_part},
-        zodiacal_light::ZodiacalLight,
     },
     plan::KernelPlan,
     view::projection::{Projection, pixel_centre},

@@ -11,11 +11,9 @@ use std::{
 
 use glam::{DMat3, DVec3};
 
-use super::blackbody::rec709_in_gamut;
+use super::{diffuse::DiffuseSky, healpix::s10_cd_m2};
 use crate::{
-    catalogue::{diffuse::DiffuseSky, healpix::s10_cd_m2},
-    coordinates::lon_lat_from_direction,
-    ephemeris::icrs_from_ecliptic,
+    coordinates::lon_lat_from_direction, ephemeris::icrs_from_ecliptic, photometry::blackbody::rec709_in_gamut,
 };
 
 /// Latitudes of the columns, degrees.
