@@ -65,7 +65,7 @@ impl Reader<'_> {
     fn described(&mut self, root: &Element, archive: &mut Archive) -> Result<Vec<Region>, Fault> {
         let profile = self.profile(root)?;
         let display = root.needed("display")?;
-        // Some programs write the sets beside <files> instead of in it.
+        // Some programs write <fileset> next to <files>, not inside it.
         let files = root.child("files")?;
         let filesets: Vec<Element> = files.iter().chain([root]).flat_map(|parent| parent.children("fileset")).collect();
         let lenses = lenses(root)?;
@@ -227,18 +227,18 @@ impl Reader<'_> {
         }
         let warp = child("geometryWarpFile")?;
         let has_frustum = region.child("frustum")?.is_some();
+        let needs_frustum = matches!(profile, Profile::Frustum(_)) || (warp.is_none() && has_frustum);
+        if let Some(lens) = lens.filter(|_| needs_frustum) {
+            return Err(Fault::refused(
+                lens.place.clone(),
+                "the extension gives the lens of the projector by coefficients whose unit differs between programs, and the region has no points of the screen; export a warp map of the profile a3 or sl",
+            ));
+        }
         let (grid, screen) = match (profile, &warp) {
             (Profile::Points(_), None) if !has_frustum => {
                 let problem = "<geometryWarpFile> is missing";
                 let allowed = "profiles a3 and sl must have their points there, or the region a frustum";
                 return Err(Fault::new(fileset.map_or(&region.place, |set| &set.place), problem, allowed));
-            }
-            (Profile::Frustum(_), _) | (_, None) if lens.is_some() => {
-                let place = lens.map_or_else(|| region.place.clone(), |lens| lens.place.clone());
-                return Err(Fault::refused(
-                    place,
-                    "the extension gives the lens of the projector by coefficients whose unit differs between programs, and the region has no points of the screen; export a warp map of the profile a3 or sl",
-                ));
             }
             (_, None) => {
                 self.note(format!("region {name}: no warp map, so the raster is the picture of its frustum"));

@@ -283,7 +283,7 @@ fn names_in_archives_may_differ_in_separators_capitals_and_folders() {
         zip.finish().unwrap().into_inner()
     };
     assert_planar(&one(&[("set", &described(""))]), 30.0, 20.0);
-    // The same with elements that name no file, in sets beside <files>.
+    // A frustum with a <fileset> next to <files>, whose elements have empty paths.
     let empty = r#"<files></files><fileset region="r"><geometryWarpFile><path></path></geometryWarpFile><alphaMap>
         <gammaEmbedded>1.0</gammaEmbedded><path></path></alphaMap><distortionMap><path></path></distortionMap></fileset>"#;
     assert_planar(&one(&[("set", &described(empty))]), 30.0, 20.0);

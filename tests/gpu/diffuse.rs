@@ -1,5 +1,5 @@
-//! Unresolved starlight and zodiacal light: pixels compared with the f64 reference, at rest, at relativistic speeds, through air, behind a
-//! body, and with glare.
+//! Unresolved starlight and zodiacal light: pixels compared with the f64 reference, at rest, at relativistic speeds,
+//! through air, behind a body, and with glare.
 
 use std::{f64::consts::PI, sync::Arc};
 

@@ -165,7 +165,7 @@ mod tests {
             assert!(next <= before * 1.001 && next > 0.9 * before, "{step}: {before} {next}");
             before = next;
         }
-        // The gegenschein: brighter than 40 degrees beside it, and than the way there.
+        // The gegenschein is brighter than the sky 40 degrees from it.
         assert!(brightness_s10(PI, 0.0) > 1.25 * brightness_s10(f64::to_radians(140.0), 0.0));
     }
 

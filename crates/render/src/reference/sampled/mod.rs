@@ -190,7 +190,7 @@ pub fn pixels(sky: &SampledSky<'_>, images: &[SampledImage<'_>]) -> Vec<Vec<Pixe
     images.iter().map(of_image).collect()
 }
 
-/// Unresolved light at the centre of a pixel.
+/// Diffuse light at the centre of a pixel.
 fn diffuse_at(sky: &SampledSky<'_>, image: &SampledImage<'_>, [x, y]: [u32; 2]) -> [f64; 3] {
     let towards = image.projection.mapping().direction_from_pixel(pixel_centre(x, y));
     let Some(towards) = towards.map(|towards| image.world_from_view * towards) else { return [0.0; 3] };
