@@ -264,7 +264,7 @@ impl SceneConfig {
             let problem = "scene.observer is given too, which places and directs the camera: give only one of them";
             return Err(Fault::new("camera", problem));
         }
-        if self.zodiacal_light && !self.has_zodiacal_light() {
+        if self.zodiacal_light && !(self.observer.is_some() && self.has_solar_system()) {
             let problem = "has no effect: the zodiacal light is that seen from the Earth, and requires scene.observer and the Solar System";
             return Err(Fault::new("zodiacal_light", problem));
         }
@@ -288,11 +288,6 @@ impl SceneConfig {
     /// The observer on the Earth, if there is one.
     pub(super) fn observer(&self) -> Option<Observer> {
         self.observer.as_ref().map(|observer| Observer::new(observer.place(), observer.clock(), self.time_s()))
-    }
-
-    /// Whether the zodiacal light is drawn.
-    pub(super) fn has_zodiacal_light(&self) -> bool {
-        self.zodiacal_light && self.observer.is_some() && self.has_solar_system()
     }
 
     /// Whether the bodies of the Solar System are part of the scene.

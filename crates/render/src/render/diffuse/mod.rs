@@ -1,5 +1,5 @@
-//! Diffuse light from the whole sky (`crate::catalogue::diffuse`), such as the Milky Way and the zodiacal light. Its pictures stay on the
-//! adapter, and the resolve pass adds the light from each pixel's direction to that of the stars.
+//! Diffuse light from the whole sky (`crate::catalogue::diffuse`), such as the Milky Way and the zodiacal light. Its
+//! pictures stay on the adapter, and the resolve pass adds the light from each pixel's direction to that of the stars.
 //!
 //! Shader: `shaders/shared/diffuse_light.wgsl`.
 
@@ -27,8 +27,8 @@ pub(super) struct Diffuse {
     /// Texels of the sky beyond the Solar System, then those of the zodiacal light.
     texels: GrowingBuffer,
     roughness: GrowingBuffer,
-    /// Both skies; `None`: nothing was uploaded.
-    held: Option<[Option<Weak<DiffuseSky>>; 2]>,
+    /// The skies of these texels, in their order.
+    held: Vec<Weak<DiffuseSky>>,
     points: DiffusePoints,
 }
 
@@ -38,23 +38,21 @@ impl Diffuse {
         Self {
             texels: GrowingBuffer::new("diffuse light", usage),
             roughness: GrowingBuffer::new("roughness of diffuse light", usage),
-            held: None,
+            held: Vec::new(),
             points: DiffusePoints::new(),
         }
     }
 
     /// Whether the texels are those of these skies.
-    fn holds(&self, skies: &[Option<&Arc<DiffuseSky>>; 2]) -> bool {
-        let same = |held: &Option<Weak<DiffuseSky>>, sky: &Option<&Arc<DiffuseSky>>| match (held, sky) {
-            (None, None) => true,
-            (Some(held), Some(sky)) => held.upgrade().is_some_and(|held| Arc::ptr_eq(&held, sky)),
-            _ => false,
+    fn holds(&self, skies: &[&Arc<DiffuseSky>]) -> bool {
+        let same = |(held, sky): (&Weak<DiffuseSky>, &&Arc<DiffuseSky>)| {
+            held.upgrade().is_some_and(|held| Arc::ptr_eq(&held, sky))
         };
-        self.held.as_ref().is_some_and(|held| held.iter().zip(skies).all(|(held, sky)| same(held, sky)))
+        self.held.len() == skies.len() && self.held.iter().zip(skies).all(same)
     }
 }
 
-/// Layout of a map with an equal share of light for every source.
+/// Layout of a map, without the light that glare takes from it.
 fn map_of(sky: &DiffuseSky, plan: &Plan) -> SkyMap {
     let pictures = sky.pictures();
     SkyMap {
@@ -91,12 +89,13 @@ impl Technique for Diffuse {
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
         let Some(diffuse) = &frame.plan.diffuse else { return };
-        let skies = [diffuse.sky.as_ref(), diffuse.zodiacal.as_ref().map(|light| &light.sky)];
+        let skies: Vec<&Arc<DiffuseSky>> =
+            diffuse.sky.iter().chain(diffuse.zodiacal.as_ref().map(|light| &light.sky)).collect();
         if !self.holds(&skies) {
-            let texels: Vec<u32> = skies.iter().flatten().flat_map(|sky| sky.texels()).copied().collect();
+            let texels: Vec<u32> = skies.iter().flat_map(|sky| sky.texels()).copied().collect();
             self.texels.upload(gpu, &texels);
             self.roughness.upload(gpu, diffuse.sky.as_ref().map_or(&[0.0][..], |sky| sky.roughness_cd_m2()));
-            self.held = Some(skies.map(|sky| sky.map(Arc::downgrade)));
+            self.held = skies.into_iter().map(Arc::downgrade).collect();
         }
         if let Some(texels) = self.texels.held() {
             targets.diffuse =
@@ -122,6 +121,6 @@ impl Technique for Diffuse {
         self.texels.release();
         self.roughness.release();
         self.points.release();
-        self.held = None;
+        self.held.clear();
     }
 }
