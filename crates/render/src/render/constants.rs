@@ -126,8 +126,6 @@ shared_constants! {
         VEIL_SIDE: u32 = 8;
         /// Squares in a row for which one workgroup finds sprites.
         SPRITE_SQUARES: u32 = 8;
-        /// Filter of an impostor atlas.
-        FILTER_SIDE: u32 = 8;
     }
     /// Indices in the buffer of counters.
     mod counters {

@@ -1,14 +1,13 @@
 //! Projected areas of shapes in each direction: they determine the light of an asteroid that is too small to be resolved.
 //!
-//! The outline of a mesh is the area covered by its triangles, regardless of their orientation. They are drawn into a grid of cells, and a
-//! cell counts if its centre is covered. Directions are the nodes of an octahedral map of 16 x 16 steps; opposite directions have the same outline.
+//! Silhouettes are drawn into a grid of cells, and a cell counts if its centre is covered. Directions are the nodes of an octahedral map of 16 x 16 steps; opposite directions have the same outline.
 
 use std::f64::consts::PI;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::scene::asteroids::{Mesh, Shape};
+use crate::scene::asteroids::{Mesh, Shape, silhouette};
 
 /// Nodes along a side of a table.
 pub const AREA_NODES: usize = 17;
@@ -44,28 +43,8 @@ pub fn projected_areas(shape: &Shape) -> Vec<f32> {
 
 /// Area of a mesh's outline in a direction, mean radii squared; `bound` is the radius of a sphere around the mesh.
 fn projected_area(mesh: &Mesh, bound: f64, direction: DVec3) -> f64 {
-    let (right, up) = direction.any_orthonormal_pair();
-    let scale = CELLS as f64 / (2.0 * bound * 1.001);
-    let place = |vertex: u32| {
-        let vertex = DVec3::from_array(mesh.positions[vertex as usize].map(f64::from));
-        DVec2::new(vertex.dot(right), vertex.dot(up)) * scale + CELLS as f64 / 2.0
-    };
-    let mut covered = vec![false; CELLS * CELLS];
-    for &[a, b, c] in &mesh.triangles {
-        let corners = [place(a), place(b), place(c)];
-        let low = corners[0].min(corners[1]).min(corners[2]).max(DVec2::ZERO);
-        let high = corners[0].max(corners[1]).max(corners[2]).min(DVec2::splat(CELLS as f64));
-        let turn = (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]).signum();
-        for row in low.y as usize..(high.y.ceil() as usize).min(CELLS) {
-            for column in low.x as usize..(high.x.ceil() as usize).min(CELLS) {
-                let middle = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
-                let inside =
-                    (0..3).all(|i| (corners[(i + 1) % 3] - corners[i]).perp_dot(middle - corners[i]) * turn >= 0.0);
-                covered[row * CELLS + column] |= inside;
-            }
-        }
-    }
-    covered.iter().filter(|covered| **covered).count() as f64 / (scale * scale)
+    let positions: Vec<DVec3> = mesh.positions.iter().map(|p| DVec3::from_array(p.map(f64::from))).collect();
+    silhouette::area(&positions, &mesh.triangles, 1.001 * bound, direction, CELLS)
 }
 
 #[cfg(test)]

@@ -8,7 +8,6 @@ use std::sync::Arc;
 use super::{
     impostors::{
         atlas::{BakedImpostors, ImpostorAtlas},
-        bake::ImpostorBakePass,
         draw::AsteroidImpostorPass,
     },
     mesh::MeshVertex,
@@ -142,7 +141,7 @@ impl Held {
     pub(super) fn hold_atlases(
         &mut self,
         gpu: &Gpu,
-        (bake, ahead): (&ImpostorBakePass, &BakedImpostors),
+        ahead: &BakedImpostors,
         pass: Option<&AsteroidImpostorPass>,
         (settings, method): (&AsteroidSettings, ImpostorMethod),
     ) -> Result<(), RenderError> {
@@ -160,7 +159,7 @@ impl Held {
             let known = spare.iter().position(|(shapes, _)| Arc::ptr_eq(shapes, &set.shapes));
             let atlas = match known {
                 Some(index) => Some(spare.swap_remove(index).1),
-                None => ImpostorAtlas::new(gpu, bake, ahead, &set.shapes, method, settings).map_err(Box::new)?,
+                None => ImpostorAtlas::new(gpu, ahead, &set.shapes, method, settings).map_err(Box::new)?,
             };
             atlases.extend(atlas);
         }

@@ -252,37 +252,4 @@ gpu_structs! {
         /// Factor on the albedo that the atlas stores as 1.
         albedo_scale: f32,
     }
-    /// Parameters of baking a block of an atlas.
-    struct ImpostorBakeParameters {
-        /// Samples along the side of the block.
-        side: f32,
-        /// Samples per bounding radius.
-        scale: f32,
-        /// Radius of the bounding sphere, mean radii.
-        bound: f32,
-        /// Factor on the albedo that the atlas stores as 1.
-        albedo_scale: f32,
-    }
-    /// A tile of a block.
-    struct ImpostorBakeTile {
-        /// Axes of the tile's picture in the shape's axes: right, up, and the direction to the eye.
-        right: [f32; 3],
-        unused_0: f32,
-        up: [f32; 3],
-        unused_1: f32,
-        direction: [f32; 3],
-        unused_2: f32,
-        /// Centre of the tile on the block, samples from the top left.
-        middle: [f32; 2],
-        unused_3: [f32; 2],
-    }
-    /// Parameters of filtering a block of an atlas.
-    struct ImpostorFilterParameters {
-        /// Texels along the side of the block.
-        side: u32,
-        /// Samples along the side of a texel.
-        samples: u32,
-        unused_0: u32,
-        unused_1: u32,
-    }
 }

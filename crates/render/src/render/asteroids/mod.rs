@@ -27,7 +27,6 @@ use self::{
     held::Held,
     impostors::{
         atlas::BakedImpostors,
-        bake::ImpostorBakePass,
         draw::{AsteroidImpostorPass, AsteroidSource},
         splat::AsteroidSplatPass,
     },
@@ -85,7 +84,6 @@ struct Passes {
     points: OnceLock<AsteroidPointPass>,
     impostors: Variants<ImpostorMethod, Option<AsteroidImpostorPass>>,
     splats: OnceLock<AsteroidSplatPass>,
-    bake: OnceLock<ImpostorBakePass>,
     layout: OnceLock<wgpu::BindGroupLayout>,
 }
 
@@ -97,7 +95,6 @@ impl Passes {
             points: OnceLock::new(),
             impostors: Variants::new(),
             splats: OnceLock::new(),
-            bake: OnceLock::new(),
             layout: OnceLock::new(),
         }
     }
@@ -120,10 +117,6 @@ impl Passes {
 
     fn splats(&self, gpu: &Gpu) -> &AsteroidSplatPass {
         self.splats.get_or_init(|| AsteroidSplatPass::new(gpu))
-    }
-
-    fn bake(&self, gpu: &Gpu) -> &ImpostorBakePass {
-        self.bake.get_or_init(|| ImpostorBakePass::new(gpu))
     }
 
     /// Returns the pass of a method that draws squares; `None` for other methods.
@@ -225,7 +218,7 @@ impl Asteroids {
         let Some(method) = impostors else { return Ok(()) };
         self.impostors = self.passes.impostors(gpu, method);
         if let Some(held) = &mut self.held {
-            held.hold_atlases(gpu, (self.passes.bake(gpu), &self.ahead), self.impostors.as_ref(), (settings, method))?;
+            held.hold_atlases(gpu, &self.ahead, self.impostors.as_ref(), (settings, method))?;
         }
         Ok(())
     }
@@ -388,9 +381,6 @@ impl Technique for Asteroids {
                 ImpostorMethod::OctahedralSplat => PipelineJob::new("impostor splats", move || passes.splats(gpu)),
                 squares => PipelineJob::new("impostors", move || passes.impostors(gpu, squares)),
             });
-            jobs.push(PipelineJob::new("impostor baking", move || {
-                passes.bake(gpu);
-            }));
         }
         jobs
     }

@@ -5,7 +5,7 @@
 //! angles are integers in units of 2^-32 turns, so that multiplying a time by a rate wraps exactly, for any time.
 //!
 //! - `shapes`: the five procedural shapes (`surface`, `sphere`), and the conversion of any mesh to a shape (`solid`,
-//!   `tree`);
+//!   `silhouette`, `tree`);
 //! - `gltf`: shapes from files, with coarser levels from `simplify`;
 //! - `placement`: random instances from a seed; `groups`: the groups and the tree; `packed`: the packed form of an
 //!   instance;
@@ -16,6 +16,7 @@ mod groups;
 pub mod packed;
 mod placement;
 mod shapes;
+pub(crate) mod silhouette;
 mod simplify;
 mod solid;
 mod spec;

@@ -32,6 +32,9 @@ pub const MOST_SHAPES: usize = 256;
 /// Number of parts of a triangle's edge, for the sample points at which distances between meshes are measured.
 const ERROR_STEPS: usize = 4;
 
+/// Number of sample points that one task compares with a surface.
+const POINTS_AT_ONCE: usize = 4096;
+
 /// Relative rounding error allowed for f32; bounds are enlarged by it.
 pub(super) const F32_ROUNDING: f64 = 1e-6;
 
@@ -135,7 +138,10 @@ impl Sampled {
 
     fn distance(&self, other: &Self) -> f64 {
         let one_way = |points: &[DVec3], tree: &MeshTree| {
-            points.par_iter().map(|point| tree.distance(*point)).reduce(|| 0.0, f64::max)
+            let largest = |points: &[DVec3]| {
+                points.iter().fold(0.0, |largest: f64, point| largest.max(tree.distance_beyond(*point, largest)))
+            };
+            points.par_chunks(POINTS_AT_ONCE).map(largest).reduce(|| 0.0, f64::max)
         };
         one_way(&self.points, &other.tree).max(one_way(&other.points, &self.tree))
     }

@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::{Mesh, sphere::fibonacci_point};
+use super::{Mesh, silhouette, sphere::fibonacci_point};
 
 /// Directions from which silhouettes are drawn, on one half of the sphere: opposite directions have the same area.
 const DIRECTIONS: usize = 256;
@@ -136,16 +136,7 @@ impl Solid {
 
     /// Area of the silhouette along a unit direction; `bound` is the radius of a sphere around all vertices.
     fn projected_area(&self, direction: DVec3, bound: f64) -> f64 {
-        let (right, up) = direction.any_orthonormal_pair();
-        let scale = SIDE as f64 / (2.0 * bound);
-        let flat: Vec<[f64; 2]> =
-            self.positions.iter().map(|p| [right, up].map(|axis| (p.dot(axis) + bound) * scale)).collect();
-        let mut covered = vec![false; SIDE * SIDE];
-        for triangle in &self.triangles {
-            let corners = triangle.map(|vertex| flat[vertex as usize]);
-            fill(corners, &mut covered);
-        }
-        covered.iter().filter(|pixel| **pixel).count() as f64 / (scale * scale)
+        silhouette::area(&self.positions, &self.triangles, bound, direction, SIDE)
     }
 
     /// The mesh for the GPU, with normals, and with the albedo factors divided by their mean.
@@ -156,35 +147,6 @@ impl Solid {
             normals: self.vertex_normals().iter().map(|n| n.as_vec3().to_array()).collect(),
             albedos: self.albedos.iter().map(|albedo| (albedo / mean_albedo) as f32).collect(),
             triangles: self.triangles.clone(),
-        }
-    }
-}
-
-/// Marks the pixels whose centres lie in a counter-clockwise triangle. Clockwise triangles are the far side of a closed
-/// body.
-fn fill([a, b, c]: [[f64; 2]; 3], covered: &mut [bool]) {
-    if (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]) <= 0.0 {
-        return;
-    }
-    let low = a[1].min(b[1]).min(c[1]);
-    let high = a[1].max(b[1]).max(c[1]);
-    let first_row = (low - 0.5).ceil().max(0.0) as usize;
-    let rows = ((high - 0.5).floor() + 1.0).clamp(0.0, SIDE as f64) as usize;
-    for row in first_row..rows {
-        let y = row as f64 + 0.5;
-        let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
-        for (from, to) in [(a, b), (b, c), (c, a)] {
-            if (from[1] <= y) != (to[1] <= y) {
-                let x = from[0] + (to[0] - from[0]) * (y - from[1]) / (to[1] - from[1]);
-                (left, right) = (left.min(x), right.max(x));
-            }
-        }
-        if left < right {
-            let from = (left - 0.5).ceil().max(0.0) as usize;
-            let to = ((right - 0.5).floor() + 1.0).clamp(0.0, SIDE as f64) as usize;
-            if from < to {
-                covered[row * SIDE + from..row * SIDE + to].fill(true);
-            }
         }
     }
 }

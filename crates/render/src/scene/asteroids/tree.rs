@@ -114,6 +114,13 @@ impl MeshTree {
 
     /// Distance of a point from the surface; infinite for an empty mesh.
     pub fn distance(&self, point: DVec3) -> f64 {
+        self.distance_beyond(point, 0.0)
+    }
+
+    /// Distance of a point from the surface, or some distance up to `enough` if the surface is that near. The search for
+    /// the largest distance of many points ends early for most of them (Taha and Hanbury 2015, *An efficient algorithm for
+    /// calculating the exact Hausdorff distance*).
+    pub fn distance_beyond(&self, point: DVec3, enough: f64) -> f64 {
         let mut best = f64::INFINITY;
         let mut open = vec![0];
         while let Some(number) = open.pop() {
@@ -130,6 +137,9 @@ impl MeshTree {
             }
             for &triangle in &self.order[branch.first..branch.first + branch.count] {
                 best = best.min((point - nearest(&self.corners[triangle as usize], point)).length_squared());
+            }
+            if best <= enough * enough {
+                break;
             }
         }
         best.sqrt()

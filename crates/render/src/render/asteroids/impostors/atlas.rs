@@ -1,4 +1,4 @@
-//! Atlases of impostors as textures: baked on the adapter, kept on disk, one layer per shape.
+//! Atlases of impostors as textures: baked on the CPU, kept on disk, one layer per shape.
 //!
 //! `octahedral` and `octahedral_blend` read the same atlas; `euler_atlas` has a separate one. Both textures are arrays
 //! with one layer per shape and with mip levels:
@@ -6,7 +6,7 @@
 //! - *surfaces*, `Rgba8Unorm`: albedo divided by [`ImpostorAtlas::albedo_scale`], and depth along the tile's direction
 //!   in units of the shape's bounding radius (0 to 1; 0.5 in the middle, 1 towards the eye).
 //!
-//! Another device on another thread can bake the atlases that a renderer will need in advance ([`BakedImpostors`]).
+//! Another thread can bake the atlases that a renderer will need in advance ([`BakedImpostors`]).
 //!
 //! A cache file holds the finest level of all layers; its name and header identify shapes and settings. Layout,
 //! little-endian: [`Header`], normals of all layers, surfaces of all layers. The CRC-32 covers every byte after itself.
@@ -22,13 +22,15 @@ use std::{
 
 use bytemuck::{Pod, Zeroable};
 
-use super::texels::{Level, finest_level, level_count, levels};
+use rayon::prelude::*;
+
+use super::texels::{Level, level_count, levels};
 use crate::{
     files,
     gpu::{self, Gpu, GpuError},
     plan::asteroids::{AsteroidSettings, ImpostorMethod, areas::projected_areas, bounds::BORDER_PX},
     render::{
-        asteroids::impostors::bake::{AtlasSize, ImpostorBakePass},
+        asteroids::impostors::bake::{self, AtlasSize},
         asteroids::layout,
     },
     scene::asteroids::ShapeSet,
@@ -38,7 +40,7 @@ const _: () = assert!(cfg!(target_endian = "little"), "atlases are little-endian
 
 const MAGIC: [u8; 8] = *b"STERIMPO";
 /// Version of the baked content. Increase it whenever baking changes the texels.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Reason why an atlas cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -99,7 +101,6 @@ impl ImpostorAtlas {
     /// cached. Returns `None` for methods without an atlas. An unusable cache file is logged and replaced.
     pub(crate) fn new(
         gpu: &Gpu,
-        pass: &ImpostorBakePass,
         ahead: &BakedImpostors,
         shapes: &ShapeSet,
         method: ImpostorMethod,
@@ -109,7 +110,7 @@ impl ImpostorAtlas {
         check(gpu, shapes, size)?;
         let layers = match ahead.take(shapes, size) {
             Some(layers) => layers,
-            None => layers_of(gpu, pass, shapes, size, settings)?,
+            None => layers_of(shapes, size, settings),
         };
         let atlas = Self::upload(gpu, shapes, size, layers);
         gpu.take_failure()?;
@@ -232,12 +233,12 @@ impl BakedImpostors {
         ahead.unwrap_or_else(|| shapes.shapes.iter().flat_map(projected_areas).collect())
     }
 
-    /// Prepares on `gpu` the atlases for the first frame with these sets of shapes. Content prepared earlier and not yet
+    /// Prepares the atlases for the first frame with these sets of shapes on an adapter like `gpu`. Content prepared earlier and not yet
     /// taken is dropped.
     ///
     /// # Errors
     ///
-    /// The atlas settings are invalid, or the device failed.
+    /// The atlas settings are invalid for the adapter.
     pub fn bake(
         &self,
         gpu: &Gpu,
@@ -246,12 +247,11 @@ impl BakedImpostors {
     ) -> Result<(), ImpostorAtlasError> {
         *self.baked() = Baked::default();
         let size = settings.drawn_impostors().and_then(|method| AtlasSize::from_method(method, settings));
-        let pass = size.map(|size| (size, ImpostorBakePass::new(gpu)));
         for shapes in sets {
-            if let Some((size, pass)) = &pass {
-                check(gpu, shapes, *size)?;
-                let layers = layers_of(gpu, pass, shapes, *size, settings)?;
-                self.baked().atlases.insert((shapes.digest, *size), layers);
+            if let Some(size) = size {
+                check(gpu, shapes, size)?;
+                let layers = layers_of(shapes, size, settings);
+                self.baked().atlases.insert((shapes.digest, size), layers);
             }
             let areas = shapes.shapes.iter().flat_map(projected_areas).collect();
             self.baked().areas.insert(shapes.digest, areas);
@@ -261,13 +261,7 @@ impl BakedImpostors {
 }
 
 /// Returns all levels of all layers, from the cache, or baked now and cached.
-fn layers_of(
-    gpu: &Gpu,
-    pass: &ImpostorBakePass,
-    shapes: &ShapeSet,
-    size: AtlasSize,
-    settings: &AsteroidSettings,
-) -> Result<Vec<Vec<Level>>, ImpostorAtlasError> {
+fn layers_of(shapes: &ShapeSet, size: AtlasSize, settings: &AsteroidSettings) -> Vec<Vec<Level>> {
     let header = Header::new(shapes, size);
     let path = (!settings.cache.as_os_str().is_empty()).then(|| settings.cache.join(header.file_name(size)));
     let kept = path.as_deref().and_then(|path| match read(path, &header) {
@@ -280,7 +274,7 @@ fn layers_of(
     let finest = match kept {
         Some(finest) => finest,
         None => {
-            let finest = bake(gpu, pass, shapes, size)?;
+            let finest = bake_all(shapes, size);
             if let Some(path) = &path
                 && let Err(problem) = write(path, header, &finest)
             {
@@ -290,18 +284,12 @@ fn layers_of(
         }
     };
     let count = level_count(size.tile_px);
-    Ok(finest.into_iter().map(|finest| levels(finest, size.tiles * size.tile_px, count)).collect())
+    finest.into_par_iter().map(|finest| levels(finest, size.tiles * size.tile_px, count)).collect()
 }
 
-fn bake(
-    gpu: &Gpu,
-    pass: &ImpostorBakePass,
-    shapes: &ShapeSet,
-    size: AtlasSize,
-) -> Result<Vec<Level>, ImpostorAtlasError> {
+fn bake_all(shapes: &ShapeSet, size: AtlasSize) -> Vec<Level> {
     let scale = albedo_scale(shapes);
-    let bake = |shape| Ok(finest_level(&pass.bake(gpu, shape, size, scale)?, size.tiles, size.tile_px));
-    shapes.shapes.iter().map(bake).collect()
+    shapes.shapes.par_iter().map(|shape| bake::bake(shape, size, scale)).collect()
 }
 
 fn write_level(gpu: &Gpu, texture: &wgpu::Texture, bytes: &[u8], side: u32, level: u32, layer: u32) {

@@ -1,32 +1,30 @@
-//! Bakes impostor atlases: the mesh rasteriser draws the finest mesh of a shape onto every tile, and a filter pass
-//! averages the samples of each texel.
+//! Bakes impostor atlases on the CPU, on all cores: the finest mesh of a shape is drawn onto every tile, and every texel
+//! is the mean of its samples.
 //!
-//! Shaders: `shaders/asteroids/impostors/bake*.wgsl`; the f64 twin is `crate::reference::asteroids::impostors`.
+//! The same bits on every adapter, so a cached atlas serves all of them. On a software driver it is faster than its
+//! rasteriser, because nothing but the nearest triangle and its depth is written per sample.
 //!
-//! An atlas is baked in square blocks of tiles, to keep the sample textures small.
+//! No shader: works on the CPU.
+//!
+//! The f64 twin is `crate::reference::asteroids::impostors`.
 
-use crate::render::{constants::workgroups::FILTER_SIDE, shader::Shader};
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::texels::{Level, TEXEL_BYTES, Texel, bleed, write_tile};
 use crate::{
-    gpu::{self, Gpu, GpuError, LayoutOf, ReadbackBuffer},
     plan::asteroids::{
         AsteroidSettings, ImpostorMethod,
         bounds::BORDER_PX,
         tiles::{AtlasLayout, AtlasTile},
     },
-    render::asteroids::layout,
     scene::asteroids::{Mesh, Shape},
 };
 
 /// Samples along the side of a texel.
-const SAMPLES: u32 = 4;
-/// Maximum number of samples along the side of a block.
-const BLOCK_SAMPLES: u32 = 2048;
-
-/// Pipelines of the bake.
-pub(crate) struct ImpostorBakePass {
-    draw: wgpu::RenderPipeline,
-    filter: wgpu::ComputePipeline,
-}
+const SAMPLES: usize = 4;
+/// Number of a triangle at samples that none covers.
+const NO_TRIANGLE: u32 = u32::MAX;
 
 /// Layout and size of an atlas.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -44,268 +42,204 @@ impl AtlasSize {
         let layout = AtlasLayout::for_method(method)?;
         Some(Self { layout, tiles: settings.tiles, tile_px: settings.tile_px })
     }
+
+    /// Texels along a side of the atlas.
+    pub(crate) fn side(self) -> usize {
+        self.tiles as usize * self.tile_px as usize
+    }
 }
 
-/// Sample textures and texel buffer of a block.
-struct Block {
-    /// Tiles along a side.
-    tiles: u32,
-    normals: wgpu::TextureView,
-    surfaces: wgpu::TextureView,
-    depth: wgpu::TextureView,
-    texels: wgpu::Buffer,
-}
-
-/// Mesh buffers on the adapter.
-struct MeshBuffers {
-    vertices: [wgpu::Buffer; 3],
-    indices: wgpu::Buffer,
-    index_count: u32,
-}
-
-impl ImpostorBakePass {
-    pub(crate) fn new(gpu: &Gpu) -> Self {
-        Self {
-            draw: draw_pipeline(gpu),
-            filter: gpu.compute_pipeline(&Shader::new("asteroids/impostors/bake_filter").source()),
+/// Bakes the finest level of a shape's atlas. Albedos are divided by `albedo_scale`.
+pub(super) fn bake(shape: &Shape, size: AtlasSize, albedo_scale: f32) -> Level {
+    let baker = TileBaker::new(shape, size, albedo_scale);
+    let (side, px) = (size.side(), size.tile_px as usize);
+    let mut level = Level::empty(side);
+    let [normal_bytes, surface_bytes] = TEXEL_BYTES.map(|bytes| bytes * side * px);
+    let rows = level.normals.par_chunks_mut(normal_bytes).zip(level.surfaces.par_chunks_mut(surface_bytes));
+    rows.zip(0..size.tiles).for_each_init(Samples::default, |samples, ((normals, surfaces), row)| {
+        for column in 0..size.tiles {
+            let mut texels = baker.texels(samples, AtlasTile { column, row });
+            bleed(&mut texels, px);
+            write_tile(&texels, px, [&mut *normals, &mut *surfaces], side, column as usize);
         }
+    });
+    level
+}
+
+/// Draws the tiles of one shape's atlas.
+pub(super) struct TileBaker<'a> {
+    mesh: &'a Mesh,
+    /// Radius of the bounding sphere, mean radii.
+    bound: f32,
+    size: AtlasSize,
+    albedo_scale: f32,
+}
+
+/// A value that is linear in a picture: `at_origin + slope . place`.
+#[derive(Clone, Copy)]
+struct Plane<T> {
+    at_origin: T,
+    slope: [T; 2],
+}
+
+/// What a triangle shows at its samples.
+struct SeenTriangle {
+    normal: Plane<Vec3>,
+    albedo: Plane<f32>,
+}
+
+/// Samples of one tile, row by row, and the projected mesh; kept from tile to tile.
+#[derive(Default)]
+pub(super) struct Samples {
+    /// Depth towards the eye, bounding radii.
+    depths: Vec<f32>,
+    /// Index into `seen`, or [`NO_TRIANGLE`].
+    triangles: Vec<u32>,
+    seen: Vec<SeenTriangle>,
+    /// Position in samples from the top left, and depth.
+    vertices: Vec<Vec3>,
+}
+
+impl<'a> TileBaker<'a> {
+    pub(super) fn new(shape: &'a Shape, size: AtlasSize, albedo_scale: f32) -> Self {
+        Self { mesh: &shape.lods[0].mesh, bound: shape.bound as f32, size, albedo_scale }
     }
 
-    /// Bakes the atlas of a shape and waits for the device. Returns two words per texel (see
-    /// `shaders/asteroids/impostors/bake_filter.wgsl`), row by row from the top.
-    pub(crate) fn bake(
-        &self,
-        gpu: &Gpu,
-        shape: &Shape,
-        size: AtlasSize,
-        albedo_scale: f32,
-    ) -> Result<Vec<[u32; 2]>, GpuError> {
-        let mesh = MeshBuffers::new(gpu, &shape.lods[0].mesh);
-        let block = Block::new(gpu, size);
-        let side = (size.tiles * size.tile_px) as usize;
-        let mut atlas = vec![[0; 2]; side * side];
-        for row in (0..size.tiles).step_by(block.tiles as usize) {
-            for column in (0..size.tiles).step_by(block.tiles as usize) {
-                let texels = self.bake_block(gpu, &block, &mesh, shape, size, albedo_scale, [column, row])?;
-                // Skip the part of the block beyond the last tile of the atlas.
-                let block_side = (block.tiles * size.tile_px) as usize;
-                let [x, y] = [column, row].map(|tile| (tile * size.tile_px) as usize);
-                let width = block_side.min(side - x);
-                for j in 0..block_side.min(side - y) {
-                    let to = (y + j) * side + x;
-                    atlas[to..to + width].copy_from_slice(&texels[j * block_side..j * block_side + width]);
+    /// Texels of a tile, row by row from the top left. Those without a covered sample are [`Texel::default`].
+    pub(super) fn texels(&self, samples: &mut Samples, tile: AtlasTile) -> Vec<Texel> {
+        let px = self.size.tile_px as usize;
+        let side = px * SAMPLES;
+        self.project(samples, tile, side);
+        self.draw(samples, side);
+        (0..px * px).map(|texel| self.texel(samples, side, [texel % px, texel / px])).collect()
+    }
+
+    /// Projects the vertices along the tile's direction and clears the samples.
+    fn project(&self, samples: &mut Samples, tile: AtlasTile, side: usize) {
+        let axes = self.size.layout.axes(tile, self.size.tiles);
+        let [right, up, direction] = [axes.right, axes.up, axes.direction].map(|axis| axis.as_vec3() / self.bound);
+        // A border of half of `BORDER_PX` texels around the bounding sphere stays empty.
+        let scale = 0.5 * (self.size.tile_px - BORDER_PX) as f32 * SAMPLES as f32;
+        let middle = 0.5 * side as f32;
+        samples.vertices.clear();
+        samples.vertices.extend(self.mesh.positions.iter().map(|position| {
+            let position = Vec3::from_array(*position);
+            Vec3::new(middle + scale * position.dot(right), middle - scale * position.dot(up), position.dot(direction))
+        }));
+        samples.seen.clear();
+        samples.depths.clear();
+        samples.depths.resize(side * side, f32::NEG_INFINITY);
+        samples.triangles.clear();
+        samples.triangles.resize(side * side, NO_TRIANGLE);
+    }
+
+    /// Draws all triangles that face the eye. The mesh is closed, so the others are hidden.
+    fn draw(&self, samples: &mut Samples, side: usize) {
+        for triangle in &self.mesh.triangles {
+            let corners = triangle.map(|vertex| samples.vertices[vertex as usize]);
+            let [a, b, c] = corners.map(Vec3::truncate);
+            // The y axis of a picture points down, so counter-clockwise triangles have a negative area.
+            let doubled_area = (b - a).perp_dot(c - a);
+            if doubled_area >= 0.0 {
+                continue;
+            }
+            let depth = plane(corners, doubled_area, corners.map(|corner| corner.z));
+            let number = samples.seen.len() as u32;
+            let mut covers = false;
+            // Samples of a row are between the crossings of two edges. Triangles at a common edge compute the same
+            // crossing, so every sample belongs to exactly one of them.
+            let low = a.y.min(b.y).min(c.y);
+            let high = a.y.max(b.y).max(c.y);
+            for row in first_sample(low)..first_sample(high).min(side) {
+                let y = row as f32 + 0.5;
+                let [left, right] = crossings([a, b, c], y);
+                let span = first_sample(left)..first_sample(right).min(side);
+                if span.is_empty() {
+                    continue;
+                }
+                covers = true;
+                let at_row = depth.at_origin + depth.slope[1] * y;
+                let places = row * side + span.start..row * side + span.end;
+                let nearest = &mut samples.depths[places.clone()];
+                let shown = &mut samples.triangles[places][..nearest.len()];
+                for i in 0..nearest.len() {
+                    let found = at_row + depth.slope[0] * ((span.start + i) as f32 + 0.5);
+                    let nearer = found > nearest[i];
+                    nearest[i] = if nearer { found } else { nearest[i] };
+                    shown[i] = if nearer { number } else { shown[i] };
                 }
             }
-        }
-        gpu.take_failure()?;
-        Ok(atlas)
-    }
-
-    #[expect(clippy::too_many_arguments, reason = "a pass takes its settings and its buffers")]
-    fn bake_block(
-        &self,
-        gpu: &Gpu,
-        block: &Block,
-        mesh: &MeshBuffers,
-        shape: &Shape,
-        size: AtlasSize,
-        albedo_scale: f32,
-        first: [u32; 2],
-    ) -> Result<Vec<[u32; 2]>, GpuError> {
-        // Rasterise the mesh onto every tile of the block.
-        let tiles = tiles_of_block(size, block.tiles, first);
-        let side = block.tiles * size.tile_px;
-        let parameters = layout::ImpostorBakeParameters {
-            side: (side * SAMPLES) as f32,
-            scale: 0.5 * (size.tile_px - BORDER_PX) as f32 * SAMPLES as f32,
-            bound: shape.bound as f32,
-            albedo_scale,
-        };
-        let parameters = gpu::uniform_buffer(gpu, "impostor bake parameters", &parameters);
-        let tile_buffer = gpu::storage_buffer(gpu, "impostor tiles", &tiles);
-        let bindings = [(0, parameters.as_entire_binding()), (1, tile_buffer.as_entire_binding())];
-        let group = gpu.bind_once(LayoutOf::Render(&self.draw, 0), &bindings);
-        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        {
-            let mut pass = begin(&mut encoder, block);
-            pass.set_pipeline(&self.draw);
-            pass.set_bind_group(0, &group, &[]);
-            for (slot, buffer) in (0..).zip(&mesh.vertices) {
-                pass.set_vertex_buffer(slot, buffer.slice(..));
+            if covers {
+                let normals = triangle.map(|vertex| Vec3::from_array(self.mesh.normals[vertex as usize]));
+                let albedos = triangle.map(|vertex| self.mesh.albedos[vertex as usize] / self.albedo_scale);
+                samples.seen.push(SeenTriangle {
+                    normal: plane(corners, doubled_area, normals),
+                    albedo: plane(corners, doubled_area, albedos),
+                });
             }
-            pass.set_index_buffer(mesh.indices.slice(..), wgpu::IndexFormat::Uint32);
-            pass.draw_indexed(0..mesh.index_count, 0, 0..tiles.len() as u32);
         }
-        // Average the samples of each texel.
-        let filter = layout::ImpostorFilterParameters { side, samples: SAMPLES, ..Default::default() };
-        let filter = gpu::uniform_buffer(gpu, "impostor filter parameters", &filter);
-        let resources = [
-            (0, filter.as_entire_binding()),
-            (1, wgpu::BindingResource::TextureView(&block.normals)),
-            (2, wgpu::BindingResource::TextureView(&block.surfaces)),
-            (3, block.texels.as_entire_binding()),
-        ];
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(&self.filter);
-            pass.set_bind_group(0, &gpu.bind_once(LayoutOf::Compute(&self.filter, 0), &resources), &[]);
-            pass.dispatch_workgroups(side.div_ceil(FILTER_SIDE), side.div_ceil(FILTER_SIDE), 1);
+    }
+
+    /// Means over the covered samples of a texel, and the covered share.
+    fn texel(&self, samples: &Samples, side: usize, [x, y]: [usize; 2]) -> Texel {
+        let (mut normal, mut albedo, mut depth, mut count) = (Vec3::ZERO, 0.0, 0.0, 0.0);
+        for row in y * SAMPLES..(y + 1) * SAMPLES {
+            for column in x * SAMPLES..(x + 1) * SAMPLES {
+                let sample = row * side + column;
+                let Some(seen) = samples.seen.get(samples.triangles[sample] as usize) else { continue };
+                let place = Vec2::new(column as f32 + 0.5, row as f32 + 0.5);
+                normal += seen.normal.at(place).normalize_or_zero();
+                albedo += seen.albedo.at(place);
+                depth += samples.depths[sample];
+                count += 1.0;
+            }
         }
-        // Submit, wait and read the texels back.
-        let mut readback = ReadbackBuffer::new("impostor texels");
-        let count = (side * side) as usize;
-        let bytes = (count * size_of::<[u32; 2]>()) as u64;
-        readback.begin(bytes);
-        let place = readback.copy(gpu, &mut encoder, &block.texels, 0, bytes);
-        gpu.queue.submit([encoder.finish()]);
-        readback.map(gpu);
-        gpu.wait(None)?;
-        let texels = readback.read(gpu, place, count)?;
-        readback.unmap(gpu);
-        Ok(texels)
+        if count == 0.0 {
+            return Texel::default();
+        }
+        let [x, y, z] = (0.5 * normal / count + 0.5).to_array();
+        let coverage = count / (SAMPLES * SAMPLES) as f32;
+        Texel { normal: [x, y, z, coverage], surface: [albedo / count, 0.5 + 0.5 * depth / count] }
     }
 }
 
-/// Tiles of the block that begins at `[column, row]`, without those beyond the atlas.
-fn tiles_of_block(size: AtlasSize, block_tiles: u32, [column, row]: [u32; 2]) -> Vec<layout::ImpostorBakeTile> {
-    let mut tiles = Vec::new();
-    for y in 0..block_tiles.min(size.tiles - row) {
-        for x in 0..block_tiles.min(size.tiles - column) {
-            let axes = size.layout.axes(AtlasTile { column: column + x, row: row + y }, size.tiles);
-            let middle = [x, y].map(|along| (along as f32 + 0.5) * (size.tile_px * SAMPLES) as f32);
-            tiles.push(layout::ImpostorBakeTile {
-                right: axes.right.as_vec3().to_array(),
-                up: axes.up.as_vec3().to_array(),
-                direction: axes.direction.as_vec3().to_array(),
-                middle,
-                ..Default::default()
-            });
+/// The first sample, at `index + 0.5`, that is not before a position.
+///
+/// `f32::ceil` is a call into the C library on processors of the baseline, and this is called for every row.
+fn first_sample(position: f32) -> usize {
+    let beyond = position - 0.5;
+    let below = beyond as usize;
+    below.saturating_add(usize::from((below as f32) < beyond))
+}
+
+/// The smallest and the largest x at which the edges of a triangle cross a row. `y` is between its lowest and its highest
+/// corner.
+fn crossings([a, b, c]: [Vec2; 3], y: f32) -> [f32; 2] {
+    let mut found = [f32::INFINITY, f32::NEG_INFINITY];
+    for (from, to) in [(a, b), (b, c), (c, a)] {
+        let (top, bottom) = if from.y <= to.y { (from, to) } else { (to, from) };
+        if top.y <= y && y < bottom.y {
+            let x = top.x + (y - top.y) * ((bottom.x - top.x) / (bottom.y - top.y));
+            found = [found[0].min(x), found[1].max(x)];
         }
     }
-    tiles
+    found
 }
 
-impl MeshBuffers {
-    fn new(gpu: &Gpu, mesh: &Mesh) -> Self {
-        let vertices = wgpu::BufferUsages::VERTEX;
-        let indices: Vec<u32> = mesh.triangles.iter().flatten().copied().collect();
-        Self {
-            vertices: [
-                gpu::filled_buffer(gpu, "positions", &mesh.positions, vertices),
-                gpu::filled_buffer(gpu, "normals", &mesh.normals, vertices),
-                gpu::filled_buffer(gpu, "albedos", &mesh.albedos, vertices),
-            ],
-            index_count: indices.len() as u32,
-            indices: gpu::filled_buffer(gpu, "triangles", &indices, wgpu::BufferUsages::INDEX),
-        }
+/// The plane through the values at the corners of a triangle.
+fn plane<T>([a, b, c]: [Vec3; 3], doubled_area: f32, [at_a, at_b, at_c]: [T; 3]) -> Plane<T>
+where
+    T: Copy + std::ops::Sub<Output = T> + std::ops::Mul<f32, Output = T>,
+{
+    let (ab, ac) = ((b - a).truncate(), (c - a).truncate());
+    let (to_b, to_c) = (at_b - at_a, at_c - at_a);
+    let slope =
+        [(to_b * ac.y - to_c * ab.y) * (1.0 / doubled_area), (to_c * ab.x - to_b * ac.x) * (1.0 / doubled_area)];
+    Plane { at_origin: at_a - slope[0] * a.x - slope[1] * a.y, slope }
+}
+
+impl<T: Copy + std::ops::Add<Output = T> + std::ops::Mul<f32, Output = T>> Plane<T> {
+    fn at(&self, place: Vec2) -> T {
+        self.at_origin + self.slope[0] * place.x + self.slope[1] * place.y
     }
-}
-
-impl Block {
-    fn new(gpu: &Gpu, size: AtlasSize) -> Self {
-        let limit = BLOCK_SAMPLES.min(gpu.device.limits().max_texture_dimension_2d);
-        let tiles = (limit / (size.tile_px * SAMPLES)).clamp(1, size.tiles);
-        let texels = tiles * size.tile_px;
-        let view = |format, usage| {
-            let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-                label: Some("impostor samples"),
-                size: wgpu::Extent3d { width: texels * SAMPLES, height: texels * SAMPLES, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format,
-                usage: usage | wgpu::TextureUsages::RENDER_ATTACHMENT,
-                view_formats: &[],
-            });
-            texture.create_view(&wgpu::TextureViewDescriptor::default())
-        };
-        let read = wgpu::TextureUsages::TEXTURE_BINDING;
-        Self {
-            tiles,
-            normals: view(wgpu::TextureFormat::Rgba16Float, read),
-            surfaces: view(wgpu::TextureFormat::Rg16Float, read),
-            depth: view(wgpu::TextureFormat::Depth32Float, wgpu::TextureUsages::empty()),
-            texels: gpu.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("impostor texels"),
-                size: (u64::from(texels).pow(2) * size_of::<[u32; 2]>() as u64).next_multiple_of(16),
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
-                mapped_at_creation: false,
-            }),
-        }
-    }
-}
-
-fn begin<'a>(encoder: &'a mut wgpu::CommandEncoder, block: &'a Block) -> wgpu::RenderPass<'a> {
-    let colour = |view| {
-        Some(wgpu::RenderPassColorAttachment {
-            view,
-            depth_slice: None,
-            resolve_target: None,
-            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
-        })
-    };
-    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-        label: Some("impostor bake"),
-        color_attachments: &[colour(&block.normals), colour(&block.surfaces)],
-        depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-            view: &block.depth,
-            depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard }),
-            stencil_ops: None,
-        }),
-        ..Default::default()
-    })
-}
-
-fn draw_pipeline(gpu: &Gpu) -> wgpu::RenderPipeline {
-    let [vertex, fragment] =
-        ["asteroids/impostors/bake", "asteroids/impostors/bake_sample"].map(|file| Shader::new(file).source());
-    let module = |source: &gpu::ShaderSource| {
-        gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(source.name),
-            source: wgpu::ShaderSource::Wgsl(source.text.as_str().into()),
-        })
-    };
-    let formats = [wgpu::VertexFormat::Float32x3, wgpu::VertexFormat::Float32x3, wgpu::VertexFormat::Float32];
-    let attributes: Vec<[wgpu::VertexAttribute; 1]> = (0..)
-        .zip(formats)
-        .map(|(shader_location, format)| [wgpu::VertexAttribute { format, offset: 0, shader_location }])
-        .collect();
-    let buffers: Vec<_> = attributes
-        .iter()
-        .map(|attributes| {
-            Some(wgpu::VertexBufferLayout {
-                array_stride: attributes[0].format.size(),
-                step_mode: wgpu::VertexStepMode::Vertex,
-                attributes,
-            })
-        })
-        .collect();
-    let target = |format| Some(wgpu::ColorTargetState { format, blend: None, write_mask: wgpu::ColorWrites::ALL });
-    gpu.render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some(vertex.name),
-        layout: None,
-        vertex: wgpu::VertexState {
-            module: &module(&vertex),
-            entry_point: Some(vertex.entry_point),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &buffers,
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: Some(wgpu::DepthStencilState {
-            format: wgpu::TextureFormat::Depth32Float,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(wgpu::CompareFunction::Greater),
-            stencil: wgpu::StencilState::default(),
-            bias: wgpu::DepthBiasState::default(),
-        }),
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module(&fragment),
-            entry_point: Some(fragment.entry_point),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[target(wgpu::TextureFormat::Rgba16Float), target(wgpu::TextureFormat::Rg16Float)],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
 }

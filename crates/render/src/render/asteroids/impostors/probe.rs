@@ -17,10 +17,7 @@ use crate::{
     render::{
         asteroids::layout,
         asteroids::{
-            impostors::{
-                bake::ImpostorBakePass,
-                draw::{AsteroidImpostorPass, CORNERS},
-            },
+            impostors::draw::{AsteroidImpostorPass, CORNERS},
             raster::{ASTEROID_COLOUR, ASTEROID_DEPTH},
         },
         viewport::encode_viewport,
@@ -76,8 +73,7 @@ impl ImpostorProbe {
         let Some(pass) = AsteroidImpostorPass::new(gpu, AsteroidSource::Given, &source, method) else {
             return Ok(None);
         };
-        let atlas =
-            ImpostorAtlas::new(gpu, &ImpostorBakePass::new(gpu), &BakedImpostors::default(), shapes, method, settings)?;
+        let atlas = ImpostorAtlas::new(gpu, &BakedImpostors::default(), shapes, method, settings)?;
         Ok(atlas.map(|atlas| Self { pass, source, atlas }))
     }
 

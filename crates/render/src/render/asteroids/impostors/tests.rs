@@ -9,7 +9,6 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use super::{
     atlas::{BakedImpostors, ImpostorAtlas, ImpostorAtlasError},
     probe::{GivenAsteroid, ImpostorProbe},
-    texels::{Texel, finest_level},
 };
 use crate::{
     gpu::{Gpu, GpuOptions},
@@ -21,7 +20,7 @@ use crate::{
     reference::asteroids::impostors::{
         Atlas, Picture, Sight, impostor_picture, mesh_picture, silhouette_iou, test_shape::bumpy,
     },
-    render::asteroids::impostors::bake::{AtlasSize, ImpostorBakePass},
+    render::asteroids::impostors::bake::{AtlasSize, Samples, TileBaker, bake},
     scene::{
         asteroids::{Shape, ShapeSet},
         bodies::ReflectionLaw,
@@ -47,50 +46,44 @@ fn settings() -> AsteroidSettings {
     AsteroidSettings { tiles: TILES, tile_px: TILE_PX, ..AsteroidSettings::default() }
 }
 
-/// Differences between the adapter's texels and the twin's: mean over all texels of coverage, mean over covered texels
-/// of normal, depth and albedo.
-fn atlas_difference(words: &[[u32; 2]], twin: &Atlas, albedo_scale: f64) -> [f64; 4] {
-    let side = TILES * TILE_PX;
+/// Differences between an atlas and the twin's: mean over all texels of coverage, mean over covered texels of normal,
+/// depth and albedo.
+fn atlas_difference(shape: &Shape, layout: AtlasLayout, twin: &Atlas, albedo_scale: f32) -> [f64; 4] {
     let (mut coverage, mut normal, mut depth, mut albedo, mut covered) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for (i, words) in (0..).zip(words) {
-        let (x, y) = (i % side, i / side);
-        let tile = AtlasTile { column: x / TILE_PX, row: y / TILE_PX };
-        let expected = twin.texel(tile, x % TILE_PX, y % TILE_PX);
-        let found = Texel::from_words(*words);
-        coverage += (f64::from(found.normal[3]) - expected.coverage).abs();
-        if expected.coverage > 0.9 && found.normal[3] > 0.9 {
-            let [x, y, z, _] = found.normal.map(|part| 2.0 * f64::from(part) - 1.0);
-            normal += (DVec3::new(x, y, z) - expected.normal).length();
-            depth += (2.0 * f64::from(found.surface[1]) - 1.0 - expected.depth).abs();
-            albedo += (f64::from(found.surface[0]) * albedo_scale - expected.albedo).abs();
-            covered += 1.0;
+    let baker = TileBaker::new(shape, AtlasSize { layout, tiles: TILES, tile_px: TILE_PX }, albedo_scale);
+    let mut samples = Samples::default();
+    for tile in (0..TILES * TILES).map(|i| AtlasTile { column: i % TILES, row: i / TILES }) {
+        for (i, found) in (0..).zip(baker.texels(&mut samples, tile)) {
+            let expected = twin.texel(tile, i % TILE_PX, i / TILE_PX);
+            coverage += (f64::from(found.normal[3]) - expected.coverage).abs();
+            if expected.coverage > 0.9 && found.normal[3] > 0.9 {
+                let [x, y, z, _] = found.normal.map(|part| 2.0 * f64::from(part) - 1.0);
+                normal += (DVec3::new(x, y, z) - expected.normal).length();
+                depth += (2.0 * f64::from(found.surface[1]) - 1.0 - expected.depth).abs();
+                albedo += (f64::from(found.surface[0] * albedo_scale) - expected.albedo).abs();
+                covered += 1.0;
+            }
         }
     }
-    [coverage / f64::from(side * side), normal / covered, depth / covered, albedo / covered]
+    [coverage / f64::from((TILES * TILE_PX).pow(2)), normal / covered, depth / covered, albedo / covered]
 }
 
 #[test]
 fn baked_atlases_match_the_twin() {
-    let gpu = gpu();
-    let pass = ImpostorBakePass::new(&gpu);
     let shape = bumpy(0.25);
     for layout in [AtlasLayout::Octahedral, AtlasLayout::Euler] {
-        let words = pass.bake(&gpu, &shape, AtlasSize { layout, tiles: TILES, tile_px: TILE_PX }, 1.5).unwrap();
         let twin = Atlas::bake(&shape, layout, TILES, TILE_PX, 4);
-        let [coverage, normal, depth, albedo] = atlas_difference(&words, &twin, 1.5);
-        println!("{layout:?}: coverage {coverage:.5}, normal {normal:.4}, depth {depth:.5}, albedo {albedo:.5}");
-        assert!(coverage < 2e-3 && normal < 8e-3 && depth < 2e-3 && albedo < 3e-3);
+        let [coverage, normal, depth, albedo] = atlas_difference(&shape, layout, &twin, 1.5);
+        println!("{layout:?}: coverage {coverage:.2e}, normal {normal:.2e}, depth {depth:.2e}, albedo {albedo:.2e}");
+        assert!(coverage < 1e-5 && normal < 1e-5 && depth < 1e-5 && albedo < 1e-5);
         // The atlas of another shape must differ, including with the same layout.
         let other = Atlas::bake(&bumpy(0.1), layout, TILES, TILE_PX, 4);
-        let [coverage, normal, ..] = atlas_difference(&words, &other, 1.5);
+        let [coverage, normal, ..] = atlas_difference(&shape, layout, &other, 1.5);
         assert!(coverage > 0.01 && normal > 0.05, "{coverage} {normal}");
     }
     // The border of a tile stays empty.
-    let level = finest_level(
-        &pass.bake(&gpu, &shape, AtlasSize { layout: AtlasLayout::Octahedral, tiles: 2, tile_px: 8 }, 1.5).unwrap(),
-        2,
-        8,
-    );
+    let level = bake(&shape, AtlasSize { layout: AtlasLayout::Octahedral, tiles: 2, tile_px: 8 }, 1.5);
+    assert!(level.normals.chunks(4).any(|texel| texel[3] == 255));
     for i in (0..256).filter(|i| i % 8 == 0 || i % 8 == 7 || i / 16 % 8 == 0 || i / 16 % 8 == 7) {
         assert_eq!(level.normals[4 * i + 3], 0);
     }
@@ -238,11 +231,10 @@ fn depth_follows_the_surface() {
 #[test]
 fn atlases_are_cached_and_broken_files_are_replaced() {
     let gpu = gpu();
-    let pass = ImpostorBakePass::new(&gpu);
     let folder = tempfile::tempdir().unwrap();
     let settings = AsteroidSettings { cache: folder.path().join("atlases"), tiles: 4, tile_px: 8, ..settings() };
     let make = |method, shapes: &ShapeSet| {
-        ImpostorAtlas::new(&gpu, &pass, &BakedImpostors::default(), shapes, method, &settings).unwrap()
+        ImpostorAtlas::new(&gpu, &BakedImpostors::default(), shapes, method, &settings).unwrap()
     };
     let files = || -> Vec<std::path::PathBuf> {
         let mut files: Vec<_> =
@@ -303,10 +295,9 @@ fn atlases_baked_ahead_are_taken_once_by_matching_requests() {
 #[test]
 fn invalid_atlases_are_refused_with_the_limit() {
     let gpu = gpu();
-    let pass = ImpostorBakePass::new(&gpu);
     let make = |shapes: &ShapeSet, tiles, tile_px| {
         let settings = AsteroidSettings { tiles, tile_px, ..AsteroidSettings::default() };
-        ImpostorAtlas::new(&gpu, &pass, &BakedImpostors::default(), shapes, Octahedral, &settings).map(|_| ())
+        ImpostorAtlas::new(&gpu, &BakedImpostors::default(), shapes, Octahedral, &settings).map(|_| ())
     };
     let limit = gpu.max_view_side_px();
     let error = make(&shapes(), limit, 4).unwrap_err();

@@ -19,14 +19,6 @@ pub(super) struct Texel {
 }
 
 impl Texel {
-    /// A texel from the words of `shaders/asteroids/impostors/bake_filter.wgsl`.
-    pub(super) fn from_words([normal, surface]: [u32; 2]) -> Self {
-        Self {
-            normal: normal.to_le_bytes().map(|byte| f32::from(byte) / 255.0),
-            surface: [surface & 0xffff, surface >> 16].map(|part| part as f32 / 65535.0),
-        }
-    }
-
     /// Decodes a texel from the bytes of both textures.
     fn from_bytes(normal: [u8; 4], surface: [u8; 2]) -> Self {
         Self {
@@ -41,16 +33,19 @@ impl Texel {
 
     /// Weighted mean of the colours; coverage is 0.
     fn mean(texels: &[(Self, f32)]) -> Self {
-        let total: f32 = texels.iter().map(|(_, weight)| weight).sum();
-        let mean = |part: &dyn Fn(&Self) -> f32| {
-            texels.iter().map(|(texel, weight)| weight * part(texel)).sum::<f32>() / total
-        };
-        Self {
-            normal: [mean(&|t| t.normal[0]), mean(&|t| t.normal[1]), mean(&|t| t.normal[2]), 0.0],
-            surface: [mean(&|t| t.surface[0]), mean(&|t| t.surface[1])],
+        let (mut normal, mut surface, mut total) = ([0.0; 3], [0.0; 2], 0.0);
+        for (texel, weight) in texels {
+            (0..3).for_each(|i| normal[i] += weight * texel.normal[i]);
+            (0..2).for_each(|i| surface[i] += weight * texel.surface[i]);
+            total += weight;
         }
+        let [x, y, z] = normal.map(|sum| sum / total);
+        Self { normal: [x, y, z, 0.0], surface: surface.map(|sum| sum / total) }
     }
 }
+
+/// Bytes per texel of the texture of normals and of that of surfaces.
+pub(super) const TEXEL_BYTES: [usize; 2] = [4, 2];
 
 /// One level of one layer: bytes of the texture of normals (4 per texel) and of surfaces (2 per texel), row by row.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
@@ -60,6 +55,12 @@ pub(super) struct Level {
 }
 
 impl Level {
+    /// A level with `side` x `side` texels that are all 0.
+    pub(super) fn empty(side: usize) -> Self {
+        let [normals, surfaces] = TEXEL_BYTES.map(|bytes| vec![0; bytes * side * side]);
+        Self { normals, surfaces }
+    }
+
     /// Bytes of the surface texture with the coverage added: albedo, depth, coverage and 0. One read then returns both
     /// depth and coverage.
     pub(super) fn surfaces_with_coverage(&self) -> Vec<u8> {
@@ -70,10 +71,9 @@ impl Level {
     }
 
     fn from_texels(texels: &[Texel]) -> Self {
-        let byte = |value: &f32| (value * 255.0).round().clamp(0.0, 255.0) as u8;
         Self {
-            normals: texels.iter().flat_map(|texel| texel.normal.iter().map(byte)).collect(),
-            surfaces: texels.iter().flat_map(|texel| texel.surface.iter().map(byte)).collect(),
+            normals: texels.iter().flat_map(|texel| texel.normal.map(byte)).collect(),
+            surfaces: texels.iter().flat_map(|texel| texel.surface.map(byte)).collect(),
         }
     }
 
@@ -95,44 +95,53 @@ pub(super) fn level_count(tile_px: u32) -> u32 {
     levels
 }
 
-/// The finest level of a layer of `tiles` x `tiles` tiles, from its texels row by row.
-pub(super) fn finest_level(words: &[[u32; 2]], tiles: u32, tile_px: u32) -> Level {
-    let mut texels: Vec<Texel> = words.iter().map(|words| Texel::from_words(*words)).collect();
-    let (side, px) = ((tiles * tile_px) as usize, tile_px as usize);
-    // Rows of tiles do not touch each other, so they are processed in parallel.
-    texels.par_chunks_mut(side * px).for_each(|row| {
-        for tile in 0..tiles as usize {
-            bleed(row, tile * px, side, px);
+/// Writes the texels of a tile, row by row, into the bytes of one row of tiles. `bytes` are those of both textures, `side`
+/// is the number of texels along the layer.
+pub(super) fn write_tile(texels: &[Texel], px: usize, bytes: [&mut [u8]; 2], side: usize, column: usize) {
+    let [normals, surfaces] = bytes;
+    for (row, texels) in texels.chunks_exact(px).enumerate() {
+        let first = row * side + column * px;
+        for (texel, index) in texels.iter().zip(first..) {
+            normals[4 * index..4 * index + 4].copy_from_slice(&texel.normal.map(byte));
+            surfaces[2 * index..2 * index + 2].copy_from_slice(&texel.surface.map(byte));
         }
-    });
-    Level::from_texels(&texels)
+    }
 }
 
-/// Fills in colours of the uncovered texels of a tile. The tile's first column is `x`, in rows of `side` texels.
-fn bleed(row: &mut [Texel], x: usize, side: usize, px: usize) {
-    let mut has_colours: Vec<bool> = (0..px * px).map(|i| row[i / px * side + x + i % px].coverage() > 0.0).collect();
+fn byte(value: f32) -> u8 {
+    // The conversion truncates and saturates.
+    (value * 255.0 + 0.5) as u8
+}
+
+/// Fills in colours of the uncovered texels of a tile of `px` x `px` texels.
+pub(super) fn bleed(texels: &mut [Texel], px: usize) {
+    let mut has_colours: Vec<bool> = texels.iter().map(|texel| texel.coverage() > 0.0).collect();
+    let mut left: Vec<usize> = (0..px * px).filter(|i| !has_colours[*i]).collect();
     let mut ring: Vec<(usize, Texel)> = Vec::new();
     loop {
         ring.clear();
-        for i in (0..px * px).filter(|i| !has_colours[*i]) {
+        left.retain(|&i| {
             let (column, line) = (i % px, i / px);
-            let mut neighbours = Vec::with_capacity(8);
+            let mut neighbours = [(Texel::default(), 0.0); 8];
+            let mut count = 0;
             for v in line.saturating_sub(1)..(line + 2).min(px) {
                 for u in column.saturating_sub(1)..(column + 2).min(px) {
                     if has_colours[v * px + u] {
-                        neighbours.push((row[v * side + x + u], 1.0));
+                        neighbours[count] = (texels[v * px + u], 1.0);
+                        count += 1;
                     }
                 }
             }
-            if !neighbours.is_empty() {
-                ring.push((i, Texel::mean(&neighbours)));
+            if count > 0 {
+                ring.push((i, Texel::mean(&neighbours[..count])));
             }
-        }
+            count == 0
+        });
         if ring.is_empty() {
             return;
         }
         for (i, texel) in &ring {
-            row[i / px * side + x + i % px] = *texel;
+            texels[*i] = *texel;
             has_colours[*i] = true;
         }
     }
@@ -146,6 +155,7 @@ pub(super) fn levels(finest: Level, side: u32, count: u32) -> Vec<Level> {
     for _ in 1..count {
         side /= 2;
         texels = (0..side * side)
+            .into_par_iter()
             .map(|i| {
                 let first = i / side * 4 * side + i % side * 2;
                 let four = [first, first + 1, first + 2 * side, first + 2 * side + 1].map(|index| texels[index]);
@@ -165,43 +175,43 @@ pub(super) fn levels(finest: Level, side: u32, count: u32) -> Vec<Level> {
 mod tests {
     use super::*;
 
-    /// Texels of tiles of 8 x 8 texels; those from (2, 2) to (5, 5) are covered by `inside`.
-    fn words(tiles: u32, inside: [u32; 2]) -> Vec<[u32; 2]> {
-        let side = 8 * tiles;
-        (0..side * side)
-            .map(|i| if (2..6).contains(&(i % side % 8)) && (2..6).contains(&(i / side % 8)) { inside } else { [0; 2] })
-            .collect()
+    /// Texels of a tile of 8 x 8 texels; those from (2, 2) to (5, 5) have `inside`.
+    fn tile(inside: Texel) -> Vec<Texel> {
+        let is_inside = |i| (2..6).contains(&(i % 8)) && (2..6).contains(&(i / 8));
+        (0..64).map(|i| if is_inside(i) { inside } else { Texel::default() }).collect()
+    }
+
+    fn covered(bytes: [u8; 3]) -> Texel {
+        let [x, y, z] = bytes.map(|byte| f32::from(byte) / 255.0);
+        Texel { normal: [x, y, z, 1.0], surface: [0.25, 0.5] }
     }
 
     #[test]
     fn colours_bleed_over_the_whole_tile_but_coverage_does_not() {
-        let level = finest_level(&words(2, [0xff20_4060, 0x8000_4000]), 2, 8);
+        let before = tile(covered([0x60, 0x40, 0x20]));
+        let mut texels = before.clone();
+        bleed(&mut texels, 8);
+        let level = Level::from_texels(&texels);
         for (i, texel) in level.texels().iter().enumerate() {
-            let inside = (2..6).contains(&(i % 16 % 8)) && (2..6).contains(&(i / 16 % 8));
-            assert_eq!(texel.normal[3], f32::from(u8::from(inside)));
+            assert_eq!(texel.normal[3], before[i].normal[3]);
             assert_eq!(level.normals[4 * i..4 * i + 3], [0x60, 0x40, 0x20]);
             assert_eq!(level.surfaces[2 * i..2 * i + 2], [0x40, 0x80]);
         }
         // Without bleeding, texels outside would be black.
-        let texels: Vec<Texel> = words(2, [0xff20_4060, 0x8000_4000]).into_iter().map(Texel::from_words).collect();
-        assert_ne!(Level::from_texels(&texels), level);
+        assert_ne!(Level::from_texels(&before), level);
     }
 
     #[test]
     fn levels_keep_area_and_do_not_mix_tiles() {
         // Two tiles of different colours side by side, two empty ones below.
-        let mut all = words(2, [0xff20_4060, 0]);
-        for (i, words) in all.iter_mut().enumerate() {
-            let (right, below) = (i % 16 >= 8, i / 16 >= 8);
-            if right && words[0] != 0 {
-                words[0] = 0xff80_90a0;
-            }
-            if below {
-                *words = [0; 2];
-            }
+        let mut level = Level::empty(16);
+        for (column, bytes) in [[0x60, 0x40, 0x20], [0xa0, 0x90, 0x80]].into_iter().enumerate() {
+            let mut texels = tile(covered(bytes));
+            bleed(&mut texels, 8);
+            write_tile(&texels, 8, [&mut level.normals, &mut level.surfaces], 16, column);
         }
         assert_eq!((level_count(8), level_count(32), level_count(24), level_count(2)), (3, 5, 4, 1));
-        let levels = levels(finest_level(&all, 2, 8), 16, 3);
+        let levels = levels(level, 16, 3);
         let area = |level: &Level, scale: f32| level.texels().iter().map(Texel::coverage).sum::<f32>() * scale;
         for (index, level) in levels.iter().enumerate() {
             let side = 16 >> index;
