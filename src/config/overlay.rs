@@ -9,8 +9,8 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::Fault;
 use crate::coordinates::direction_from_lon_lat;
+use crate::ranges::KeyError;
 use crate::scene::bodies::FARTHEST_M;
 use crate::scene::overlay::{
     Anchor, Colour, Grid, GridKind, Label, LineStyle, Lists, Overlay, PICTURE_WIDTHS_DEG, Picture, PictureLevels,
@@ -187,22 +187,22 @@ fn one() -> f64 {
     1.0
 }
 
-fn colour(text: &str) -> Result<Colour, Fault> {
-    Colour::from_hex(text).map_err(|problem| Fault::new("colour", problem))
+fn colour(text: &str) -> Result<Colour, KeyError> {
+    Colour::from_hex(text).map_err(|problem| KeyError::new("colour", problem))
 }
 
 impl GridConfig {
-    fn grid(&self) -> Result<Grid, Fault> {
-        Grid::check_spacing(self.kind, self.spacing_deg).map_err(|problem| Fault::new("spacing_deg", problem))?;
-        let divisions =
-            Grid::divisions_from_spacing_deg(self.spacing_deg).map_err(|problem| Fault::new("spacing_deg", problem))?;
+    fn grid(&self) -> Result<Grid, KeyError> {
+        Grid::check_spacing(self.kind, self.spacing_deg).map_err(|problem| KeyError::new("spacing_deg", problem))?;
+        let divisions = Grid::divisions_from_spacing_deg(self.spacing_deg)
+            .map_err(|problem| KeyError::new("spacing_deg", problem))?;
         let style = LineStyle { colour: colour(&self.colour)?, width_px: self.width_px, opacity: self.opacity };
         Ok(Grid { kind: self.kind, divisions, numbers: self.numbers, style })
     }
 }
 
 impl TrajectoryConfig {
-    fn trajectory(&self) -> Result<Trajectory, Fault> {
+    fn trajectory(&self) -> Result<Trajectory, KeyError> {
         let style = LineStyle { colour: colour(&self.colour)?, width_px: self.width_px, opacity: self.opacity };
         let points_m = self.points_m.iter().copied().map(DVec3::from_array).collect();
         Ok(Trajectory { name: self.name.clone(), points_m, style })
@@ -210,11 +210,11 @@ impl TrajectoryConfig {
 }
 
 impl LabelConfig {
-    fn label(&self) -> Result<Label, Fault> {
+    fn label(&self) -> Result<Label, KeyError> {
         let anchor = anchor([self.ra_deg, self.dec_deg], [self.azimuth_deg, self.altitude_deg], self.position_m)
             .ok_or_else(|| {
                 let problem = "exactly one is needed: ra_deg and dec_deg, azimuth_deg and altitude_deg, or position_m";
-                Fault::new("position_m", problem)
+                KeyError::new("position_m", problem)
             })?;
         Ok(Label {
             name: self.name.clone(),
@@ -245,10 +245,10 @@ fn anchor(sky: [Option<f64>; 2], horizon: [Option<f64>; 2], position_m: Option<[
 
 impl PictureConfig {
     /// The picture, whose path starts at `folder`; `None`: with a single texel instead of its file.
-    fn picture(&self, folder: Option<&Path>) -> Result<Picture, Fault> {
+    fn picture(&self, folder: Option<&Path>) -> Result<Picture, KeyError> {
         let anchor =
             anchor([self.ra_deg, self.dec_deg], [self.azimuth_deg, self.altitude_deg], None).ok_or_else(|| {
-                Fault::new("ra_deg", "exactly one is needed: ra_deg and dec_deg, or azimuth_deg and altitude_deg")
+                KeyError::new("ra_deg", "exactly one is needed: ra_deg and dec_deg, or azimuth_deg and altitude_deg")
             })?;
         let levels = match folder {
             Some(folder) => PictureLevels::from_png(&folder.join(&self.file)),
@@ -256,7 +256,7 @@ impl PictureConfig {
         };
         Ok(Picture {
             name: self.name.clone(),
-            levels: Arc::new(levels.map_err(|error| Fault::new("file", error.to_string()))?),
+            levels: Arc::new(levels.map_err(|error| KeyError::new("file", error.to_string()))?),
             anchor,
             width_rad: self.width_deg.to_radians(),
             roll_rad: self.roll_deg.to_radians(),
@@ -268,8 +268,8 @@ impl PictureConfig {
 impl OverlayConfig {
     /// The overlay, with test patterns in the views of these names and files whose paths start at `folder` (`None`: no file is read); a fault
     /// names the key below `overlay`.
-    pub(super) fn overlay(&self, test_patterns: Vec<String>, folder: Option<&Path>) -> Result<Overlay, Fault> {
-        fn all<T, U>(list: Lists, from: &[T], make: impl Fn(&T) -> Result<U, Fault>) -> Result<Vec<U>, Fault> {
+    pub(super) fn overlay(&self, test_patterns: Vec<String>, folder: Option<&Path>) -> Result<Overlay, KeyError> {
+        fn all<T, U>(list: Lists, from: &[T], make: impl Fn(&T) -> Result<U, KeyError>) -> Result<Vec<U>, KeyError> {
             let make = |(index, one): (usize, &T)| {
                 make(one).map_err(|fault| fault.within(&format!("{}[{index}]", list.key())))
             };
@@ -283,10 +283,7 @@ impl OverlayConfig {
             cardinal_points: self.cardinal_points,
             test_patterns,
         };
-        overlay.check().map_err(|wrong| {
-            let fault = Fault::new(wrong.error.key, wrong.error.problem);
-            fault.within(&format!("{}[{}]", wrong.list.key(), wrong.index))
-        })?;
+        overlay.check().map_err(|wrong| wrong.error.within(&format!("{}[{}]", wrong.list.key(), wrong.index)))?;
         Ok(overlay)
     }
 }
