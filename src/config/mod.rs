@@ -43,7 +43,7 @@ pub use film::{Easing, ExposureKey, FilmPath, FovKey, FrameValues, Keyframe};
 pub use keys::{with_keys_of, with_same_keys};
 pub use look::Look;
 pub use observer::ObserverConfig;
-pub use overlay::{GridConfig, LabelConfig, OverlayConfig, TrajectoryConfig};
+pub use overlay::{LabelConfig, OverlayConfig};
 pub use projector::{BlendConfig, ProjectorConfig, ProjectorMethod, RowsConfig};
 pub use scene::{CameraConfig, CatalogueConfig, LightConfig, LightUnit, SceneConfig};
 use schemars::JsonSchema;

@@ -2,7 +2,9 @@
 
 use glam::DVec3;
 
-use super::{Anchor, Grid, Label, LineStyle, MOST_PICTURE_TEXELS, Overlay, Picture, Trajectory, missing_character};
+use super::{
+    Anchor, Grid, GridKind, Label, LineStyle, MOST_PICTURE_TEXELS, Overlay, Picture, Trajectory, missing_character,
+};
 use crate::ranges::KeyError;
 use crate::scene::bodies::{check_names, check_position};
 
@@ -91,12 +93,16 @@ impl LineStyle {
 impl Grid {
     /// Checks its ranges.
     pub fn check(&self) -> Result<(), KeyError> {
-        if !(1..=MOST_DIVISIONS).contains(&self.divisions) {
-            let problem =
-                format!("{} intervals up to the pole: must be between 1 and {MOST_DIVISIONS}", self.divisions);
-            return Err(KeyError::new("spacing_deg", problem));
+        let (spacing_deg, least_deg) = (self.spacing_deg, 90.0 / f64::from(MOST_DIVISIONS));
+        let refused = |problem: String| Err(KeyError::new("spacing_deg", format!("{spacing_deg}: {problem}")));
+        if self.kind == GridKind::Constellations && spacing_deg != Self::SPACING_DEG {
+            return refused("borders of constellations have no spacing; omit the key".to_owned());
         }
-        self.style.check()
+        let divides = (f64::from(self.divisions()) * spacing_deg - 90.0).abs() <= 1e-6;
+        if !((least_deg..=90.0).contains(&spacing_deg) && divides) {
+            return refused(format!("must be between {least_deg} and 90 degrees and divide 90"));
+        }
+        self.style().check()
     }
 }
 
@@ -111,7 +117,7 @@ impl Trajectory {
             check_position(*point)
                 .map_err(|error| KeyError::new("points_m", format!("[{index}]: {}", error.problem)))?;
         }
-        self.style.check()
+        self.style().check()
     }
 }
 
