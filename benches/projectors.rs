@@ -60,8 +60,12 @@ fn main() {
     let mappings: Vec<Arc<TabulatedMapping>> = projectors.iter().map(mapping).collect();
     let baked = start.elapsed().as_secs_f64();
     let start = Instant::now();
-    let beams: Vec<Beam<'_>> =
-        mappings.iter().map(|mapping| Beam { mapping, dome_from_view: DQuat::IDENTITY, black: 0.0 }).collect();
+    let beam = |mapping: &Arc<TabulatedMapping>| Beam {
+        mapping: Arc::clone(mapping),
+        dome_from_view: DQuat::IDENTITY,
+        black: 0.0,
+    };
+    let beams: Vec<Beam> = mappings.iter().map(beam).collect();
     let blends = edge_blends(&beams);
     println!(
         "tables of {} x {} pixels {baked:.1} s, blends {:.1} s",

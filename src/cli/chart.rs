@@ -1,15 +1,10 @@
 //! `chart`: compares speed and accuracy of every method.
 
-use std::{
-    io::{self, IsTerminal},
-    path::PathBuf,
-    time::Instant,
-};
+use std::path::PathBuf;
 
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 
-use super::{CliError, results};
+use super::{CliError, progress::Progress, results};
 use crate::chart::{self, About, Axis, Extent, Step};
 use crate::gpu::{Gpu, GpuOptions};
 use crate::render::Renderer;
@@ -45,10 +40,10 @@ pub fn run(arguments: &ChartArguments, adapter: Option<String>) -> Result<(), Cl
     let about = About::now(gpu.report(), &command());
     let mut renderer = Renderer::new(gpu);
     let extent = if arguments.quick { Extent::quick() } else { Extent::full(discrete) };
-    let mut progress = Progress::new();
+    let progress = Progress::new();
     let axes = arguments.axis.map_or(Axis::ALL.to_vec(), |axis| vec![axis]);
-    let rows = chart::run(&mut renderer, &axes, &extent, &mut |step| progress.step(step))?;
-    progress.finish();
+    let rows = chart::run(&mut renderer, &axes, &extent, &mut |step| show_step(&progress, step))?;
+    tracing::info!("charted in {:.1} s", progress.finish());
     for path in chart::write(&arguments.out, &rows, &about)? {
         results::line(path.display())?;
     }
@@ -67,39 +62,9 @@ fn command() -> String {
     std::iter::once("steradian".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
-/// Progress bar on a terminal, plain log lines elsewhere.
-struct Progress {
-    bar: Option<ProgressBar>,
-    started: Instant,
-}
-
-impl Progress {
-    fn new() -> Self {
-        let bar = io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::no_length();
-            // The template has no unknown key and therefore parses; otherwise the plain style is used.
-            let style = ProgressStyle::with_template("{spinner} {wide_bar} {pos}/{len} {msg} [{elapsed}]");
-            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-            bar
-        });
-        Self { bar, started: Instant::now() }
-    }
-
-    fn step(&mut self, step: &Step) {
-        match &self.bar {
-            Some(bar) => {
-                bar.set_length(step.total as u64);
-                bar.set_position(step.done as u64);
-                bar.set_message(step.task.clone());
-            }
-            None => tracing::info!("{}: {} ({} of {})", step.axis.name(), step.task, step.done + 1, step.total),
-        }
-    }
-
-    fn finish(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
-        tracing::info!("charted in {:.1} s", self.started.elapsed().as_secs_f64());
-    }
+/// Shows a step on a terminal's bar, in a log line elsewhere.
+fn show_step(progress: &Progress, Step { axis, task, done, total }: &Step) {
+    progress.step(*done, *total, task.clone(), |task| {
+        tracing::info!("{}: {task} ({} of {total})", axis.name(), done + 1);
+    });
 }

@@ -9,7 +9,7 @@ use super::CliError;
 use crate::config::{CatalogueConfig, Config};
 use crate::files;
 use crate::gpu::AdapterReport;
-use crate::output::provenance::{InputFile, Provenance, UsedCatalogue, UsedConfiguration, UsedRow, recorded_path};
+use crate::output::provenance::{InputFile, Provenance, UsedCatalogue, UsedConfiguration, recorded_path};
 use crate::scene::Camera;
 use crate::scene::asteroids::ShapeSet;
 use crate::scene::loader::LoadReport;
@@ -131,9 +131,6 @@ impl Inputs {
     pub fn catalogues(&self, report: &LoadReport) -> Vec<UsedCatalogue> {
         let catalogues = self.config.scene.catalogues.iter().zip(&report.catalogues).map(|(configured, loaded)| {
             let rows = loaded.rows.as_ref();
-            let first = rows.map(|rows| rows.first_rejected.as_slice()).unwrap_or_default();
-            let row =
-                |row: &crate::catalogue::reader::RejectedRow| UsedRow { line: row.line, reason: row.reason.clone() };
             UsedCatalogue {
                 name: match configured {
                     CatalogueConfig::Named(name) => name.clone(),
@@ -142,7 +139,7 @@ impl Inputs {
                 },
                 stars: loaded.stars,
                 rejected_rows: rows.map(|rows| rows.rejected),
-                first_rejected: first.iter().map(row).collect(),
+                first_rejected: rows.map(|rows| rows.first_rejected.clone()).unwrap_or_default(),
             }
         });
         catalogues.collect()

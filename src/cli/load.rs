@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::CliError;
-use super::progress::{LoadingProgress, PreparingProgress};
+use super::progress::Progress;
 use crate::catalogue::chunks::StarSet;
 use crate::catalogue::epoch::Epoch;
 use crate::config::Config;
@@ -30,12 +30,13 @@ pub fn scene(config: &Config, groups: &[FrameGroup], renderer: &mut Renderer) ->
     warn_of_asteroids_between_eyes(config, groups);
     let (prepared, loaded) = std::thread::scope(|scope| {
         let preparing = scope.spawn(|| {
-            let mut progress = PreparingProgress::new();
-            let mut report_step = |step| progress.step(step);
+            tracing::info!("preparing shaders");
+            let progress = Progress::new();
+            let mut report_step = |step| progress.prepare_step(step);
             let prepared = groups.iter().try_for_each(|FrameGroup { rig, settings, .. }| {
                 renderer.prepare(&objects, rig, settings, Wanted::both(), &[], &mut report_step)
             });
-            progress.finish();
+            tracing::info!("shaders ready after {:.1} s", progress.finish());
             prepared
         });
         let loaded = stars(&config.star_sources(), &config.epoch(), &config.origin);
@@ -66,13 +67,13 @@ fn warn_of_asteroids_between_eyes(config: &Config, groups: &[FrameGroup]) {
 /// Loads the catalogues with progress, and warns of rejected rows and of stars listed in two catalogues. `origin` names
 /// the configuration in errors; it is empty for command-line arguments.
 pub fn stars(sources: &[StarSource], epoch: &Epoch, origin: &str) -> Result<(StarSet, LoadReport), CliError> {
-    let mut progress = LoadingProgress::new();
-    let loaded = load_stars(sources, epoch, &mut |step| progress.step(&step));
+    let progress = Progress::new();
+    let loaded = load_stars(sources, epoch, &mut |step| progress.load_step(&step));
     let (set, report) = loaded.map_err(|source| CliError::Load {
         origin: if origin.is_empty() { String::new() } else { format!("{origin}: ") },
         source,
     })?;
-    progress.finish(set.stars.len());
+    tracing::info!("{} stars ready after {:.1} s", set.stars.len(), progress.finish());
     for rows in report.catalogues.iter().filter_map(|catalogue| catalogue.rows.as_ref()) {
         if rows.rejected > 0 {
             tracing::warn!("{rows}");

@@ -28,82 +28,62 @@ fn bar_like(template: &str) -> Option<ProgressBar> {
     })
 }
 
-/// Progress of making pipelines.
-pub struct PreparingProgress {
+/// Progress of one piece of work.
+pub struct Progress {
     bar: Option<ProgressBar>,
     started: Instant,
 }
 
-impl PreparingProgress {
+impl Progress {
     /// Starts the progress.
     pub fn new() -> Self {
-        tracing::info!("preparing shaders");
         Self { bar: bar(), started: Instant::now() }
     }
 
-    /// Reports the next step.
-    pub fn step(&mut self, PrepareStep { name, done, total }: PrepareStep) {
+    /// Shows a step on the bar, with `done` of `total` steps before it; without a bar, calls `log`.
+    pub fn step(&self, done: usize, total: usize, message: String, log: impl FnOnce(&str)) {
         match &self.bar {
             Some(bar) => {
                 bar.set_length(total as u64);
                 bar.set_position(done as u64);
-                bar.set_message(format!("shaders: {name}"));
+                bar.set_message(message);
             }
-            None => tracing::debug!("shaders: {name} ({done} of {total})"),
+            None => log(&message),
         }
     }
 
-    /// Ends the progress and logs the duration.
-    pub fn finish(self) {
-        if let Some(bar) = self.bar {
-            bar.finish_and_clear();
-        }
-        tracing::info!("shaders ready after {:.1} s", self.started.elapsed().as_secs_f64());
-    }
-}
-
-/// Progress of loading a scene.
-pub struct LoadingProgress {
-    bar: Option<ProgressBar>,
-    started: Instant,
-}
-
-impl LoadingProgress {
-    /// Starts the progress.
-    pub fn new() -> Self {
-        Self { bar: bar(), started: Instant::now() }
+    /// Reports the next step of making pipelines.
+    pub fn prepare_step(&self, PrepareStep { name, done, total }: PrepareStep) {
+        self.step(done, total, format!("shaders: {name}"), |text| tracing::debug!("{text} ({done} of {total})"));
     }
 
-    /// Reports the next step.
-    pub fn step(&mut self, step: &LoadStep) {
+    /// Reports the next step of loading a scene.
+    pub fn load_step(&self, step: &LoadStep) {
         let text = match step {
             LoadStep::Catalogue { name, .. } => format!("loading {name}"),
             LoadStep::Overlaps => "looking for stars listed in two catalogues".to_owned(),
             LoadStep::Chunks { stars } => format!("sorting {stars} stars"),
         };
         match (&self.bar, step) {
-            (Some(bar), LoadStep::Catalogue { index, of, .. }) => {
+            (_, LoadStep::Catalogue { index, of, .. }) => {
                 // One step per catalogue, plus one for sorting.
-                bar.set_length(*of as u64 + 1);
-                bar.set_position(*index as u64);
-                bar.set_message(text);
+                self.step(*index, *of + 1, text, |text| tracing::info!("{text} ({} of {of})", index + 1));
             }
             (Some(bar), LoadStep::Chunks { .. }) => {
                 bar.set_position(bar.length().unwrap_or(1).saturating_sub(1));
                 bar.set_message(text);
             }
             (Some(bar), LoadStep::Overlaps) => bar.set_message(text),
-            (None, LoadStep::Catalogue { index, of, .. }) => tracing::info!("{text} ({} of {of})", index + 1),
             (None, _) => tracing::info!("{text}"),
         }
     }
 
-    /// Ends the progress and logs the number of stars.
-    pub fn finish(self, stars: usize) {
+    /// Ends the progress and returns its duration in seconds.
+    pub fn finish(self) -> f64 {
         if let Some(bar) = self.bar {
             bar.finish_and_clear();
         }
-        tracing::info!("{stars} stars ready after {:.1} s", self.started.elapsed().as_secs_f64());
+        self.started.elapsed().as_secs_f64()
     }
 }
 

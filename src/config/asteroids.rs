@@ -7,10 +7,10 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use toml::{Table, Value};
 
-use super::bodies::{albedo, body_fault};
+use super::bodies::albedo;
 use super::document::read;
-use super::error::Fault;
 use crate::plan::settings::AsteroidSettings;
+use crate::ranges::KeyError;
 use crate::scene::asteroids::{
     FieldError, FieldParameters, FieldSpec, LARGEST_EXTENT_M, LEAST_OF_RANGE, MOST_INSTANCES, Placement,
     STEEPEST_SIZE_INDEX, ShapeSource, SpecError,
@@ -108,21 +108,21 @@ fn two_hours_to_two_days() -> [f64; 2] {
 
 impl FieldConfig {
     /// Reads a field's table and checks it; a fault names the key within it. Shapes are not read.
-    pub(super) fn from_table(table: Table) -> Result<Self, Fault> {
+    pub(super) fn from_table(table: Table) -> Result<Self, KeyError> {
         let config: Self = read(Value::Table(table))?;
         config.spec(Path::new(""))?;
         Ok(config)
     }
 
     /// The specification of the field; paths start at `folder`.
-    pub(super) fn spec(&self, folder: &Path) -> Result<FieldSpec, Fault> {
+    pub(super) fn spec(&self, folder: &Path) -> Result<FieldSpec, KeyError> {
         let shapes = match (&self.shapes, self.shape_seed) {
             (Some(_), Some(_)) => {
                 let problem = "shapes is given too: at most one of shape_seed and shapes is allowed";
-                return Err(Fault::new("shape_seed", problem));
+                return Err(KeyError::new("shape_seed", problem));
             }
             (Some(files), None) if files.is_empty() => {
-                return Err(Fault::new("shapes", "an empty list: name glTF files, or leave the key out"));
+                return Err(KeyError::new("shapes", "an empty list: name glTF files, or leave the key out"));
             }
             (Some(files), None) => ShapeSource::Files(files.iter().map(|file| folder.join(file)).collect()),
             (None, seed) => ShapeSource::Procedural { seed: seed.unwrap_or(1) },
@@ -131,7 +131,7 @@ impl FieldConfig {
         let spec = FieldSpec {
             name: self.name.clone(),
             position_m: DVec3::from_array(self.position_m),
-            orientation: unit_quaternion(self.orientation).map_err(|e| Fault::new("orientation", e.to_string()))?,
+            orientation: unit_quaternion(self.orientation).map_err(|e| KeyError::new("orientation", e.to_string()))?,
             parameters: FieldParameters {
                 instances: self.instances,
                 seed: self.seed,
@@ -142,14 +142,14 @@ impl FieldConfig {
             },
             shapes,
             law: self.law,
-            geometric_albedo: self.geometric_albedo.ok_or_else(|| Fault::new("geometric_albedo", missing))?,
+            geometric_albedo: self.geometric_albedo.ok_or_else(|| KeyError::new("geometric_albedo", missing))?,
         };
         spec.check().map_err(|error| spec_fault(&error))?;
         Ok(spec)
     }
 
-    fn placement(&self) -> Result<Placement, Fault> {
-        let radii = || -> Result<(f64, f64), Fault> {
+    fn placement(&self) -> Result<Placement, KeyError> {
+        let radii = || -> Result<(f64, f64), KeyError> {
             Ok((needed("inner_m", self.shape, self.inner_m)?, needed("outer_m", self.shape, self.outer_m)?))
         };
         let (allowed, placement): (&[&str], _) = match self.shape {
@@ -178,15 +178,15 @@ impl FieldConfig {
         match given.into_iter().find(|(key, is_given)| *is_given && !allowed.contains(key)) {
             Some((key, _)) => {
                 let problem = format!("not a key of {}, which has {}", named(self.shape), allowed.join(", "));
-                Err(Fault::new(key, problem))
+                Err(KeyError::new(key, problem))
             }
             None => Ok(placement),
         }
     }
 }
 
-fn needed<T>(key: &'static str, shape: FieldShape, value: Option<T>) -> Result<T, Fault> {
-    value.ok_or_else(|| Fault::new(key, format!("missing key: {} needs it", named(shape))))
+fn needed<T>(key: &'static str, shape: FieldShape, value: Option<T>) -> Result<T, KeyError> {
+    value.ok_or_else(|| KeyError::new(key, format!("missing key: {} needs it", named(shape))))
 }
 
 fn named(shape: FieldShape) -> &'static str {
@@ -198,18 +198,18 @@ fn named(shape: FieldShape) -> &'static str {
 }
 
 /// The fault of an error that the scene reports, with the key of the configuration.
-pub(super) fn spec_fault(error: &SpecError) -> Fault {
+pub(super) fn spec_fault(error: &SpecError) -> KeyError {
     match error {
-        SpecError::Part(error) => body_fault(error),
+        SpecError::Part(error) => error.clone(),
         SpecError::Parameter(FieldError::OutOfRange { key, value, allowed }) => {
-            Fault::new(key.strip_prefix("placement.").unwrap_or(key), format!("{value}: {allowed}"))
+            KeyError::new(key.strip_prefix("placement.").unwrap_or(key), format!("{value}: {allowed}"))
         }
-        SpecError::Parameter(error @ FieldError::Shapes { .. }) => Fault::new("shapes", error.to_string()),
-        SpecError::Shapes(error) => Fault::new("shapes", error.to_string()),
+        SpecError::Parameter(error @ FieldError::Shapes { .. }) => KeyError::new("shapes", error.to_string()),
+        SpecError::Shapes(error) => KeyError::new("shapes", error.to_string()),
     }
 }
 
 /// Ranges of `[asteroids]`.
-pub(super) fn check_settings(settings: &AsteroidSettings) -> Result<(), Fault> {
-    settings.check().map_err(|(key, problem)| Fault::new(key, problem))
+pub(super) fn check_settings(settings: &AsteroidSettings) -> Result<(), KeyError> {
+    settings.check().map_err(|(key, problem)| KeyError::new(key, problem))
 }

@@ -10,10 +10,10 @@ use serde::{Deserialize, Deserializer};
 use toml::{Table, Value};
 
 use super::document::read;
-use super::error::Fault;
+use crate::ranges::KeyError;
 use crate::scene::bodies::{
-    Body, BodyError, Emission, Ephemeris, FARTHEST_M, RADII_M, ReflectionLaw, SUN_ABSOLUTE_MAGNITUDE,
-    SUN_LIMB_DARKENING, SolarBody, Spin, Surface, Texture, mean_radius_m,
+    Body, Emission, Ephemeris, FARTHEST_M, RADII_M, ReflectionLaw, SUN_ABSOLUTE_MAGNITUDE, SUN_LIMB_DARKENING,
+    SolarBody, Spin, Surface, Texture, mean_radius_m,
 };
 use crate::scene::unit_quaternion;
 
@@ -110,11 +110,6 @@ pub(super) fn albedo<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Optio
     deserializer.deserialize_any(Albedo).map(Some)
 }
 
-/// The fault of an error that the scene reports.
-pub(super) fn body_fault(error: &BodyError) -> Fault {
-    Fault::new(error.key, error.problem.clone())
-}
-
 impl BodyConfig {
     /// A body of the Solar System at its true position.
     pub(super) fn of_solar_system(of: SolarBody) -> Self {
@@ -146,14 +141,14 @@ impl BodyConfig {
     }
 
     /// Reads a body's table and checks it; a fault names the key within it.
-    pub(super) fn from_table(table: Table) -> Result<Self, Fault> {
+    pub(super) fn from_table(table: Table) -> Result<Self, KeyError> {
         let config: Self = read(Value::Table(table))?;
         config.body()?;
         Ok(config)
     }
 
     /// The body without its texture.
-    pub(super) fn body(&self) -> Result<Body, Fault> {
+    pub(super) fn body(&self) -> Result<Body, KeyError> {
         if self.ephemeris.is_some() {
             let stands = self.stands_as().is_some();
             let given = [
@@ -162,7 +157,7 @@ impl BodyConfig {
                 ("spin", self.spin.is_some() && stands),
             ];
             if let Some((key, _)) = given.into_iter().find(|(_, given)| *given) {
-                return Err(Fault::new(key, "ephemeris is given too: give at most one of them"));
+                return Err(KeyError::new(key, "ephemeris is given too: give at most one of them"));
             }
         }
         let position_m = match (self.position_m, self.ephemeris, self.preset) {
@@ -171,16 +166,17 @@ impl BodyConfig {
             (None, Some(_), _) | (None, None, Some(SolarBody::Sun)) => DVec3::ZERO,
             (None, None, _) => {
                 let problem = "missing key: give the position, [x, y, z] in m, or ephemeris";
-                return Err(Fault::new("position_m", problem));
+                return Err(KeyError::new("position_m", problem));
             }
         };
         let preset = self.preset.map(|preset| Body::preset(preset, &self.name, position_m));
-        let needed =
-            |key: &'static str, what: &str| Fault::new(key, format!("missing key: without a preset {what} is needed"));
+        let needed = |key: &'static str, what: &str| {
+            KeyError::new(key, format!("missing key: without a preset {what} is needed"))
+        };
         let radii_m = match (self.radii_m, self.radius_m, &preset) {
             (Some(_), Some(_), _) => {
                 let problem = "radii_m is given too: give exactly one of radius_m and radii_m";
-                return Err(Fault::new("radius_m", problem));
+                return Err(KeyError::new("radius_m", problem));
             }
             (Some(radii_m), None, _) => DVec3::from_array(radii_m),
             (None, Some(radius_m), _) => DVec3::splat(radius_m),
@@ -203,11 +199,11 @@ impl BodyConfig {
             None => default_spin,
         };
         let orientation = self.orientation.map(unit_quaternion).transpose();
-        let orientation = orientation.map_err(|e| Fault::new("orientation", e.to_string()))?.unwrap_or_default();
+        let orientation = orientation.map_err(|e| KeyError::new("orientation", e.to_string()))?.unwrap_or_default();
         let measured = preset.as_ref().and_then(|preset| preset.surface.phase_curve);
         let phase_curve = match self.phase_curve {
             Some(true) if measured.is_none() => {
-                return Err(Fault::new(
+                return Err(KeyError::new(
                     "phase_curve",
                     "true: needs a preset other than `sun`, which has a measured curve",
                 ));
@@ -226,17 +222,17 @@ impl BodyConfig {
             emission: None,
             seen_through: [1.0; 3],
         };
-        body.check().map_err(|error| match error.key {
-            "radii_m" if self.radius_m.is_some() => Fault::new("radius_m", error.problem),
-            "spin" => Fault::new("spin.period_s", error.problem),
-            _ => body_fault(&error),
+        body.check().map_err(|error| match error.key.as_str() {
+            "radii_m" if self.radius_m.is_some() => KeyError::new("radius_m", error.problem),
+            "spin" => KeyError::new("spin.period_s", error.problem),
+            _ => error,
         })?;
         body.emission = self.emission(radii_m)?;
-        body.check().map_err(|error| body_fault(&error))?;
+        body.check()?;
         Ok(body)
     }
 
-    fn emission(&self, radii_m: DVec3) -> Result<Option<Emission>, Fault> {
+    fn emission(&self, radii_m: DVec3) -> Result<Option<Emission>, KeyError> {
         let is_sun = self.preset == Some(SolarBody::Sun);
         let given = match self.emission {
             Some(emission) => emission,
@@ -246,7 +242,7 @@ impl BodyConfig {
         let of_sun = |value: f64| is_sun.then_some(value);
         let needed = |key: &str, value: Option<f64>| {
             let missing =
-                || Fault::new(format!("emission.{key}"), "missing key: without the preset `sun` it is needed");
+                || KeyError::new(format!("emission.{key}"), "missing key: without the preset `sun` it is needed");
             value.ok_or_else(missing)
         };
         let sun_k = f64::from(crate::units::SOLAR_TEMPERATURE_K);
@@ -259,11 +255,11 @@ impl BodyConfig {
     }
 
     /// The body with its texture, which is read; paths start at `folder`.
-    pub(super) fn load(&self, folder: &Path) -> Result<Body, Fault> {
+    pub(super) fn load(&self, folder: &Path) -> Result<Body, KeyError> {
         let mut body = self.body()?;
         if let Some(file) = &self.texture {
             let texture = Texture::from_png(&folder.join(file));
-            let texture = texture.map_err(|error| Fault::new("texture", error.to_string()))?;
+            let texture = texture.map_err(|error| KeyError::new("texture", error.to_string()))?;
             body.surface.texture = Some(Arc::new(texture));
         }
         Ok(body)

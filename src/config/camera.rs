@@ -2,11 +2,11 @@
 
 use glam::{DQuat, DVec3};
 
-use super::error::Fault;
 use super::look::{Aim, Towards};
 use super::{Config, ConfigError, ObserverConfig};
 use crate::coordinates::lon_lat_from_direction;
 use crate::observer::{Moment, Observer, Refraction};
+use crate::ranges::KeyError;
 use crate::scene::Camera;
 use crate::scene::surroundings::BEYOND_AIR_M;
 
@@ -22,10 +22,10 @@ impl Config {
     }
 
     /// A fault names the key below `scene`.
-    pub(super) fn camera_of(&self, time_s: f64) -> Result<Camera, Fault> {
+    pub(super) fn camera_of(&self, time_s: f64) -> Result<Camera, KeyError> {
         let observer = self.observer();
         let camera = &self.scene.camera;
-        let of_camera = |fault: Fault| fault.within("camera");
+        let of_camera = |fault: KeyError| fault.within("camera");
         let at_rest = camera.camera(observer.map(|observer| observer.epoch.position_m), None).map_err(of_camera)?;
         let Some(aim) = self.scene.aim()? else { return Ok(at_rest) };
         let of_look = if observer.is_some() { "observer.look" } else { "camera.look" };
@@ -37,10 +37,10 @@ impl Config {
     }
 
     /// Rotation from camera axes to those of ICRS.
-    fn turned(&self, aim: &Aim, seen: (f64, Option<&Observer>), camera_m: DVec3) -> Result<DQuat, Fault> {
+    fn turned(&self, aim: &Aim, seen: (f64, Option<&Observer>), camera_m: DVec3) -> Result<DQuat, KeyError> {
         let (time_s, observer) = seen;
         let Some(icrs_from_frame) = aim.frame.icrs_from(observer, time_s) else {
-            return Err(Fault::new("frame", "horizon: needs [scene.observer]"));
+            return Err(KeyError::new("frame", "horizon: needs [scene.observer]"));
         };
         let frame_from_camera = match &aim.towards {
             Towards::Direction([longitude_rad, latitude_rad]) => aim.frame_from_camera(*longitude_rad, *latitude_rad),
@@ -48,18 +48,18 @@ impl Config {
                 let Some(body) = self.bodies.iter().find(|body| body.name == *name) else {
                     let names: Vec<&str> = self.bodies.iter().map(|body| &body.name[..]).collect();
                     let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-                    return Err(Fault::new("at", format!("`{name}`: no such body; the bodies are: {names}")));
+                    return Err(KeyError::new("at", format!("`{name}`: no such body; the bodies are: {names}")));
                 };
                 let place_m = match body.ephemeris {
                     Some(of) => {
                         let kernels = self.kernels()?;
                         let placed = Moment::new(time_s, observer).place(of, kernels.as_deref());
-                        placed.map_err(|problem| Fault::new("at", format!("`{name}`: {problem}")))?.0
+                        placed.map_err(|problem| KeyError::new("at", format!("`{name}`: {problem}")))?.0
                     }
                     None => body.body()?.position_m,
                 };
                 if place_m == camera_m {
-                    return Err(Fault::new("at", format!("`{name}`: the camera is at its centre")));
+                    return Err(KeyError::new("at", format!("`{name}`: the camera is at its centre")));
                 }
                 let seen_m = self.seen_m(place_m - camera_m, seen);
                 let in_frame = icrs_from_frame.transpose() * seen_m;

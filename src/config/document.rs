@@ -4,8 +4,9 @@ use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
-use super::error::{ConfigError, Fault, join};
+use super::error::ConfigError;
 use crate::ranges;
+use crate::ranges::{KeyError, key_below};
 
 /// Parses TOML; `origin` names the file in messages.
 pub(super) fn parse(text: &str, origin: &str) -> Result<Table, ConfigError> {
@@ -23,7 +24,7 @@ pub(super) fn parse(text: &str, origin: &str) -> Result<Table, ConfigError> {
 }
 
 /// Deserialises the value at the path `prefix`; a fault names the key below it.
-pub(super) fn deserialise<T: DeserializeOwned>(value: Value, prefix: &str) -> Result<T, Fault> {
+pub(super) fn deserialise<T: DeserializeOwned>(value: Value, prefix: &str) -> Result<T, KeyError> {
     serde_path_to_error::deserialize(value).map_err(|error| {
         let path = error.path().to_string();
         let key = if path == "." { String::new() } else { path };
@@ -31,23 +32,23 @@ pub(super) fn deserialise<T: DeserializeOwned>(value: Value, prefix: &str) -> Re
         // Serde reports an unknown key at the table that holds it; the user looks for the key.
         let unknown = problem.strip_prefix("unknown field `").and_then(|rest| rest.split('`').next());
         let key = match unknown {
-            Some(name) if key != name && !key.ends_with(&format!(".{name}")) => join(&key, name),
+            Some(name) if key != name && !key.ends_with(&format!(".{name}")) => key_below(&key, name),
             _ => key,
         };
-        Fault::new(
-            join(prefix, &key),
+        KeyError::new(
+            key_below(prefix, &key),
             problem.replace("unknown field", "unknown key").replace("missing field", "missing key"),
         )
     })
 }
 
 /// Checks the numbers of a value by the ranges of a type.
-pub(super) fn check_ranges<T: JsonSchema + 'static>(value: &Value) -> Result<(), Fault> {
-    ranges::check::<T>(value).map_err(Fault::out_of_range)
+pub(super) fn check_ranges<T: JsonSchema + 'static>(value: &Value) -> Result<(), KeyError> {
+    ranges::check::<T>(value)
 }
 
 /// Deserialises a value and checks its numbers.
-pub(super) fn read<T: DeserializeOwned + JsonSchema + 'static>(value: Value) -> Result<T, Fault> {
+pub(super) fn read<T: DeserializeOwned + JsonSchema + 'static>(value: Value) -> Result<T, KeyError> {
     let read = deserialise(value.clone(), "")?;
     check_ranges::<T>(&value)?;
     Ok(read)

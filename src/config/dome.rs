@@ -2,19 +2,16 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use glam::DQuat;
-
 use super::{
     Config, ConfigError, VIEWS,
-    error::Fault,
     projector::{BlendConfig, FOLDS, ProjectorConfig},
     views::{ViewKindSpec, ViewSpec},
 };
 use crate::{
+    ranges::KeyError,
     theatre::ScreenSums,
     view::{
         View, ViewKind,
-        projection::TabulatedMapping,
         projector::{Beam, Blend, ProjectorOutput, edge_blends},
     },
 };
@@ -24,7 +21,7 @@ use crate::{
 pub(super) struct Computed(Arc<Mutex<Option<Held>>>);
 
 /// Projectors and their blends.
-type Held = (Vec<Lamp>, Vec<Blend>);
+type Held = (Vec<Beam>, Vec<Blend>);
 
 impl PartialEq for Computed {
     /// They follow from the configuration.
@@ -33,28 +30,14 @@ impl PartialEq for Computed {
     }
 }
 
-/// A projector that others blend with.
-#[derive(Clone, Debug, PartialEq)]
-struct Lamp {
-    mapping: Arc<TabulatedMapping>,
-    dome_from_view: DQuat,
-    black: f64,
-}
-
-impl Lamp {
-    fn beam(&self) -> Beam<'_> {
-        Beam { mapping: &self.mapping, dome_from_view: self.dome_from_view, black: self.black }
-    }
-}
-
 impl Computed {
-    fn of(&self, lamps: Vec<Lamp>) -> Vec<Blend> {
+    fn of(&self, beams: Vec<Beam>) -> Vec<Blend> {
         let mut held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, blends)) = held.as_ref().filter(|(of, _)| *of == lamps) {
+        if let Some((_, blends)) = held.as_ref().filter(|(of, _)| *of == beams) {
             return blends.clone();
         }
-        let blends = edge_blends(&lamps.iter().map(Lamp::beam).collect::<Vec<_>>());
-        *held = Some((lamps, blends.clone()));
+        let blends = edge_blends(&beams);
+        *held = Some((beams, blends.clone()));
         blends
     }
 }
@@ -64,7 +47,7 @@ pub(super) fn match_projectors(
     configs: &[ViewSpec],
     views: &mut [View],
     computed: &Computed,
-) -> Result<Vec<f64>, (usize, Fault)> {
+) -> Result<Vec<f64>, (usize, KeyError)> {
     let mut factors = vec![1.0; views.len()];
     let projectors: Vec<(usize, &ProjectorConfig)> = configs
         .iter()
@@ -79,17 +62,17 @@ pub(super) fn match_projectors(
         if let Some((index, _)) = projectors.iter().find(|(_, projector)| !computes(projector)) {
             let problem =
                 "other projectors have computed blends: either all projectors of a configuration have them, or none";
-            return Err((*index, Fault::new("blend", problem)));
+            return Err((*index, KeyError::new("blend", problem)));
         }
-        let lamps = projectors.iter().filter_map(|(index, projector)| {
+        let beams = projectors.iter().filter_map(|(index, projector)| {
             let (mapping, dome_from_view) = views[*index].raster()?;
             let black = match (projector.black_cd_m2, projector.white_cd_m2) {
                 (Some(black), Some(white)) => black / white,
                 _ => 0.0,
             };
-            Some(Lamp { mapping: Arc::clone(mapping), dome_from_view, black })
+            Some(Beam { mapping: Arc::clone(mapping), dome_from_view, black })
         });
-        computed.of(lamps.collect()).into_iter().map(Some).collect()
+        computed.of(beams.collect()).into_iter().map(Some).collect()
     } else {
         vec![None; projectors.len()]
     };
@@ -99,7 +82,7 @@ pub(super) fn match_projectors(
     {
         let problem =
             "missing key: other projectors have it, and brightness is matched among all projectors of a configuration";
-        return Err((*index, Fault::new("white_cd_m2", problem)));
+        return Err((*index, KeyError::new("white_cd_m2", problem)));
     }
     let darkest_cd_m2 = whites.iter().copied().fold(f64::INFINITY, f64::min);
     for ((index, projector), computed) in projectors.into_iter().zip(blends) {
@@ -116,7 +99,7 @@ pub(super) fn match_projectors(
             None => Blend::uniform(output.size(), share),
         };
         let changed = ProjectorOutput::with_blend(output, Some(blend));
-        *output = Arc::new(changed.map_err(|problem| (index, Fault::new("blend", problem)))?);
+        *output = Arc::new(changed.map_err(|problem| (index, KeyError::new("blend", problem)))?);
     }
     Ok(factors)
 }
@@ -159,7 +142,7 @@ impl Config {
                     views.push(view);
                     screens.push(projector.screen(&self.folder));
                 }
-                Err(Fault { key, problem }) => {
+                Err(KeyError { key, problem }) => {
                     let folds = problem.contains(FOLDS);
                     faults.push(DomeFault { name: config.name.clone(), problem: format!("{key}: {problem}"), folds });
                 }

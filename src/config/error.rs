@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use crate::ranges::OutOfRange;
+use crate::ranges::KeyError;
 
 /// Why a configuration is refused.
 #[derive(Debug, thiserror::Error)]
@@ -57,43 +57,7 @@ pub enum ConfigError {
     },
 }
 
-/// An error at a key, before the file is known.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Fault {
-    /// Path of the key relative to the checked value; empty for the value itself.
-    pub key: String,
-    /// What is wrong, and which values are valid.
-    pub problem: String,
-}
-
-impl Fault {
-    /// A fault of `key`.
-    pub fn new(key: impl Into<String>, problem: impl Into<String>) -> Self {
-        Self { key: key.into(), problem: problem.into() }
-    }
-
-    /// The fault of a number that is out of range.
-    pub fn out_of_range(OutOfRange { key, problem }: OutOfRange) -> Self {
-        Self { key, problem }
-    }
-
-    /// The same fault with the path `prefix` before its key.
-    pub fn within(self, prefix: &str) -> Self {
-        Self { key: join(prefix, &self.key), ..self }
-    }
-}
-
-/// Path of `key` below `prefix`.
-pub(super) fn join(prefix: &str, key: &str) -> String {
-    match (prefix.is_empty(), key.is_empty()) {
-        (true, _) => key.to_owned(),
-        (_, true) => prefix.to_owned(),
-        _ if key.starts_with('[') => format!("{prefix}{key}"),
-        _ => format!("{prefix}.{key}"),
-    }
-}
-
 /// Refuses NaN and infinities.
-pub(super) fn finite(key: &str, value: f64) -> Result<(), Fault> {
-    if value.is_finite() { Ok(()) } else { Err(Fault::new(key, format!("{value}: must be a finite number"))) }
+pub(super) fn finite(key: &str, value: f64) -> Result<(), KeyError> {
+    if value.is_finite() { Ok(()) } else { Err(KeyError::new(key, format!("{value}: must be a finite number"))) }
 }

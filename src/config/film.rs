@@ -8,12 +8,13 @@ use serde::Deserialize;
 use toml::{Table, Value};
 
 use super::document::{deserialise, parse};
-use super::error::{ConfigError, Fault, finite};
+use super::error::{ConfigError, finite};
 use super::look::{Look, Towards};
 use super::time::WrittenTime;
 use crate::files;
 use crate::observer::Frame;
 use crate::plan::settings::MAGNITUDES;
+use crate::ranges::KeyError;
 use crate::scene::{Camera, PoseError};
 
 /// Bytes of a path file, at most.
@@ -136,29 +137,29 @@ struct KeyframeTable {
     easing: Easing,
 }
 
-fn within(key: &str, value: f64, [least, most]: [f64; 2]) -> Result<f64, Fault> {
+fn within(key: &str, value: f64, [least, most]: [f64; 2]) -> Result<f64, KeyError> {
     finite(key, value)?;
     if (least..=most).contains(&value) {
         Ok(value)
     } else {
-        Err(Fault::new(key, format!("{value}: must be between {least} and {most}")))
+        Err(KeyError::new(key, format!("{value}: must be between {least} and {most}")))
     }
 }
 
-fn vector(key: &'static str, value: [f64; 3]) -> Result<DVec3, Fault> {
-    crate::scene::finite_vector(key, value).map_err(|error| Fault::new(key, error.to_string()))
+fn vector(key: &'static str, value: [f64; 3]) -> Result<DVec3, KeyError> {
+    crate::scene::finite_vector(key, value).map_err(|error| KeyError::new(key, error.to_string()))
 }
 
 fn either<A, B, T>(
     [first, second]: [&'static str; 2],
     one: Option<A>,
     other: Option<B>,
-    with: impl FnOnce(A) -> Result<T, Fault>,
-    or_with: impl FnOnce(B) -> Result<T, Fault>,
-) -> Result<Option<T>, Fault> {
+    with: impl FnOnce(A) -> Result<T, KeyError>,
+    or_with: impl FnOnce(B) -> Result<T, KeyError>,
+) -> Result<Option<T>, KeyError> {
     match (one, other) {
         (Some(_), Some(_)) => {
-            Err(Fault::new(second, format!("{first} is given too: at most one of {first} and {second} is allowed")))
+            Err(KeyError::new(second, format!("{first} is given too: at most one of {first} and {second} is allowed")))
         }
         (Some(value), None) => with(value).map(Some),
         (None, Some(value)) => or_with(value).map(Some),
@@ -208,10 +209,10 @@ impl Keyframe {
 
 impl KeyframeTable {
     /// The keyframe, and the axes to which its orientation leads, if it has one.
-    fn keyframe(self) -> Result<(Keyframe, Option<Frame>), Fault> {
+    fn keyframe(self) -> Result<(Keyframe, Option<Frame>), KeyError> {
         let orientation = |value: [f64; 4]| {
             let turned = crate::scene::unit_quaternion(value);
-            turned.map(|turned| (turned, Frame::Icrs)).map_err(|error| Fault::new("orientation", error.to_string()))
+            turned.map(|turned| (turned, Frame::Icrs)).map_err(|error| KeyError::new("orientation", error.to_string()))
         };
         let look = |look: Look| {
             let aim = look.aim().map_err(|fault| fault.within("look"))?;
@@ -219,7 +220,7 @@ impl KeyframeTable {
                 Towards::Direction([longitude_rad, latitude_rad]) => {
                     Ok((aim.frame_from_camera(longitude_rad, latitude_rad), aim.frame))
                 }
-                Towards::Body(_) => Err(Fault::new("look.at", "keyframes have directions: at is not allowed")),
+                Towards::Body(_) => Err(KeyError::new("look.at", "keyframes have directions: at is not allowed")),
             }
         };
         let fov_y_deg = |value: f64| {
@@ -227,13 +228,13 @@ impl KeyframeTable {
             if value > 0.0 && value <= MOST_FOV_Y_DEG {
                 return Ok(FovKey::YDeg(value));
             }
-            Err(Fault::new("fov_y_deg", format!("{value}: must be above 0 and at most {MOST_FOV_Y_DEG} degrees")))
+            Err(KeyError::new("fov_y_deg", format!("{value}: must be above 0 and at most {MOST_FOV_Y_DEG} degrees")))
         };
         let velocity = |velocity_c: [f64; 3]| {
             let moving = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], velocity_c);
             moving
                 .map(|camera| camera.velocity_c)
-                .map_err(|error: PoseError| Fault::new("velocity_c", error.to_string()))
+                .map_err(|error: PoseError| KeyError::new("velocity_c", error.to_string()))
         };
         let turned = either(["orientation", "look"], self.orientation, self.look, orientation, look)?;
         let values = FrameValues {
@@ -291,14 +292,14 @@ impl FilmPath {
         })
     }
 
-    fn from_table(table: Table, origin: &str, text: String) -> Result<Self, Fault> {
+    fn from_table(table: Table, origin: &str, text: String) -> Result<Self, KeyError> {
         // The original tables: after deserialising into another table type, times are texts.
         let tables = table.get("keyframes").and_then(Value::as_array).cloned().unwrap_or_default();
         let document: Document = deserialise(Value::Table(table), "")?;
         let fps = within("fps", document.fps, FPS)?;
         let around_m = document.around_m.map(|value| vector("around_m", value)).transpose()?;
         if document.keyframes.is_empty() {
-            return Err(Fault::new("keyframes", "missing key: at least one [[keyframes]] is needed"));
+            return Err(KeyError::new("keyframes", "missing key: at least one [[keyframes]] is needed"));
         }
         let mut keyframes: Vec<Keyframe> = Vec::with_capacity(tables.len());
         let mut frame = None;
@@ -307,7 +308,7 @@ impl FilmPath {
             let (keyframe, of_keyframe) = deserialise::<KeyframeTable>(table, "")
                 .and_then(KeyframeTable::keyframe)
                 .map_err(|fault| fault.within(&place))?;
-            let fault = |key: &str, problem: String| Err(Fault::new(format!("{place}.{key}"), problem));
+            let fault = |key: &str, problem: String| Err(KeyError::new(format!("{place}.{key}"), problem));
             match (frame, of_keyframe) {
                 (Some(first), Some(other)) if first != other => {
                     let [first, other] = [first, other].map(Frame::name);

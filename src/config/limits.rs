@@ -1,7 +1,7 @@
 //! Rules of `[stars]`, `[glare]`, `[exposure]` and `[tone_map]` that tie several keys together. The ranges of single keys are attributes
 //! of the fields and have been checked before.
 
-use super::error::Fault;
+use crate::ranges::KeyError;
 use crate::{
     photometry::{
         glare::GlareKernelName,
@@ -13,16 +13,16 @@ use crate::{
     },
 };
 
-pub(super) fn check_stars(stars: &StarSettings) -> Result<(), Fault> {
+pub(super) fn check_stars(stars: &StarSettings) -> Result<(), KeyError> {
     check_billboard(&stars.billboard).map_err(|fault| fault.within("billboard"))?;
     check_gaussian_psf(&stars.gaussian_psf).map_err(|fault| fault.within("gaussian_psf"))?;
     check_psf_texture(&stars.psf_texture).map_err(|fault| fault.within("psf_texture"))
 }
 
-fn check_psf_texture(psf: &PsfTextureSettings) -> Result<(), Fault> {
+fn check_psf_texture(psf: &PsfTextureSettings) -> Result<(), KeyError> {
     if Aperture::from_name(&psf.aperture, 6).is_none() {
         let problem = format!("`{}` is not an aperture: must be one of {}", psf.aperture, Aperture::NAMES.join(", "));
-        return Err(Fault::new("aperture", problem));
+        return Err(KeyError::new("aperture", problem));
     }
     psf.check().map_err(|error| match error {
         PsfError::TooFine { allowed_steps, needed_steps, .. } => {
@@ -30,38 +30,38 @@ fn check_psf_texture(psf: &PsfTextureSettings) -> Result<(), Fault> {
             let most = psf.diameter_mm * allowed_steps / needed_steps;
             let problem =
                 format!("{}: must be at most {most:.3} mm at width_arcmin = {}", psf.diameter_mm, psf.width_arcmin);
-            Fault::new("diameter_mm", problem)
+            KeyError::new("diameter_mm", problem)
         }
-        error => Fault::new("", error.to_string()),
+        error => KeyError::new("", error.to_string()),
     })
 }
 
-fn check_billboard(billboard: &BillboardSettings) -> Result<(), Fault> {
+fn check_billboard(billboard: &BillboardSettings) -> Result<(), KeyError> {
     if billboard.brightest_magnitude >= billboard.faintest_magnitude {
         let (bright, faint) = (billboard.brightest_magnitude, billboard.faintest_magnitude);
         let problem = format!("{bright} must be brighter (smaller) than faintest_magnitude = {faint}");
-        return Err(Fault::new("brightest_magnitude", problem));
+        return Err(KeyError::new("brightest_magnitude", problem));
     }
     Ok(())
 }
 
-fn check_gaussian_psf(gaussian: &GaussianPsfSettings) -> Result<(), Fault> {
+fn check_gaussian_psf(gaussian: &GaussianPsfSettings) -> Result<(), KeyError> {
     if gaussian.saturation_magnitude >= gaussian.limiting_magnitude {
         let (saturation, limiting) = (gaussian.saturation_magnitude, gaussian.limiting_magnitude);
         let problem = format!("{saturation} must be brighter (smaller) than limiting_magnitude = {limiting}");
-        return Err(Fault::new("saturation_magnitude", problem));
+        return Err(KeyError::new("saturation_magnitude", problem));
     }
     Ok(())
 }
 
-pub(super) fn check_glare(glare: &GlareSettings) -> Result<(), Fault> {
+pub(super) fn check_glare(glare: &GlareSettings) -> Result<(), KeyError> {
     if glare.kernel == GlareKernelName::Psf && glare.psf_file.is_none() {
         let problem = "missing key: kernel = \"psf\" needs a file, CSV with the columns theta_deg,per_sr, EXR or FITS";
-        return Err(Fault::new("psf_file", problem));
+        return Err(KeyError::new("psf_file", problem));
     }
     if glare.absolute {
         if glare.kernel != GlareKernelName::Cie {
-            return Err(Fault::new("absolute", "true needs kernel = \"cie\": the other kernels are relative"));
+            return Err(KeyError::new("absolute", "true needs kernel = \"cie\": the other kernels are relative"));
         }
         let share = glare.fraction_scattered();
         if share > 1.0 {
@@ -69,7 +69,7 @@ pub(super) fn check_glare(glare: &GlareSettings) -> Result<(), Fault> {
             let problem = format!(
                 "true makes the kernel scatter {share:.2} of the light at age_years = {age} and inner_deg = {inner}: must be at most 1"
             );
-            return Err(Fault::new("absolute", problem));
+            return Err(KeyError::new("absolute", problem));
         }
     }
     Ok(())
@@ -80,18 +80,18 @@ pub(super) fn check_exposure(
     keys: &ExposureKeys,
     general: &ExposureSettings,
     stars: StarMethod,
-) -> Result<ExposureSettings, Fault> {
-    keys.check_effects(general, stars.is_relative()).map_err(|(key, problem)| Fault::new(key, problem))?;
+) -> Result<ExposureSettings, KeyError> {
+    keys.check_effects(general, stars.is_relative()).map_err(|(key, problem)| KeyError::new(key, problem))?;
     let exposure = keys.over(general);
     if let ExposureSettings::Auto(AutoExposure { min_ev100, max_ev100, .. }) = exposure
         && min_ev100 > max_ev100
     {
-        return Err(Fault::new("min_ev100", format!("{min_ev100}: must not be above max_ev100 = {max_ev100}")));
+        return Err(KeyError::new("min_ev100", format!("{min_ev100}: must not be above max_ev100 = {max_ev100}")));
     }
     Ok(exposure)
 }
 
-pub(super) fn check_tone_map(tone_map: &ToneMapSettings) -> Result<(), Fault> {
+pub(super) fn check_tone_map(tone_map: &ToneMapSettings) -> Result<(), KeyError> {
     // The contrast of a display is at least 2.
     let most = 0.5 * tone_map.peak_cd_m2;
     if tone_map.black_cd_m2 > most {
@@ -99,7 +99,7 @@ pub(super) fn check_tone_map(tone_map: &ToneMapSettings) -> Result<(), Fault> {
             "{}: must be between 0 and {most} cd/m^2, half of peak_cd_m2 = {}",
             tone_map.black_cd_m2, tone_map.peak_cd_m2
         );
-        return Err(Fault::new("black_cd_m2", problem));
+        return Err(KeyError::new("black_cd_m2", problem));
     }
     Ok(())
 }

@@ -4,8 +4,9 @@ use glam::DQuat;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::{Fault, finite};
+use super::error::finite;
 use crate::observer::{Frame, frame_from_camera};
+use crate::ranges::KeyError;
 
 /// Where a camera looks. The frame's pole is up.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
@@ -78,7 +79,7 @@ fn keys(frame: Frame) -> [&'static str; 2] {
 
 impl Look {
     /// The checked direction; a fault names the key within it.
-    pub(super) fn aim(&self) -> Result<Aim, Fault> {
+    pub(super) fn aim(&self) -> Result<Aim, KeyError> {
         finite("roll_deg", self.roll_deg)?;
         let given = [
             ("ra_deg", self.ra_deg, Frame::Icrs),
@@ -92,7 +93,7 @@ impl Look {
             given.into_iter().filter_map(|(key, value, frame)| Some((key, value?, frame))).collect();
         let of_keys = given.first().map(|(_, _, frame)| *frame);
         if self.frame.is_none() && of_keys == Some(Frame::Galactic) {
-            return Err(Fault::new(
+            return Err(KeyError::new(
                 "frame",
                 "missing key: with longitude_deg and latitude_deg it is needed: `galactic`, `ecliptic` or a body",
             ));
@@ -101,29 +102,29 @@ impl Look {
         let [longitude, latitude] = keys(frame);
         if let Some((key, ..)) = given.iter().find(|(key, ..)| ![longitude, latitude].contains(key)) {
             let problem = format!("not a key of this frame: it has {longitude} and {latitude}");
-            return Err(Fault::new(*key, problem));
+            return Err(KeyError::new(*key, problem));
         }
         finite("above_deg", self.above_deg)?;
         if self.above_deg.abs() > 180.0 {
-            return Err(Fault::new("above_deg", format!("{}: must be between -180 and 180", self.above_deg)));
+            return Err(KeyError::new("above_deg", format!("{}: must be between -180 and 180", self.above_deg)));
         }
         let (roll_rad, above_rad) = (self.roll_deg.to_radians(), self.above_deg.to_radians());
         if let Some(body) = &self.at {
             return match given.first() {
-                Some((key, ..)) => Err(Fault::new(*key, "at is given too: give either a direction or at")),
+                Some((key, ..)) => Err(KeyError::new(*key, "at is given too: give either a direction or at")),
                 None => Ok(Aim { frame, towards: Towards::Body(body.clone()), roll_rad, above_rad }),
             };
         }
         let needed = |key: &str| {
             let found = given.iter().find(|(name, ..)| *name == key).map(|(_, value, _)| *value);
             let missing = format!("missing key: give {longitude} and {latitude}, or at");
-            let value = found.ok_or_else(|| Fault::new(key, missing))?;
+            let value = found.ok_or_else(|| KeyError::new(key, missing))?;
             finite(key, value)?;
-            Ok(value)
+            Ok::<f64, KeyError>(value)
         };
         let [longitude_deg, latitude_deg] = [needed(longitude)?, needed(latitude)?];
         if latitude_deg.abs() > 90.0 {
-            return Err(Fault::new(latitude, format!("{latitude_deg}: must be between -90 and 90")));
+            return Err(KeyError::new(latitude, format!("{latitude_deg}: must be between -90 and 90")));
         }
         let towards = Towards::Direction([frame.longitude_rad(longitude_deg), latitude_deg.to_radians()]);
         Ok(Aim { frame, towards, roll_rad, above_rad })
@@ -134,7 +135,7 @@ impl Look {
 mod tests {
     use super::*;
 
-    fn aim(text: &str) -> Result<Aim, Fault> {
+    fn aim(text: &str) -> Result<Aim, KeyError> {
         toml::from_str::<Look>(text).expect("a look").aim()
     }
 

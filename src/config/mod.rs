@@ -39,14 +39,13 @@ pub use asteroids::{FieldConfig, FieldShape};
 pub use bodies::{BodyConfig, EmissionConfig, SpinConfig};
 pub use dome::{DomeFault, DomeProjector};
 pub use error::ConfigError;
-use error::{Fault, join};
 pub use film::{Easing, ExposureKey, FilmPath, FovKey, FrameValues, Keyframe};
-pub use keys::{KeyError, with_keys_of, with_same_keys};
+pub use keys::{with_keys_of, with_same_keys};
 pub use look::Look;
 pub use observer::ObserverConfig;
-pub use overlay::{GridConfig, LabelConfig, OverlayConfig, TrajectoryConfig};
+pub use overlay::{LabelConfig, OverlayConfig};
 pub use projector::{BlendConfig, ProjectorConfig, ProjectorMethod, RowsConfig};
-pub use scene::{CameraConfig, CatalogueConfig, GalaxyConfig, LightConfig, LightUnit, SceneConfig};
+pub use scene::{CameraConfig, CatalogueConfig, LightConfig, LightUnit, SceneConfig};
 use schemars::JsonSchema;
 use serde::Deserialize;
 pub(crate) use server::hidden_character;
@@ -62,7 +61,6 @@ pub use windows::{MOST_WINDOWS, MonitorChoice, WindowConfig, WindowFormat};
 
 use crate::catalogue::bright;
 use crate::catalogue::epoch::Epoch;
-use crate::catalogue::galaxy::GalaxyParameters;
 use crate::catalogue::healpix::LightMap;
 use crate::ephemeris::{Ephemeris, Kernels};
 use crate::files;
@@ -72,6 +70,8 @@ use crate::plan::settings::{
     RenderSettings, StarSettings, ToneMapSettings,
 };
 use crate::plan::view_settings::{FrameGroup, ViewSettings, frame_groups};
+pub use crate::ranges::KeyError;
+use crate::ranges::key_below;
 use crate::scene::asteroids::{FieldSpec, SpecError, check_fields, make_fields};
 use crate::scene::bodies::{MOST_BODIES, check_names, check_suns};
 use crate::scene::loader::StarSource;
@@ -213,7 +213,7 @@ impl Config {
         origin: &str,
         folder: &Path,
         overrides: &[String],
-        check_views: fn(Self) -> Result<Self, Fault>,
+        check_views: fn(Self) -> Result<Self, KeyError>,
     ) -> Result<Self, ConfigError> {
         let mut table = document::parse(text, origin)?;
         let applied = overrides
@@ -294,7 +294,7 @@ impl Config {
         shapes.map(|file| self.folder.join(file)).collect()
     }
 
-    fn from_table(table: Table, origin: &str, folder: &Path) -> Result<Self, Fault> {
+    fn from_table(table: Table, origin: &str, folder: &Path) -> Result<Self, KeyError> {
         let sections: Sections = document::deserialise(Value::Table(table.clone()), "")?;
         // The entries of lists are checked one by one, so that messages have their names.
         let mut unlisted = table;
@@ -344,10 +344,9 @@ impl Config {
         config.scene.check().map_err(|fault| fault.within("scene"))?;
         config.camera_of(config.scene.time_s()).map_err(|fault| fault.within("scene"))?;
         check_names(config.bodies.iter().map(|body| body.name.as_str()), MOST_BODIES)
-            .map_err(|(index, error)| config.fault_of_body(index, bodies::body_fault(&error)))?;
+            .map_err(|(index, error)| config.fault_of_body(index, error))?;
         let specs = config.specs()?;
-        check_fields(specs.iter().map(Arc::as_ref))
-            .map_err(|(index, error)| config.fault_of_field(index, bodies::body_fault(&error)))?;
+        check_fields(specs.iter().map(Arc::as_ref)).map_err(|(index, error)| config.fault_of_field(index, error))?;
         asteroids::check_settings(&config.asteroids).map_err(|fault| fault.within("asteroids"))?;
         limits::check_stars(&config.stars).map_err(|fault| fault.within("stars"))?;
         limits::check_glare(&config.glare).map_err(|fault| fault.within("glare"))?;
@@ -357,7 +356,7 @@ impl Config {
         Ok(config)
     }
 
-    fn check_views(mut self) -> Result<Self, Fault> {
+    fn check_views(mut self) -> Result<Self, KeyError> {
         let rig = self.build_rig()?;
         self.resolve_views()?;
         self.build_overlay(None)?;
@@ -369,39 +368,39 @@ impl Config {
         Ok(self)
     }
 
-    fn build_rig(&self) -> Result<Rig, Fault> {
+    fn build_rig(&self) -> Result<Rig, KeyError> {
         let mut views = Vec::with_capacity(self.views.len());
         for (index, config) in self.views.iter().enumerate() {
             if let Some(first) = self.views[..index].iter().position(|other| other.name == config.name) {
                 let problem = format!("views[{first}] has this name too: names must be unique");
-                return Err(VIEWS.fault(index, Some(&config.name), Fault::new("name", problem)));
+                return Err(VIEWS.fault(index, Some(&config.name), KeyError::new("name", problem)));
             }
             views.push(config.view(Some(&self.folder)).map_err(|fault| VIEWS.fault(index, Some(&config.name), fault))?);
         }
         dome::match_projectors(&self.views, &mut views, &self.computed_blends)
             .map_err(|(index, fault)| VIEWS.fault(index, Some(&self.views[index].name), fault))?;
-        Rig::new(views).map_err(|error| Fault::new("views", error.to_string()))
+        Rig::new(views).map_err(|error| KeyError::new("views", error.to_string()))
     }
 
-    fn resolve_views(&self) -> Result<Vec<ViewSettings>, Fault> {
+    fn resolve_views(&self) -> Result<Vec<ViewSettings>, KeyError> {
         resolve_views(&self.render_settings(), &self.views, &self.folder).map_err(
             |ViewSettingsError { view, key, problem }| {
-                VIEWS.fault(view, Some(&self.views[view].name), Fault::new(key, problem))
+                VIEWS.fault(view, Some(&self.views[view].name), KeyError::new(key, problem))
             },
         )
     }
 
     /// The overlay; the paths of its files start at `folder`, and `None` reads none.
-    fn build_overlay(&self, folder: Option<&Path>) -> Result<Overlay, Fault> {
+    fn build_overlay(&self, folder: Option<&Path>) -> Result<Overlay, KeyError> {
         let patterned = self.views.iter().filter(|view| view.test_pattern);
         let names = patterned.map(|view| view.name.clone()).collect();
         let overlay = self.overlay.overlay(names, folder).map_err(|fault| fault.within("overlay"))?;
         let checked = overlay.check_observer(self.scene.observer.is_some());
-        checked.map_err(|(key, problem)| Fault::new(format!("overlay.{key}"), problem))?;
+        checked.map_err(|(key, problem)| KeyError::new(format!("overlay.{key}"), problem))?;
         Ok(overlay)
     }
 
-    fn error(&self, fault: Fault) -> ConfigError {
+    fn error(&self, fault: KeyError) -> ConfigError {
         ConfigError::Key { origin: self.origin.clone(), key: fault.key, problem: fault.problem }
     }
 
@@ -451,15 +450,15 @@ impl Config {
         Ok(frame_groups(&self.rig()?, &self.render_settings(), &self.view_settings()?))
     }
 
-    fn fault_of_body(&self, index: usize, fault: Fault) -> Fault {
+    fn fault_of_body(&self, index: usize, fault: KeyError) -> KeyError {
         BODIES.fault(index, self.bodies.get(index).map(|body| body.name.as_str()), fault)
     }
 
-    fn fault_of_field(&self, index: usize, fault: Fault) -> Fault {
+    fn fault_of_field(&self, index: usize, fault: KeyError) -> KeyError {
         FIELDS.fault(index, self.asteroid_fields.get(index).map(|field| field.name.as_str()), fault)
     }
 
-    fn specs(&self) -> Result<Vec<Arc<FieldSpec>>, Fault> {
+    fn specs(&self) -> Result<Vec<Arc<FieldSpec>>, KeyError> {
         let spec = |(index, field): (usize, &FieldConfig)| {
             field.spec(&self.folder).map(Arc::new).map_err(|fault| self.fault_of_field(index, fault))
         };
@@ -480,7 +479,7 @@ impl Config {
         };
         let bodies = self.bodies.iter().enumerate().map(body).collect::<Result<Vec<_>, _>>()?;
         check_suns(bodies.iter().map(Arc::as_ref))
-            .map_err(|(index, error)| self.error(self.fault_of_body(index, bodies::body_fault(&error))))?;
+            .map_err(|(index, error)| self.error(self.fault_of_body(index, error)))?;
         let made = make_fields(&self.field_specs()?, &[]).map_err(|(index, error): (usize, SpecError)| {
             self.error(self.fault_of_field(index, asteroids::spec_fault(&error)))
         })?;
@@ -510,21 +509,21 @@ impl Config {
     }
 
     /// The kernels of `scene.kernels`; `None`: the list is empty.
-    fn kernels(&self) -> Result<Option<Arc<Kernels>>, Fault> {
+    fn kernels(&self) -> Result<Option<Arc<Kernels>>, KeyError> {
         let files: Vec<PathBuf> = self.scene.kernels.iter().map(|file| self.folder.join(file)).collect();
         if files.is_empty() {
             return Ok(None);
         }
-        Kernels::load(&files).map(Some).map_err(|error| Fault::new("scene.kernels", error.to_string()))
+        Kernels::load(&files).map(Some).map_err(|error| KeyError::new("scene.kernels", error.to_string()))
     }
 
     /// Checks that the kernels cover all bodies that need them, at the scene's time.
-    fn check_kernels(&self, kernels: Option<&Kernels>, observer: Option<&Observer>) -> Result<(), Fault> {
+    fn check_kernels(&self, kernels: Option<&Kernels>, observer: Option<&Observer>) -> Result<(), KeyError> {
         let moment = Moment::new(self.scene.time_s(), observer);
         for (index, body) in self.bodies.iter().enumerate() {
             let Some(of) = body.ephemeris else { continue };
             check_place(of, kernels, &moment)
-                .map_err(|problem| self.fault_of_body(index, Fault::new("ephemeris", problem)))?;
+                .map_err(|problem| self.fault_of_body(index, KeyError::new("ephemeris", problem)))?;
         }
         Ok(())
     }
@@ -538,12 +537,7 @@ impl Config {
                 CatalogueConfig::Named(name) if name == bright::NAME => StarSource::Bright,
                 CatalogueConfig::Named(name) => StarSource::File(self.folder.join(name)),
                 CatalogueConfig::Light(light) => StarSource::Light(light.map(&self.folder)),
-                CatalogueConfig::Galaxy(galaxy) => StarSource::Galaxy(GalaxyParameters {
-                    unresolved_light: galaxy.unresolved_light,
-                    stars: galaxy.stars,
-                    seed: galaxy.seed,
-                    fainter_than: galaxy.fainter_than,
-                }),
+                CatalogueConfig::Galaxy(galaxy) => StarSource::Galaxy(*galaxy),
             })
             .collect()
     }
@@ -570,14 +564,14 @@ const WINDOWS: Named = Named { list: "windows", one: "window" };
 
 impl Named {
     /// A fault of one of them: the path by index, and the name after it.
-    fn fault(&self, index: usize, name: Option<&str>, fault: Fault) -> Fault {
-        let key = join(&format!("{}[{index}]", self.list), &fault.key);
-        Fault { key: name.map_or(key.clone(), |name| format!("{key} ({} `{name}`)", self.one)), ..fault }
+    fn fault(&self, index: usize, name: Option<&str>, fault: KeyError) -> KeyError {
+        let key = key_below(&format!("{}[{index}]", self.list), &fault.key);
+        KeyError { key: name.map_or(key.clone(), |name| format!("{key} ({} `{name}`)", self.one)), ..fault }
     }
 }
 
 /// Reads tables one by one.
-fn each<T>(named: &Named, tables: Vec<Table>, read: impl Fn(Table) -> Result<T, Fault>) -> Result<Vec<T>, Fault> {
+fn each<T>(named: &Named, tables: Vec<Table>, read: impl Fn(Table) -> Result<T, KeyError>) -> Result<Vec<T>, KeyError> {
     let read = |(index, table): (usize, Table)| {
         let name = table.get("name").and_then(Value::as_str).map(str::to_owned);
         read(table).map_err(|fault| named.fault(index, name.as_deref(), fault))

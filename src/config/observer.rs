@@ -6,10 +6,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::document::check_ranges;
-use super::error::Fault;
 use super::look::{Aim, Look};
 use super::surroundings::{AirConfig, GroundConfig};
 use crate::observer::{Clock, Frame, Place, RefractingAir, refraction::dip_rad};
+use crate::ranges::KeyError;
 use crate::scene::{landscape::Landscape, surroundings::Surroundings};
 
 /// Default azimuth, degrees.
@@ -66,7 +66,7 @@ impl ObserverConfig {
     }
 
     /// The air and the ground around it, if it has any. Files are read from paths that start at `folder`; a fault names the key below `scene.observer`.
-    pub(super) fn surroundings(&self, folder: &Path) -> Result<Option<Surroundings>, Fault> {
+    pub(super) fn surroundings(&self, folder: &Path) -> Result<Option<Surroundings>, KeyError> {
         let landscape = self.ground.landscape(folder).map_err(|fault| fault.within("ground"))?;
         Ok(self.surroundings_with(landscape.map(Arc::new)))
     }
@@ -81,14 +81,14 @@ impl ObserverConfig {
 
     /// Checks place, clock, air and ground by the rules of configurations. The error names the key, from `observer` on, and the valid values.
     pub fn check(&self) -> Result<(), String> {
-        let written = |Fault { key, problem }: Fault| format!("{}: {problem}", key.trim_start_matches("scene."));
+        let written = |KeyError { key, problem }: KeyError| format!("{}: {problem}", key.trim_start_matches("scene."));
         let own = toml::Value::try_from(self).map_err(|error| format!("observer: {error}"))?;
         check_ranges::<Self>(&own).map_err(|fault| written(fault.within("observer")))?;
         self.check_surroundings().map_err(|fault| written(fault.within("observer")))
     }
 
     /// Checks the rules beyond types and ranges; a fault names the key below `scene.observer`.
-    pub(super) fn check_surroundings(&self) -> Result<(), Fault> {
+    pub(super) fn check_surroundings(&self) -> Result<(), KeyError> {
         self.ground.check().map_err(|fault| fault.within("ground"))?;
         self.air.check(self.height_m).map_err(|fault| fault.within("air"))
     }
@@ -99,12 +99,12 @@ impl ObserverConfig {
     }
 
     /// The direction of the camera; a fault names the key below `scene.observer`.
-    pub(super) fn aim(&self) -> Result<Aim, Fault> {
+    pub(super) fn aim(&self) -> Result<Aim, KeyError> {
         let given =
             [("azimuth_deg", self.azimuth_deg), ("altitude_deg", self.altitude_deg), ("roll_deg", self.roll_deg)];
         if let Some(look) = &self.look {
             if let Some((key, _)) = given.into_iter().find(|(_, given)| given.is_some()) {
-                return Err(Fault::new(key, "look is given too: give at most one of them"));
+                return Err(KeyError::new(key, "look is given too: give at most one of them"));
             }
             let at_body = look.at.is_some() && look.frame.is_none();
             let look = Look { frame: if at_body { Some(Frame::Horizon) } else { look.frame }, ..look.clone() };

@@ -9,12 +9,11 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::Fault;
 use crate::coordinates::direction_from_lon_lat;
+use crate::ranges::KeyError;
 use crate::scene::bodies::FARTHEST_M;
 use crate::scene::overlay::{
-    Anchor, Colour, Grid, GridKind, Label, LineStyle, Lists, Overlay, PICTURE_WIDTHS_DEG, Picture, PictureLevels,
-    SIZES_PX, Trajectory, WIDTHS_PX,
+    Anchor, Colour, Grid, Label, Lists, Overlay, PICTURE_WIDTHS_DEG, Picture, PictureLevels, SIZES_PX, Trajectory,
 };
 
 /// `[overlay]`: lines and text over display images, never in light.
@@ -24,60 +23,13 @@ pub struct OverlayConfig {
     /// Pictures on the sky, 16 at most with at most 16777216 texels together, under everything else.
     pub pictures: Vec<PictureConfig>,
     /// Grids of coordinates, 8 at most; later ones are drawn over earlier ones.
-    pub grids: Vec<GridConfig>,
+    pub grids: Vec<Grid>,
     /// Polylines in space, 256 at most with at most 32768 points together.
-    pub trajectories: Vec<TrajectoryConfig>,
+    pub trajectories: Vec<Trajectory>,
     /// Text next to directions and points, 1024 at most.
     pub labels: Vec<LabelConfig>,
     /// Whether N, NE, E, SE, S, SW, W and NW are written above the ground; needs `scene.observer`.
     pub cardinal_points: bool,
-}
-
-/// Circles of longitude and latitude.
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct GridConfig {
-    /// Coordinates that it shows.
-    pub kind: GridKind,
-    /// Angle between neighbouring circles; 90 is a whole multiple of it.
-    #[serde(default = "grid_spacing_deg")]
-    #[schemars(range(min = 1.0, max = 90.0), extend("x-unit" = "degrees"))]
-    pub spacing_deg: f64,
-    /// Whether the circles are numbered.
-    #[serde(default = "yes")]
-    pub numbers: bool,
-    /// Colour, `#rrggbb` in sRGB codes.
-    #[serde(default = "grid_colour")]
-    pub colour: String,
-    /// Width of the lines.
-    #[serde(default = "grid_width_px")]
-    #[schemars(range(min = WIDTHS_PX[0], max = WIDTHS_PX[1]), extend("x-unit" = "pixels"))]
-    pub width_px: f64,
-    /// Share of the background that it replaces, in linear light.
-    #[serde(default = "grid_opacity")]
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub opacity: f64,
-}
-
-/// A polyline in space.
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct TrajectoryConfig {
-    /// Unique name: letters, digits, `_` and `-`.
-    pub name: String,
-    /// Corners, ICRS, barycentric, at least 2.
-    pub points_m: Vec<[f64; 3]>,
-    /// Colour, `#rrggbb` in sRGB codes.
-    #[serde(default = "trajectory_colour")]
-    pub colour: String,
-    /// Width of the line.
-    #[serde(default = "trajectory_width_px")]
-    #[schemars(range(min = WIDTHS_PX[0], max = WIDTHS_PX[1]), extend("x-unit" = "pixels"))]
-    pub width_px: f64,
-    /// Share of the background that it replaces, in linear light.
-    #[serde(default = "one")]
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub opacity: f64,
 }
 
 /// Text next to a direction (`ra_deg` and `dec_deg`, or `azimuth_deg` and `altitude_deg`) or a point (`position_m`).
@@ -104,7 +56,8 @@ pub struct LabelConfig {
     pub position_m: Option<[f64; 3]>,
     /// Colour, `#rrggbb` in sRGB codes.
     #[serde(default = "label_colour")]
-    pub colour: String,
+    #[schemars(with = "String")]
+    pub colour: Colour,
     /// Height of the font.
     #[serde(default = "label_size_px")]
     #[schemars(range(min = SIZES_PX[0], max = SIZES_PX[1]), extend("x-unit" = "pixels"))]
@@ -147,36 +100,8 @@ pub struct PictureConfig {
     pub opacity: f64,
 }
 
-fn grid_spacing_deg() -> f64 {
-    Grid::SPACING_DEG
-}
-
-fn yes() -> bool {
-    true
-}
-
-fn grid_colour() -> String {
-    Grid::STYLE.colour.to_hex()
-}
-
-fn grid_width_px() -> f64 {
-    Grid::STYLE.width_px
-}
-
-fn grid_opacity() -> f64 {
-    Grid::STYLE.opacity
-}
-
-fn trajectory_colour() -> String {
-    Trajectory::STYLE.colour.to_hex()
-}
-
-fn trajectory_width_px() -> f64 {
-    Trajectory::STYLE.width_px
-}
-
-fn label_colour() -> String {
-    Label::COLOUR.to_hex()
+fn label_colour() -> Colour {
+    Label::COLOUR
 }
 
 fn label_size_px() -> f64 {
@@ -187,40 +112,18 @@ fn one() -> f64 {
     1.0
 }
 
-fn colour(text: &str) -> Result<Colour, Fault> {
-    Colour::from_hex(text).map_err(|problem| Fault::new("colour", problem))
-}
-
-impl GridConfig {
-    fn grid(&self) -> Result<Grid, Fault> {
-        Grid::check_spacing(self.kind, self.spacing_deg).map_err(|problem| Fault::new("spacing_deg", problem))?;
-        let divisions =
-            Grid::divisions_from_spacing_deg(self.spacing_deg).map_err(|problem| Fault::new("spacing_deg", problem))?;
-        let style = LineStyle { colour: colour(&self.colour)?, width_px: self.width_px, opacity: self.opacity };
-        Ok(Grid { kind: self.kind, divisions, numbers: self.numbers, style })
-    }
-}
-
-impl TrajectoryConfig {
-    fn trajectory(&self) -> Result<Trajectory, Fault> {
-        let style = LineStyle { colour: colour(&self.colour)?, width_px: self.width_px, opacity: self.opacity };
-        let points_m = self.points_m.iter().copied().map(DVec3::from_array).collect();
-        Ok(Trajectory { name: self.name.clone(), points_m, style })
-    }
-}
-
 impl LabelConfig {
-    fn label(&self) -> Result<Label, Fault> {
+    fn label(&self) -> Result<Label, KeyError> {
         let anchor = anchor([self.ra_deg, self.dec_deg], [self.azimuth_deg, self.altitude_deg], self.position_m)
             .ok_or_else(|| {
                 let problem = "exactly one is needed: ra_deg and dec_deg, azimuth_deg and altitude_deg, or position_m";
-                Fault::new("position_m", problem)
+                KeyError::new("position_m", problem)
             })?;
         Ok(Label {
             name: self.name.clone(),
             text: self.text.clone().unwrap_or_else(|| self.name.clone()),
             anchor,
-            colour: colour(&self.colour)?,
+            colour: self.colour,
             size_px: self.size_px,
             opacity: self.opacity,
         })
@@ -245,10 +148,10 @@ fn anchor(sky: [Option<f64>; 2], horizon: [Option<f64>; 2], position_m: Option<[
 
 impl PictureConfig {
     /// The picture, whose path starts at `folder`; `None`: with a single texel instead of its file.
-    fn picture(&self, folder: Option<&Path>) -> Result<Picture, Fault> {
+    fn picture(&self, folder: Option<&Path>) -> Result<Picture, KeyError> {
         let anchor =
             anchor([self.ra_deg, self.dec_deg], [self.azimuth_deg, self.altitude_deg], None).ok_or_else(|| {
-                Fault::new("ra_deg", "exactly one is needed: ra_deg and dec_deg, or azimuth_deg and altitude_deg")
+                KeyError::new("ra_deg", "exactly one is needed: ra_deg and dec_deg, or azimuth_deg and altitude_deg")
             })?;
         let levels = match folder {
             Some(folder) => PictureLevels::from_png(&folder.join(&self.file)),
@@ -256,7 +159,7 @@ impl PictureConfig {
         };
         Ok(Picture {
             name: self.name.clone(),
-            levels: Arc::new(levels.map_err(|error| Fault::new("file", error.to_string()))?),
+            levels: Arc::new(levels.map_err(|error| KeyError::new("file", error.to_string()))?),
             anchor,
             width_rad: self.width_deg.to_radians(),
             roll_rad: self.roll_deg.to_radians(),
@@ -268,8 +171,8 @@ impl PictureConfig {
 impl OverlayConfig {
     /// The overlay, with test patterns in the views of these names and files whose paths start at `folder` (`None`: no file is read); a fault
     /// names the key below `overlay`.
-    pub(super) fn overlay(&self, test_patterns: Vec<String>, folder: Option<&Path>) -> Result<Overlay, Fault> {
-        fn all<T, U>(list: Lists, from: &[T], make: impl Fn(&T) -> Result<U, Fault>) -> Result<Vec<U>, Fault> {
+    pub(super) fn overlay(&self, test_patterns: Vec<String>, folder: Option<&Path>) -> Result<Overlay, KeyError> {
+        fn all<T, U>(list: Lists, from: &[T], make: impl Fn(&T) -> Result<U, KeyError>) -> Result<Vec<U>, KeyError> {
             let make = |(index, one): (usize, &T)| {
                 make(one).map_err(|fault| fault.within(&format!("{}[{index}]", list.key())))
             };
@@ -277,16 +180,13 @@ impl OverlayConfig {
         }
         let overlay = Overlay {
             pictures: all(Lists::Pictures, &self.pictures, |picture| picture.picture(folder))?,
-            grids: all(Lists::Grids, &self.grids, GridConfig::grid)?,
-            trajectories: all(Lists::Trajectories, &self.trajectories, TrajectoryConfig::trajectory)?,
+            grids: self.grids.clone(),
+            trajectories: self.trajectories.clone(),
             labels: all(Lists::Labels, &self.labels, LabelConfig::label)?,
             cardinal_points: self.cardinal_points,
             test_patterns,
         };
-        overlay.check().map_err(|wrong| {
-            let fault = Fault::new(wrong.error.key, wrong.error.problem);
-            fault.within(&format!("{}[{}]", wrong.list.key(), wrong.index))
-        })?;
+        overlay.check().map_err(|wrong| wrong.error.within(&format!("{}[{}]", wrong.list.key(), wrong.index)))?;
         Ok(overlay)
     }
 }

@@ -8,7 +8,7 @@ use std::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::Fault;
+use crate::ranges::KeyError;
 use crate::{
     scene::finite_vector,
     theatre::{Axes, Calibration, Mask, ReadOptions, Region, RowOrder, ScreenSums, read, read_lut},
@@ -125,7 +125,7 @@ pub(super) const FOLDS: &str = "the warp folds";
 
 /// Result of reading and baking, which takes seconds and is done once.
 #[derive(Clone, Debug, Default)]
-struct Loaded(Arc<OnceLock<Result<Calibrated, Fault>>>);
+struct Loaded(Arc<OnceLock<Result<Calibrated, KeyError>>>);
 
 /// Result of a calibration: the view, and the points of the screen if it has any.
 #[derive(Clone, Debug)]
@@ -143,7 +143,7 @@ impl PartialEq for Loaded {
 
 impl ProjectorConfig {
     /// The view's kind. `folder` is where relative paths start; the calibration is read and its table made by the first call.
-    pub(super) fn kind(&self, folder: &Path) -> Result<ViewKind, Fault> {
+    pub(super) fn kind(&self, folder: &Path) -> Result<ViewKind, KeyError> {
         self.calibrated(folder).map(|calibrated| calibrated.kind)
     }
 
@@ -152,16 +152,16 @@ impl ProjectorConfig {
         self.calibrated(folder).ok()?.screen
     }
 
-    fn calibrated(&self, folder: &Path) -> Result<Calibrated, Fault> {
+    fn calibrated(&self, folder: &Path) -> Result<Calibrated, KeyError> {
         self.loaded.0.get_or_init(|| self.load(folder)).clone()
     }
 
     /// The region of the calibration, with a note on every assumption.
-    fn region(&self, folder: &Path) -> Result<(Region, Vec<String>), Fault> {
-        let eye_m = finite_vector("eye_m", self.eye_m).map_err(|error| Fault::new("eye_m", error.to_string()))?;
+    fn region(&self, folder: &Path) -> Result<(Region, Vec<String>), KeyError> {
+        let eye_m = finite_vector("eye_m", self.eye_m).map_err(|error| KeyError::new("eye_m", error.to_string()))?;
         let axes = match &self.axes {
             None => Axes::AsFormat,
-            Some(axes) => Axes::parse(axes).map_err(|problem| Fault::new("axes", problem))?,
+            Some(axes) => Axes::parse(axes).map_err(|problem| KeyError::new("axes", problem))?,
         };
         let options = ReadOptions {
             region: self.region.clone(),
@@ -174,14 +174,14 @@ impl ProjectorConfig {
         };
         let path = folder.join(&self.file);
         let Calibration { format, regions, notes, .. } =
-            read(&path, &options).map_err(|error| Fault::new("file", error.to_string()))?;
+            read(&path, &options).map_err(|error| KeyError::new("file", error.to_string()))?;
         let region = match <[Region; 1]>::try_from(regions) {
             Ok([region]) => region,
             Err(regions) => {
                 let names: Vec<&str> = regions.iter().map(|region| region.name.as_str()).collect();
                 let problem =
                     format!("{} has {} regions, one is needed: {}", path.display(), names.len(), names.join(", "));
-                return Err(Fault::new("region", problem));
+                return Err(KeyError::new("region", problem));
             }
         };
         let notes =
@@ -189,32 +189,32 @@ impl ProjectorConfig {
         Ok((region, notes))
     }
 
-    fn load(&self, folder: &Path) -> Result<Calibrated, Fault> {
+    fn load(&self, folder: &Path) -> Result<Calibrated, KeyError> {
         self.check_keys()?;
         let (region, notes) = self.region(folder)?;
         for note in notes {
             tracing::info!("{note}");
         }
         let lut = self.lut.as_ref().map(|path| read_lut(&folder.join(path)));
-        let lut = lut.transpose().map_err(|error| Fault::new("lut", error.to_string()))?;
+        let lut = lut.transpose().map_err(|error| KeyError::new("lut", error.to_string()))?;
         let path = folder.join(&self.file);
         self.view_of(&region, lut)
             .map(|kind| Calibrated { kind, screen: region.screen })
-            .map_err(|problem| Fault::new("file", format!("{}, {}: {problem}", path.display(), region.name)))
+            .map_err(|problem| KeyError::new("file", format!("{}, {}: {problem}", path.display(), region.name)))
     }
 
     /// Refuses keys without effect.
-    fn check_keys(&self) -> Result<(), Fault> {
+    fn check_keys(&self) -> Result<(), KeyError> {
         if self.source_scale.is_some() && self.method != ProjectorMethod::Resampled {
-            return Err(Fault::new("source_scale", "belongs to method = \"resampled\""));
+            return Err(KeyError::new("source_scale", "belongs to method = \"resampled\""));
         }
         match (self.black_cd_m2, self.white_cd_m2) {
             (None, _) => Ok(()),
             (Some(_), _) if self.blend != BlendConfig::Computed => {
-                Err(Fault::new("black_cd_m2", "belongs to blend = \"computed\""))
+                Err(KeyError::new("black_cd_m2", "belongs to blend = \"computed\""))
             }
             (Some(black), Some(white)) if black < white => Ok(()),
-            _ => Err(Fault::new("black_cd_m2", "needs a white_cd_m2 above it")),
+            _ => Err(KeyError::new("black_cd_m2", "needs a white_cd_m2 above it")),
         }
     }
 

@@ -12,13 +12,13 @@ use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use toml::{Table, Value};
 
-use super::error::Fault;
 use super::look::{Aim, Look};
 use super::observer::ObserverConfig;
 use super::time::WrittenTime;
-use crate::catalogue::galaxy::MOST_STARS;
+use crate::catalogue::galaxy::GalaxyParameters;
 use crate::catalogue::healpix::{BrightnessUnit, LightMap};
 use crate::observer::{Frame, Observer};
+use crate::ranges::KeyError;
 use crate::relativity::MAX_SPEED_C;
 use crate::scene::{Camera, PoseError, SceneClock};
 use crate::units::J2000_UNIX_S;
@@ -90,29 +90,12 @@ fn default_time() -> WrittenTime {
 #[serde(rename_all = "snake_case")]
 pub enum CatalogueConfig {
     /// Synthetic stars.
-    Galaxy(GalaxyConfig),
+    Galaxy(GalaxyParameters),
     /// A map of light.
     Light(LightConfig),
     /// `builtin:bright`, or a file: CSV, JSON or a store. Relative paths start at the configuration's folder.
     #[serde(untagged)]
     Named(String),
-}
-
-/// A synthetic Milky Way whose star counts follow those of the real sky.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct GalaxyConfig {
-    /// Number of stars: the brightest ones of the model, as seen from the Sun.
-    #[schemars(range(min = 1, max = MOST_STARS))]
-    pub stars: usize,
-    /// Seed of the random number generator.
-    #[serde(default = "one")]
-    pub seed: u64,
-    /// Stars brighter than this apparent V magnitude are left out, so that a catalogue can provide them; absent: no limit.
-    pub fainter_than: Option<f64>,
-    /// Whether the light of all fainter stars is seen, the band of the Milky Way and the Magellanic Clouds.
-    #[serde(default = "yes")]
-    pub unresolved_light: bool,
 }
 
 /// A map of light that does not come from single stars, instead of that of the galaxy: HEALPix cells in a FITS file, nested, in celestial coordinates, with one column of numbers.
@@ -157,14 +140,6 @@ impl LightConfig {
     }
 }
 
-fn one() -> u64 {
-    1
-}
-
-fn yes() -> bool {
-    true
-}
-
 impl<'de> Deserialize<'de> for CatalogueConfig {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_any(CatalogueVisitor)
@@ -176,7 +151,7 @@ struct CatalogueVisitor;
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CatalogueEntry {
-    galaxy: Option<GalaxyConfig>,
+    galaxy: Option<GalaxyParameters>,
     light: Option<LightConfig>,
 }
 
@@ -217,29 +192,41 @@ pub struct CameraConfig {
     /// Unit quaternion from camera axes (+x right, +y up, looking along -z) to ICRS axes; the identity by default.
     pub orientation: Option<[f64; 4]>,
     /// Direction of the camera, instead of `orientation`. The horizon frame needs an observer.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub look: Option<Look>,
     /// Velocity, ICRS axes; the speed is at most 0.9999.
     #[schemars(inner(range(min = -MAX_SPEED_C, max = MAX_SPEED_C)))]
     pub velocity_c: Option<[f64; 3]>,
 }
 
+impl From<&Camera> for CameraConfig {
+    fn from(camera: &Camera) -> Self {
+        Self {
+            position_m: Some(camera.position_m.to_array()),
+            orientation: Some(camera.world_from_camera.to_array()),
+            look: None,
+            velocity_c: Some(camera.velocity_c.to_array()),
+        }
+    }
+}
+
 impl CameraConfig {
     /// The direction that `look` gives; a fault names the key below `scene.camera`.
-    fn aim(&self) -> Result<Option<Aim>, Fault> {
+    fn aim(&self) -> Result<Option<Aim>, KeyError> {
         let Some(look) = &self.look else { return Ok(None) };
         if self.orientation.is_some() {
-            return Err(Fault::new("look", "orientation is given too: give at most one of orientation and look"));
+            return Err(KeyError::new("look", "orientation is given too: give at most one of orientation and look"));
         }
         let aim = look.aim().map_err(|fault| fault.within("look"))?;
         if aim.frame == Frame::Horizon {
             let problem = "horizon: needs an observer: write [scene.observer] instead of [scene.camera]";
-            return Err(Fault::new("look.frame", problem));
+            return Err(KeyError::new("look.frame", problem));
         }
         Ok(Some(aim))
     }
 
     /// The camera at a position with an orientation; a fault names the key below `scene.camera`.
-    pub(super) fn camera(&self, position_m: Option<DVec3>, turned: Option<DQuat>) -> Result<Camera, Fault> {
+    pub(super) fn camera(&self, position_m: Option<DVec3>, turned: Option<DQuat>) -> Result<Camera, KeyError> {
         let position_m = position_m.map_or(self.position_m.unwrap_or_default(), |place_m| place_m.to_array());
         let orientation = turned.unwrap_or_default().to_array();
         let orientation = self.orientation.unwrap_or(orientation);
@@ -249,24 +236,24 @@ impl CameraConfig {
                 PoseError::NotUnit { .. } => "orientation",
                 PoseError::TooFast { .. } => "velocity_c",
             };
-            Fault::new(key, error.to_string())
+            KeyError::new(key, error.to_string())
         })
     }
 }
 
 impl SceneConfig {
     /// Checks the rules beyond types and ranges; a fault names the key below `scene`.
-    pub(super) fn check(&self) -> Result<(), Fault> {
+    pub(super) fn check(&self) -> Result<(), KeyError> {
         if let Some(observer) = &self.observer {
             observer.check_surroundings().map_err(|fault| fault.within("observer"))?;
         }
         if self.observer.is_some() && self.camera != CameraConfig::default() {
             let problem = "scene.observer is given too, which places and directs the camera: give only one of them";
-            return Err(Fault::new("camera", problem));
+            return Err(KeyError::new("camera", problem));
         }
         if self.zodiacal_light && !(self.observer.is_some() && self.has_solar_system()) {
             let problem = "has no effect: the zodiacal light is that seen from the Earth, and requires scene.observer and the Solar System";
-            return Err(Fault::new("zodiacal_light", problem));
+            return Err(KeyError::new("zodiacal_light", problem));
         }
         Ok(())
     }
@@ -278,7 +265,7 @@ impl SceneConfig {
     }
 
     /// The direction of the camera, if it is given by a direction or a body; a fault names the key below `scene`.
-    pub(super) fn aim(&self) -> Result<Option<Aim>, Fault> {
+    pub(super) fn aim(&self) -> Result<Option<Aim>, KeyError> {
         match &self.observer {
             Some(observer) => observer.aim().map(Some).map_err(|fault| fault.within("observer")),
             None => self.camera.aim().map_err(|fault| fault.within("camera")),

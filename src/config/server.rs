@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
 
 pub(crate) use self::plain_text::hidden_character;
-use super::error::Fault;
+use crate::ranges::KeyError;
 
 /// Prefix of the path of a Unix socket.
 pub const UNIX_PREFIX: &str = "unix:";
@@ -171,7 +171,7 @@ pub fn parse_listen(text: &str) -> Result<String, String> {
 }
 
 /// The log identifies holders by these names, so they must be unique.
-pub(super) fn check(server: &ServerConfig) -> Result<(), Fault> {
+pub(super) fn check(server: &ServerConfig) -> Result<(), KeyError> {
     let tokens = server.tokens.iter().enumerate().map(|(index, token)| (format!("tokens[{index}].name"), &token.name));
     let certificates = server.certificates.iter().enumerate();
     let certificates =
@@ -179,7 +179,7 @@ pub(super) fn check(server: &ServerConfig) -> Result<(), Fault> {
     let mut known: Vec<&String> = Vec::new();
     for (key, name) in tokens.chain(certificates) {
         if name.is_empty() || name.chars().count() > MOST_NAME || hidden_character(name).is_some() {
-            return Err(Fault::new(
+            return Err(KeyError::new(
                 &key,
                 format!(
                     "`{}`: must have between 1 and {MOST_NAME} characters, without control and format characters",
@@ -188,7 +188,7 @@ pub(super) fn check(server: &ServerConfig) -> Result<(), Fault> {
             ));
         }
         if known.contains(&name) {
-            return Err(Fault::new(&key, format!("`{name}` is the name of another one: names must be unique")));
+            return Err(KeyError::new(&key, format!("`{name}` is the name of another one: names must be unique")));
         }
         known.push(name);
     }
@@ -196,7 +196,7 @@ pub(super) fn check(server: &ServerConfig) -> Result<(), Fault> {
     let twin =
         (1..tokens.len()).find(|index| tokens[..*index].iter().any(|other| other.sha256 == tokens[*index].sha256));
     if let Some(index) = twin {
-        return Err(Fault::new(
+        return Err(KeyError::new(
             format!("tokens[{index}].sha256"),
             "this is another one's token: each needs its own".to_owned(),
         ));

@@ -8,12 +8,13 @@ use std::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::{Fault, finite};
+use super::error::finite;
 use crate::observer::RefractingAir;
 use crate::photometry::{
     atmosphere::{Air, glow_of},
     blackbody::rec709_in_gamut,
 };
+use crate::ranges::KeyError;
 use crate::scene::{
     landscape::Landscape,
     surroundings::{Ground, Horizon},
@@ -83,11 +84,11 @@ impl Default for GroundConfig {
 
 impl AirConfig {
     /// Checks the rules beyond types and ranges, at a height, m; a fault names the key below `scene.observer.air`.
-    pub(super) fn check(&self, height_m: f64) -> Result<(), Fault> {
+    pub(super) fn check(&self, height_m: f64) -> Result<(), KeyError> {
         if self.extinction_mag.is_some() && height_m > HIGHEST_M {
             let problem =
                 format!("there is no air at a height of {height_m} m: leave the key out from {HIGHEST_M} m on");
-            return Err(Fault::new("extinction_mag", problem));
+            return Err(KeyError::new("extinction_mag", problem));
         }
         Ok(())
     }
@@ -118,18 +119,18 @@ impl AirConfig {
 
 impl GroundConfig {
     /// Checks the rules beyond types and ranges; a fault names the key below `scene.observer.ground`.
-    pub(super) fn check(&self) -> Result<(), Fault> {
+    pub(super) fn check(&self) -> Result<(), KeyError> {
         if self.horizon_deg.len() > MOST_POINTS {
             let problem = format!("{} points: must be at most {MOST_POINTS}", self.horizon_deg.len());
-            return Err(Fault::new("horizon_deg", problem));
+            return Err(KeyError::new("horizon_deg", problem));
         }
         if self.landscape.is_some() && !self.horizon_deg.is_empty() {
             let problem = "landscape is given too, whose alpha is the horizon: give at most one of them";
-            return Err(Fault::new("horizon_deg", problem));
+            return Err(KeyError::new("horizon_deg", problem));
         }
         for (index, point) in self.horizon_deg.iter().enumerate() {
             let key = format!("horizon_deg[{index}]");
-            self.check_point(index, *point, &key).map_err(|problem| Fault::new(key, problem))?;
+            self.check_point(index, *point, &key).map_err(|problem| KeyError::new(key, problem))?;
         }
         Ok(())
     }
@@ -171,10 +172,10 @@ impl GroundConfig {
     }
 
     /// Reads the landscape, from a path that starts at `folder`, if there is ground; a fault names the key below `scene.observer.ground`.
-    pub(super) fn landscape(&self, folder: &Path) -> Result<Option<Landscape>, Fault> {
+    pub(super) fn landscape(&self, folder: &Path) -> Result<Option<Landscape>, KeyError> {
         let read = |file: &PathBuf| Landscape::from_png(&folder.join(file), self.landscape_azimuth_deg.to_radians());
         let landscape = self.landscape.as_ref().filter(|_| self.enabled).map(read).transpose();
-        landscape.map_err(|error| Fault::new("landscape", error.to_string()))
+        landscape.map_err(|error| KeyError::new("landscape", error.to_string()))
     }
 
     /// The ground with its landscape, if it has one; `None` if it is turned off.

@@ -3,12 +3,12 @@
 
 use std::path::Path;
 
-use super::error::Fault;
-use super::keys::{KeyError, table_of};
+use super::keys::table_of;
 use super::{limits, views::ViewSpec};
 use crate::plan::settings::RenderSettings;
 use crate::plan::view_settings::{ExposureGroup, ViewSettings};
 use crate::ranges;
+use crate::ranges::KeyError;
 use crate::view::check_name;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -30,13 +30,13 @@ pub struct ViewSettingsError {
 }
 
 /// Checks the numbers of partial settings; a fault names the key below `name`.
-fn check_numbers<T: Serialize + JsonSchema + 'static>(keys: &T, name: &str) -> Result<(), Fault> {
+fn check_numbers<T: Serialize + JsonSchema + 'static>(keys: &T, name: &str) -> Result<(), KeyError> {
     let table = Value::Table(table_of(keys).map_err(|fault| fault.within(name))?);
-    ranges::check::<T>(&table).map_err(|error| Fault::out_of_range(error).within(name))
+    ranges::check::<T>(&table).map_err(|error| error.within(name))
 }
 
 /// The settings of one view with its own exposure, whatever its group has.
-fn settings_alone(general: &RenderSettings, spec: &ViewSpec, folder: &Path) -> Result<ViewSettings, Fault> {
+fn settings_alone(general: &RenderSettings, spec: &ViewSpec, folder: &Path) -> Result<ViewSettings, KeyError> {
     let mut settings = ViewSettings::general(general);
     if let Some(own) = &spec.exposure {
         check_numbers(own, "exposure")?;
@@ -62,7 +62,7 @@ fn settings_alone(general: &RenderSettings, spec: &ViewSpec, folder: &Path) -> R
             let problem = format!(
                 "`{shown}`: must have between 1 and {MOST_GROUP_LETTERS} characters: letters, digits, `_` and `-`"
             );
-            return Err(Fault::new("exposure_group", problem));
+            return Err(KeyError::new("exposure_group", problem));
         }
         settings.group = ExposureGroup::Named(group.clone());
     }
@@ -79,7 +79,7 @@ pub fn resolve_views<'a>(
     views: impl IntoIterator<Item = &'a ViewSpec>,
     folder: &Path,
 ) -> Result<Vec<ViewSettings>, ViewSettingsError> {
-    let error = |view: usize| move |fault: Fault| ViewSettingsError { view, key: fault.key, problem: fault.problem };
+    let error = |view: usize| move |fault: KeyError| ViewSettingsError { view, key: fault.key, problem: fault.problem };
     let specs: Vec<&ViewSpec> = views.into_iter().collect();
     let settings =
         specs.iter().enumerate().map(|(index, spec)| settings_alone(general, spec, folder).map_err(error(index)));
@@ -96,7 +96,7 @@ pub fn resolve_views<'a>(
                 "exposure_group `{group}` already has the exposure of views[{first}] (view `{name}`), and a group has only one: \
                  give an equal table, none, or another exposure_group"
             );
-            return Err(error(index)(Fault::new("exposure", problem)));
+            return Err(error(index)(KeyError::new("exposure", problem)));
         }
         all[index].exposure = of_group;
     }

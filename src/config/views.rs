@@ -11,10 +11,11 @@ use serde_json::json;
 use toml::{Table, Value};
 
 use super::document::{check_ranges, deserialise};
-use super::error::{Fault, finite};
-use super::keys::{KeyError, table_of};
+use super::error::finite;
+use super::keys::table_of;
 use super::projector::ProjectorConfig;
 use crate::plan::settings::{ExposureKeys, GlareKeys, ToneMapKeys};
+use crate::ranges::KeyError;
 use crate::ranges::schema_of;
 use crate::scene::{PoseError, finite_vector, unit_quaternion};
 use crate::view::projection::{Face, FisheyeMapping, MAX_EDGE_DEG, ProjectionError};
@@ -281,7 +282,7 @@ impl ViewSpec {
     /// Those of [`Self::from_keys`], and text that is not TOML.
     pub fn from_toml(text: &str) -> Result<(Self, View), KeyError> {
         let table = text.parse::<Table>();
-        Self::from_keys(&table.map_err(|error| KeyError { key: String::new(), problem: error.to_string() })?)
+        Self::from_keys(&table.map_err(|error| KeyError::new("", error.to_string()))?)
     }
 
     /// Reads the settings of a view from a value with its keys, without a geometry.
@@ -290,7 +291,7 @@ impl ViewSpec {
     ///
     /// The first key that is unknown, or has a value that is not valid.
     pub fn settings_from_keys(keys: &impl Serialize) -> Result<Self, KeyError> {
-        Ok(deserialise(Value::Table(table_of(keys)?), "")?)
+        deserialise(Value::Table(table_of(keys)?), "")
     }
 
     /// Checks the specification as if it had been read, and makes the rig's view of it.
@@ -309,10 +310,10 @@ impl ViewSpec {
     ///
     /// A key that the other type does not have, or a path that is not UTF-8.
     pub fn keys<T: DeserializeOwned>(&self) -> Result<T, KeyError> {
-        Ok(deserialise(Value::Table(self.table()?), "")?)
+        deserialise(Value::Table(self.table()?), "")
     }
 
-    fn table(&self) -> Result<Table, Fault> {
+    fn table(&self) -> Result<Table, KeyError> {
         let mut table = table_of(self)?;
         if self.geometry.has_keys() {
             table.extend(table_of(&self.geometry.kind)?);
@@ -323,7 +324,7 @@ impl ViewSpec {
     }
 
     /// Reads a view's table; a fault names the key within it.
-    pub(super) fn from_table(mut table: Table) -> Result<Self, Fault> {
+    pub(super) fn from_table(mut table: Table) -> Result<Self, KeyError> {
         let given = Value::Table(table.clone());
         let name = text(&mut table, "name", "a unique name of letters, digits, `_` and `-`")?;
         let shared = taken(&mut table, &Self::shared_keys());
@@ -334,15 +335,15 @@ impl ViewSpec {
     }
 
     /// The rig's view; a fault names the key within the view. `folder` is where relative paths start; without one no file is read.
-    pub(super) fn view(&self, folder: Option<&Path>) -> Result<View, Fault> {
+    pub(super) fn view(&self, folder: Option<&Path>) -> Result<View, KeyError> {
         let ViewGeometry { kind, orientation, position_m } = &self.geometry;
         let orientation = unit_quaternion(*orientation).map_err(|error| pose_fault(&error))?;
         let position_m = finite_vector("position_m", *position_m).map_err(|error| pose_fault(&error))?;
         let view = View::new(&self.name, kind.kind(folder)?, orientation, position_m);
         view.and_then(|view| view.packed(self.packing.into())).map_err(|error| match error {
             RigError::Projection { source, .. } => kind.projection_fault(&source),
-            RigError::Parameter { problem, .. } => Fault::new("", problem),
-            RigError::Name { .. } | RigError::Duplicate { .. } => Fault::new("name", error.to_string()),
+            RigError::Parameter { problem, .. } => KeyError::new("", problem),
+            RigError::Name { .. } | RigError::Duplicate { .. } => KeyError::new("name", error.to_string()),
         })
     }
 }
@@ -358,7 +359,7 @@ impl ViewGeometry {
         !matches!(self.kind, ViewKindSpec::Custom | ViewKindSpec::Projector(_))
     }
 
-    fn read(mut table: Table) -> Result<Self, Fault> {
+    fn read(mut table: Table) -> Result<Self, KeyError> {
         let kind = text(&mut table, "type", &VIEW_TYPES.join(", "))?;
         let placement = deserialise(taken(&mut table, &keys_of::<Self>()), "")?;
         let keys = Value::Table(table);
@@ -372,7 +373,7 @@ impl ViewGeometry {
             "projector" => ViewKindSpec::Projector(Box::new(deserialise(keys, "")?)),
             _ => {
                 let problem = format!("unknown type `{kind}`: must be one of {}", VIEW_TYPES.join(", "));
-                return Err(Fault::new("type", problem));
+                return Err(KeyError::new("type", problem));
             }
         };
         Ok(Self { kind, ..placement })
@@ -428,21 +429,22 @@ impl JsonSchema for ViewTable {
     }
 }
 
-fn pose_fault(error: &PoseError) -> Fault {
+fn pose_fault(error: &PoseError) -> KeyError {
     match error {
-        PoseError::NotFinite { key, .. } => Fault::new(*key, error.to_string()),
-        _ => Fault::new("orientation", error.to_string()),
+        PoseError::NotFinite { key, .. } => KeyError::new(*key, error.to_string()),
+        _ => KeyError::new("orientation", error.to_string()),
     }
 }
 
 /// Takes a string out of the table.
-fn text(table: &mut Table, key: &str, valid: &str) -> Result<String, Fault> {
+fn text(table: &mut Table, key: &str, valid: &str) -> Result<String, KeyError> {
     match table.remove(key) {
         Some(Value::String(text)) => Ok(text),
-        Some(other) => {
-            Err(Fault::new(key, format!("{other} is not a string: must be one of {valid}").replace("one of a ", "a ")))
-        }
-        None => Err(Fault::new(key, format!("missing key: must be one of {valid}").replace("one of a ", "a "))),
+        Some(other) => Err(KeyError::new(
+            key,
+            format!("{other} is not a string: must be one of {valid}").replace("one of a ", "a "),
+        )),
+        None => Err(KeyError::new(key, format!("missing key: must be one of {valid}").replace("one of a ", "a "))),
     }
 }
 
@@ -461,24 +463,24 @@ impl ViewKindSpec {
         }
     }
 
-    fn projection_fault(&self, error: &ProjectionError) -> Fault {
+    fn projection_fault(&self, error: &ProjectionError) -> KeyError {
         match error {
             ProjectionError::ZeroSize { .. } => {
                 let key = if matches!(self, Self::Cubemap(_)) { "face_size" } else { "size" };
-                Fault::new(key, error.to_string())
+                KeyError::new(key, error.to_string())
             }
             ProjectionError::OutOfRange { parameter, value, allowed } => {
                 // Converted from degrees to radians and back: round off the error of both.
                 let value = (value * 1e9).round() / 1e9;
-                Fault::new(*parameter, format!("{value}: {allowed}"))
+                KeyError::new(*parameter, format!("{value}: {allowed}"))
             }
         }
     }
 
-    fn kind(&self, folder: Option<&Path>) -> Result<ViewKind, Fault> {
+    fn kind(&self, folder: Option<&Path>) -> Result<ViewKind, KeyError> {
         Ok(match self {
             ViewKindSpec::Custom => {
-                return Err(Fault::new("type", format!("missing key: must be one of {}", VIEW_TYPES.join(", "))));
+                return Err(KeyError::new("type", format!("missing key: must be one of {}", VIEW_TYPES.join(", "))));
             }
             ViewKindSpec::Perspective(view) => match (view.fov_y_deg, view.fov) {
                 (Some(fov_y_deg), None) => {
@@ -487,10 +489,10 @@ impl ViewKindSpec {
                 }
                 (None, Some(fov)) => ViewKind::OffAxis { size: view.size, fov: fov.radians("fov")? },
                 (Some(_), Some(_)) => {
-                    return Err(Fault::new("fov", "fov_y_deg is given too: give exactly one of fov and fov_y_deg"));
+                    return Err(KeyError::new("fov", "fov_y_deg is given too: give exactly one of fov and fov_y_deg"));
                 }
                 (None, None) => {
-                    return Err(Fault::new("fov_y_deg", "missing key: give exactly one of fov_y_deg and fov"));
+                    return Err(KeyError::new("fov_y_deg", "missing key: give exactly one of fov_y_deg and fov"));
                 }
             },
             ViewKindSpec::Stereo(view) => {
@@ -502,13 +504,13 @@ impl ViewKindSpec {
                     (None, Some(left), Some(right)) => (left.radians("fov_left")?, right.radians("fov_right")?),
                     _ => {
                         let problem = "a stereo view needs either fov (left eye, mirrored for the right one) or both fov_left and fov_right";
-                        return Err(Fault::new("fov", problem));
+                        return Err(KeyError::new("fov", problem));
                     }
                 };
                 ViewKind::Stereo { size: view.size, ipd_m: view.ipd_m, fov_left, fov_right }
             }
             ViewKindSpec::Cubemap(view) => {
-                let faces: Result<Vec<Face>, Fault> =
+                let faces: Result<Vec<Face>, KeyError> =
                     view.faces.iter().enumerate().map(|(index, name)| face(index, name)).collect();
                 ViewKind::Cubemap { face_size: view.face_size, faces: faces? }
             }
@@ -521,7 +523,7 @@ impl ViewKindSpec {
                 finite("tilt_deg", view.tilt_deg)?;
                 let [width, height] = view.size;
                 if width != height {
-                    return Err(Fault::new("size", format!("{width} x {height}: a domemaster is square, [n, n]")));
+                    return Err(KeyError::new("size", format!("{width} x {height}: a domemaster is square, [n, n]")));
                 }
                 let (fov_rad, tilt_rad) = (view.fov_deg.to_radians(), view.tilt_deg.to_radians());
                 match view.ipd_m {
@@ -534,22 +536,22 @@ impl ViewKindSpec {
                 Some(folder) => view.kind(folder)?,
                 None => {
                     let problem = "only a configuration can have a projector: its calibration is a file, which clients cannot name";
-                    return Err(Fault::new("type", problem));
+                    return Err(KeyError::new("type", problem));
                 }
             },
         })
     }
 }
 
-fn face(index: usize, name: &str) -> Result<Face, Fault> {
+fn face(index: usize, name: &str) -> Result<Face, KeyError> {
     Face::from_name(name).ok_or_else(|| {
         let problem = format!("unknown face `{name}`: must be one of {}", all_faces().join(", "));
-        Fault::new(format!("faces[{index}]"), problem)
+        KeyError::new(format!("faces[{index}]"), problem)
     })
 }
 
 impl FovSpec {
-    fn radians(self, key: &str) -> Result<Fov, Fault> {
+    fn radians(self, key: &str) -> Result<Fov, KeyError> {
         for (edge, value) in [
             ("left_deg", self.left_deg),
             ("right_deg", self.right_deg),

@@ -5,8 +5,8 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::error::Fault;
 use super::overlay::OverlayConfig;
+use crate::ranges::KeyError;
 use crate::view::{Part, Rig, View, check_name};
 
 /// Most windows; each holds images on the adapter.
@@ -176,12 +176,12 @@ impl WindowConfig {
         self
     }
 
-    fn check(&self, rig: &Rig) -> Result<(), Fault> {
-        check_name(&self.name).map_err(|error| Fault::new("name", error.to_string()))?;
+    fn check(&self, rig: &Rig) -> Result<(), KeyError> {
+        check_name(&self.name).map_err(|error| KeyError::new("name", error.to_string()))?;
         let Some(view) = rig.views().iter().find(|view| view.name == self.view) else {
             let names: Vec<&str> = rig.views().iter().map(|view| view.name.as_str()).collect();
             let allowed = if names.is_empty() { "none: there are no [[views]]".to_owned() } else { names.join(", ") };
-            return Err(Fault::new("view", format!("no view `{}`: must be one of {allowed}", self.view)));
+            return Err(KeyError::new("view", format!("no view `{}`: must be one of {allowed}", self.view)));
         };
         if self.image_of(rig).is_none() {
             let parts: Vec<&str> = view.images.iter().filter_map(|image| image.part.name()).collect();
@@ -192,26 +192,26 @@ impl WindowConfig {
                 }
                 (None, _) => format!("view `{}` has several images: must be one of {}", self.view, parts.join(", ")),
             };
-            return Err(Fault::new("part", problem));
+            return Err(KeyError::new("part", problem));
         }
         for (key, given) in [("position", self.position.is_some()), ("size", self.size.is_some())] {
             if self.fullscreen && given {
                 let problem = "has no effect with fullscreen = true: the window fills its monitor; leave it out";
-                return Err(Fault::new(key, problem));
+                return Err(KeyError::new(key, problem));
             }
         }
         Ok(())
     }
 
     /// Overlays are drawn over display images alone.
-    fn check_overlay(&self, overlay: &OverlayConfig, patterned: &[&str]) -> Result<(), Fault> {
+    fn check_overlay(&self, overlay: &OverlayConfig, patterned: &[&str]) -> Result<(), KeyError> {
         let lines = !(overlay.grids.is_empty() && overlay.trajectories.is_empty() && overlay.labels.is_empty());
         if self.format == WindowFormat::Srgb8 || !(lines || patterned.contains(&self.view.as_str())) {
             return Ok(());
         }
         let problem =
             "only display images of 8 bits have overlays and test patterns: set format = \"srgb8\", or leave them out";
-        Err(Fault::new("format", format!("`{}`: {problem}", self.format.name())))
+        Err(KeyError::new("format", format!("`{}`: {problem}", self.format.name())))
     }
 }
 
@@ -221,10 +221,10 @@ pub(super) fn windows(
     rig: &Rig,
     overlay: &OverlayConfig,
     patterned: &[&str],
-) -> Result<Vec<WindowConfig>, (usize, Fault)> {
+) -> Result<Vec<WindowConfig>, (usize, KeyError)> {
     if windows.len() > MOST_WINDOWS {
         let problem = format!("{} windows: must be at most {MOST_WINDOWS}", windows.len());
-        return Err((MOST_WINDOWS, Fault::new("", problem)));
+        return Err((MOST_WINDOWS, KeyError::new("", problem)));
     }
     let windows: Vec<WindowConfig> = windows.into_iter().map(WindowConfig::named).collect();
     for (index, window) in windows.iter().enumerate() {
@@ -233,13 +233,13 @@ pub(super) fn windows(
         let before = || windows[..index].iter();
         if let Some(first) = before().position(|other| other.name == window.name) {
             let problem = format!("windows[{first}] has the name `{}` too: names must be unique", window.name);
-            return Err((index, Fault::new("name", problem)));
+            return Err((index, KeyError::new("name", problem)));
         }
         let fills = |other: &WindowConfig| other.fullscreen && window.fullscreen && other.monitor == window.monitor;
         if let Some(first) = before().position(fills) {
             let monitor = window.monitor.as_ref().map_or("the first one".to_owned(), MonitorChoice::to_string);
             let problem = format!("windows[{first}] fills monitor {monitor} too: only one window can");
-            return Err((index, Fault::new("monitor", problem)));
+            return Err((index, KeyError::new("monitor", problem)));
         }
     }
     Ok(windows)

@@ -214,8 +214,9 @@ mod tests {
     use glam::{DQuat, DVec3};
 
     use super::super::encode::tests::{exr_channel, sample};
-    use super::super::provenance::{InputFile, UsedCamera, UsedConfiguration};
+    use super::super::provenance::{InputFile, UsedConfiguration};
     use super::*;
+    use crate::config::CameraConfig;
     use crate::scene::Camera;
     use crate::view::projection::Face;
     use crate::view::{Part, ViewKind};
@@ -226,7 +227,7 @@ mod tests {
             adapter: "some adapter".to_owned(),
             driver: "some driver".to_owned(),
             configuration: UsedConfiguration { folder: "/skies".into(), toml: "[scene]\n".to_owned() },
-            camera: UsedCamera::from(&Camera::default()),
+            camera: CameraConfig::from(&Camera::default()),
             time_s_since_j2000: 8.5,
             catalogues: Vec::new(),
             files: vec![InputFile { file: "a.csv".to_owned(), bytes: 3, sha256: "00".to_owned() }],

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::scene::Camera;
+use crate::{catalogue::reader::RejectedRow, config::CameraConfig};
 
 /// A file named by the configuration, or by one of its files.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -27,15 +27,6 @@ pub struct UsedConfiguration {
     pub toml: String,
 }
 
-/// A rejected row of a catalogue.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct UsedRow {
-    /// Line of the file on which the row begins, from 1.
-    pub line: usize,
-    /// Reason for the rejection.
-    pub reason: String,
-}
-
 /// A catalogue and its load result.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UsedCatalogue {
@@ -46,28 +37,7 @@ pub struct UsedCatalogue {
     /// Number of rejected rows; `None` for stores and built-in catalogues, which have no rows.
     pub rejected_rows: Option<usize>,
     /// First rejected rows.
-    pub first_rejected: Vec<UsedRow>,
-}
-
-/// The camera at the start.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct UsedCamera {
-    /// Position, ICRS, barycentric, m.
-    pub position_m: [f64; 3],
-    /// Unit quaternion x, y, z, w from camera axes to ICRS axes.
-    pub orientation: [f64; 4],
-    /// Velocity, ICRS axes, in units of the speed of light.
-    pub velocity_c: [f64; 3],
-}
-
-impl From<&Camera> for UsedCamera {
-    fn from(camera: &Camera) -> Self {
-        Self {
-            position_m: camera.position_m.to_array(),
-            orientation: camera.world_from_camera.to_array(),
-            velocity_c: camera.velocity_c.to_array(),
-        }
-    }
+    pub first_rejected: Vec<RejectedRow>,
 }
 
 /// Provenance of a picture.
@@ -81,8 +51,8 @@ pub struct Provenance {
     pub driver: String,
     /// The configuration.
     pub configuration: UsedConfiguration,
-    /// The camera.
-    pub camera: UsedCamera,
+    /// The camera at the start: position, orientation and velocity.
+    pub camera: CameraConfig,
     /// Moment, s since 2000-01-01T12:00:00Z.
     pub time_s_since_j2000: f64,
     /// Sources of the stars.

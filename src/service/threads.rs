@@ -1,8 +1,13 @@
-//! Threads of lower priority than the rendering ones, and the message of a thread that panicked.
+//! Threads whose end can be awaited, threads of lower priority than the rendering ones, and the message of a thread that
+//! panicked.
 
-use std::{any::Any, cell::Cell, sync::OnceLock};
+use std::{any::Any, cell::Cell, io, sync::OnceLock, thread};
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
+use tokio::{
+    sync::oneshot,
+    time::{Instant, timeout_at},
+};
 
 /// Difference of priority in the steps of the system's `nice` value.
 const STEPS: i32 = 10;
@@ -38,6 +43,38 @@ pub(crate) fn on_own_cores<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     match pool {
         Some(pool) => pool.install(work),
         None => work(),
+    }
+}
+
+/// A running thread whose end can be awaited.
+pub(crate) struct RunningThread<T = ()> {
+    /// Result of the thread, or its panic.
+    pub(crate) join: thread::JoinHandle<T>,
+    /// Resolves (with an error, because nothing is sent) when the thread has ended.
+    pub(crate) ended: oneshot::Receiver<()>,
+}
+
+impl<T: Send + 'static> RunningThread<T> {
+    /// Starts a thread. When its end is visible, everything that `work` owns has been dropped.
+    ///
+    /// # Errors
+    ///
+    /// The system refuses the thread.
+    pub(crate) fn spawn(name: &str, work: impl FnOnce() -> T + Send + 'static) -> io::Result<Self> {
+        let (sender, ended) = oneshot::channel::<()>();
+        let join = thread::Builder::new().name(name.to_owned()).spawn(move || {
+            // Dropped last, also by a panic.
+            let _ended = sender;
+            work()
+        })?;
+        Ok(Self { join, ended })
+    }
+
+    /// Waits until `deadline` for the end of a thread that was told to stop; `None` if it is still busy. Must not be
+    /// called after `ended` has resolved.
+    pub(crate) async fn result(mut self, deadline: Instant) -> Option<thread::Result<T>> {
+        timeout_at(deadline, &mut self.ended).await.ok()?.ok();
+        Some(self.join.join())
     }
 }
 

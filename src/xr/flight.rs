@@ -5,17 +5,17 @@ use glam::{DQuat, DVec3};
 use super::host::Flight;
 use crate::plan::settings::HeadsetSettings;
 
-/// State of both controllers together.
+/// The four controls of flight, of both controllers together: their state, or an action or a path for each.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub(super) struct Controls {
+pub(super) struct Controls<Stick = [f64; 2], Trigger = f64> {
     /// Right and forwards, each -1 to 1.
-    pub(super) translate: [f64; 2],
+    pub(super) translate: Stick,
     /// Turn to the right and rise, each -1 to 1.
-    pub(super) turn_rise: [f64; 2],
+    pub(super) turn_rise: Stick,
     /// Forwards, 0 to 1: position of the trigger.
-    pub(super) thrust: f64,
+    pub(super) thrust: Trigger,
     /// Speed factor, 0 to 1: beyond the dead zone each tenth multiplies the speed by 10^0.3.
-    pub(super) boost: f64,
+    pub(super) boost: Trigger,
 }
 
 /// Deflections of thumbsticks and triggers below this count as rest, because worn ones do not return to 0.

@@ -10,10 +10,7 @@ use super::{
 /// Bindings of one type of controller, as paths.
 struct Profile {
     path: &'static str,
-    translate: Option<&'static str>,
-    turn_rise: Option<&'static str>,
-    thrust: &'static str,
-    boost: &'static str,
+    inputs: Controls<Option<&'static str>, &'static str>,
 }
 
 const THUMBSTICKS: [&str; 2] = ["/user/hand/left/input/thumbstick", "/user/hand/right/input/thumbstick"];
@@ -24,20 +21,24 @@ const TRACKPADS: [&str; 2] = ["/user/hand/left/input/trackpad", "/user/hand/righ
 const fn pair(path: &'static str, [left, right]: [&'static str; 2]) -> Profile {
     Profile {
         path,
-        translate: Some(left),
-        turn_rise: Some(right),
-        thrust: "/user/hand/right/input/trigger/value",
-        boost: "/user/hand/left/input/trigger/value",
+        inputs: Controls {
+            translate: Some(left),
+            turn_rise: Some(right),
+            thrust: "/user/hand/right/input/trigger/value",
+            boost: "/user/hand/left/input/trigger/value",
+        },
     }
 }
 
 const PROFILES: [Profile; 5] = [
     Profile {
         path: "/interaction_profiles/khr/simple_controller",
-        translate: None,
-        turn_rise: None,
-        thrust: "/user/hand/right/input/select/click",
-        boost: "/user/hand/left/input/select/click",
+        inputs: Controls {
+            translate: None,
+            turn_rise: None,
+            thrust: "/user/hand/right/input/select/click",
+            boost: "/user/hand/left/input/select/click",
+        },
     },
     pair("/interaction_profiles/oculus/touch_controller", THUMBSTICKS),
     pair("/interaction_profiles/valve/index_controller", THUMBSTICKS),
@@ -48,10 +49,7 @@ const PROFILES: [Profile; 5] = [
 /// The actions of a session.
 pub(super) struct Input {
     set: xr::ActionSet,
-    translate: xr::Action<xr::Vector2f>,
-    turn_rise: xr::Action<xr::Vector2f>,
-    thrust: xr::Action<f32>,
-    boost: xr::Action<f32>,
+    actions: Controls<xr::Action<xr::Vector2f>, xr::Action<f32>>,
 }
 
 impl Input {
@@ -60,31 +58,30 @@ impl Input {
         let instance = session.instance();
         let set = instance.create_action_set("flight", "Flight", 0).during("xrCreateActionSet")?;
         let call = "xrCreateAction";
-        let input = Self {
+        let actions = Controls {
             translate: set.create_action("translate", "Fly", &[]).during(call)?,
             turn_rise: set.create_action("turn_rise", "Turn and rise", &[]).during(call)?,
             thrust: set.create_action("thrust", "Thrust", &[]).during(call)?,
             boost: set.create_action("boost", "Faster", &[]).during(call)?,
-            set,
         };
-        for profile in &PROFILES {
+        for Profile { path: profile, inputs } in &PROFILES {
             let path = |text: &str| instance.string_to_path(text).during("xrStringToPath");
             let mut bindings = vec![
-                xr::Binding::new(&input.thrust, path(profile.thrust)?),
-                xr::Binding::new(&input.boost, path(profile.boost)?),
+                xr::Binding::new(&actions.thrust, path(inputs.thrust)?),
+                xr::Binding::new(&actions.boost, path(inputs.boost)?),
             ];
-            for (action, place) in [(&input.translate, profile.translate), (&input.turn_rise, profile.turn_rise)] {
+            for (action, place) in [(&actions.translate, inputs.translate), (&actions.turn_rise, inputs.turn_rise)] {
                 if let Some(place) = place {
                     bindings.push(xr::Binding::new(action, path(place)?));
                 }
             }
-            if let Err(result) = instance.suggest_interaction_profile_bindings(path(profile.path)?, &bindings) {
+            if let Err(result) = instance.suggest_interaction_profile_bindings(path(profile)?, &bindings) {
                 // A runtime need not support every controller.
-                tracing::info!("headset: the runtime does not accept bindings of {}: {result}", profile.path);
+                tracing::info!("headset: the runtime does not accept bindings of {profile}: {result}");
             }
         }
-        session.attach_action_sets(&[&input.set]).during("xrAttachSessionActionSets")?;
-        Ok(input)
+        session.attach_action_sets(&[&set]).during("xrAttachSessionActionSets")?;
+        Ok(Self { set, actions })
     }
 
     /// Returns the current state of the controllers; at rest while the session has no focus.
@@ -101,10 +98,10 @@ impl Input {
             Ok(if state.is_active { f64::from(state.current_state) } else { 0.0 })
         };
         Ok(Controls {
-            translate: pair(&self.translate)?,
-            turn_rise: pair(&self.turn_rise)?,
-            thrust: one(&self.thrust)?,
-            boost: one(&self.boost)?,
+            translate: pair(&self.actions.translate)?,
+            turn_rise: pair(&self.actions.turn_rise)?,
+            thrust: one(&self.actions.thrust)?,
+            boost: one(&self.actions.boost)?,
         })
     }
 }

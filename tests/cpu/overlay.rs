@@ -219,7 +219,7 @@ fn pixel_of(viewport: &Viewport, vector: DVec3) -> Option<DVec2> {
 #[test]
 fn a_moving_camera_sees_grids_aligned_with_the_stars() {
     let (rig, names) = rig();
-    let grid = Grid { kind: GridKind::Galactic, divisions: 1, numbers: false, style: Grid::STYLE };
+    let grid = Grid { numbers: false, ..Grid::new(GridKind::Galactic, 1, Grid::STYLE) };
     let overlay = Arc::new(Overlay { grids: vec![grid], ..Overlay::default() });
     let objects = SceneObjects { overlay, ..SceneObjects::default() };
     let resting = Camera { world_from_camera: DQuat::from_rotation_x(1.0), ..Camera::default() };
@@ -249,11 +249,8 @@ fn trajectories_have_the_position_and_distance_of_each_eye() {
         .map(|t| DVec3::new(6.0 * t.cos(), 3.0 * t.sin() + 1.0, -4.0 + 5.0 * (t * 0.7).sin()))
         .collect();
     let camera = Camera { position_m: DVec3::new(1e3, 0.0, 5e2), ..Camera::default() };
-    let way = Trajectory {
-        name: "way".to_owned(),
-        points_m: points_m.iter().map(|point| camera.position_m + *point).collect(),
-        style: Trajectory::STYLE,
-    };
+    let corners = points_m.iter().map(|point| camera.position_m + *point).collect();
+    let way = Trajectory::new("way", corners, Trajectory::STYLE);
     let overlay = Arc::new(Overlay { trajectories: vec![way], ..Overlay::default() });
     let objects = SceneObjects { overlay, ..SceneObjects::default() };
     let viewports = rig.viewports(camera.world_from_camera);
@@ -283,12 +280,12 @@ fn trajectories_have_the_position_and_distance_of_each_eye() {
 #[test]
 fn an_equal_frame_reuses_the_plan_and_too_many_items_are_refused() {
     let (rig, names) = rig();
-    let fine = Grid { kind: GridKind::Equatorial, divisions: 90, numbers: false, style: Grid::STYLE };
+    let fine = Grid { numbers: false, ..Grid::new(GridKind::Equatorial, 90, Grid::STYLE) };
     let objects_of = |grids: Vec<Grid>| SceneObjects {
         overlay: Arc::new(Overlay { grids, ..Overlay::default() }),
         ..SceneObjects::default()
     };
-    let objects = objects_of(vec![Grid { divisions: 3, ..fine }]);
+    let objects = objects_of(vec![Grid { spacing_deg: 30.0, ..fine }]);
     let (camera, viewports) = (Camera::default(), rig.viewports(DQuat::IDENTITY));
     let mut planner = OverlayPlanner::default();
     let mut plan = |objects: &SceneObjects, camera: &Camera, viewports: &[Viewport], names: &[String]| {
@@ -464,10 +461,10 @@ fn configurations_are_read_as_written_with_defaults() {
     let overlay = config.objects().unwrap().overlay;
     assert_eq!(overlay.test_patterns, ["a"]);
     let style = LineStyle { colour: Colour([10, 255, 16]), width_px: 3.0, opacity: 0.25 };
-    assert_eq!(overlay.grids[0], Grid { kind: GridKind::Galactic, divisions: 4, numbers: false, style });
-    assert_eq!(overlay.grids[1], Grid { kind: GridKind::Altitude, divisions: 6, numbers: true, style: Grid::STYLE });
+    assert_eq!(overlay.grids[0], Grid { numbers: false, ..Grid::new(GridKind::Galactic, 4, style) });
+    assert_eq!(overlay.grids[1], Grid::new(GridKind::Altitude, 6, Grid::STYLE));
     assert_eq!(overlay.trajectories[0].points_m, [DVec3::ZERO, DVec3::new(1e9, 0.0, 2.0)]);
-    assert_eq!(overlay.trajectories[0].style, Trajectory::STYLE);
+    assert_eq!(overlay.trajectories[0].style(), Trajectory::STYLE);
     let [pole, there] = &overlay.labels[..] else { panic!("two labels") };
     assert_eq!(pole.text, "pole");
     let Anchor::Direction(direction) = pole.anchor else { panic!("a direction") };
@@ -492,7 +489,12 @@ fn mistakes_in_configurations_are_refused() {
             "[[overlay.grids]]\nkind = 'polar'".to_owned(),
             &["overlay.grids[0].kind", "equatorial", "galactic", "altitude"],
         ),
-        (grid("spacing_deg = 7"), &["overlay.grids[0].spacing_deg", "between 1 and 90"]),
+        (grid("spacing_deg = 7"), &["overlay.grids[0].spacing_deg: 7: must be between 1 and 90 degrees and divide 90"]),
+        (grid("spacing_deg = 91"), &["overlay.grids[0].spacing_deg: 91: must be between 1 and 90"]),
+        (
+            grid("spacing_deg = 10").replace("equatorial", "constellations"),
+            &["overlay.grids[0].spacing_deg: 10: ", "omit"],
+        ),
         (grid("spacing_deg = 0.5"), &["overlay.grids[0].spacing_deg", "between 1 and 90"]),
         (grid("spacing_deg = nan"), &["overlay.grids[0].spacing_deg", "finite"]),
         (grid("colour = 'red'"), &["overlay.grids[0].colour", "#rrggbb"]),

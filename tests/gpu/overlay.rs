@@ -123,15 +123,11 @@ fn everything() -> Overlay {
         pictures: pictures(),
         cardinal_points: false,
         grids: vec![
-            Grid { kind: GridKind::Equatorial, divisions: 6, numbers: true, style: style([80, 130, 190], 1.5, 0.7) },
-            Grid { kind: GridKind::Galactic, divisions: 3, numbers: false, style: style([190, 90, 90], 3.0, 0.4) },
-            Grid { kind: GridKind::Altitude, divisions: 2, numbers: false, style: style([90, 190, 90], 1.0, 1.0) },
+            Grid::new(GridKind::Equatorial, 6, style([80, 130, 190], 1.5, 0.7)),
+            Grid { numbers: false, ..Grid::new(GridKind::Galactic, 3, style([190, 90, 90], 3.0, 0.4)) },
+            Grid { numbers: false, ..Grid::new(GridKind::Altitude, 2, style([90, 190, 90], 1.0, 1.0)) },
         ],
-        trajectories: vec![Trajectory {
-            name: "way".to_owned(),
-            points_m: points_m.collect(),
-            style: Trajectory::STYLE,
-        }],
+        trajectories: vec![Trajectory::new("way", points_m.collect(), Trajectory::STYLE)],
         labels: spiral(20).enumerate().map(|(index, direction)| label(index, direction)).collect(),
         test_patterns: ["flat", "dome", "cube", "sphere"].map(str::to_owned).to_vec(),
     }
@@ -238,7 +234,7 @@ fn lines_have_their_position_and_width_in_every_projection() {
     let rig = rig_of(views());
     const SIGMA_PX: f64 = 1.5;
     let width_px = 2.5;
-    let grid = |kind| Grid { kind, divisions: 1, numbers: false, style: style([255; 3], width_px, 1.0) };
+    let grid = |kind| Grid { numbers: false, ..Grid::new(kind, 1, style([255; 3], width_px, 1.0)) };
     let sky = dark_sky(Overlay { grids: vec![grid(GridKind::Galactic)], ..Overlay::default() });
     let frame = render(&mut renderer(), &sky, &rig);
     let viewports = rig.viewports(sky.camera.world_from_camera);
@@ -329,7 +325,7 @@ fn bodies_hide_what_is_behind_them() {
     let radius_px = (1e7_f64 / 1e8).asin().tan() / 0.4_f64.tan() * 100.0;
     let way = |name: &str, distance_m: f64, y: f64, colour| {
         let ends = [-0.2, 0.2].map(|x| DVec3::new(x, y, -1.0) * distance_m);
-        Trajectory { name: name.to_owned(), points_m: ends.to_vec(), style: style(colour, 2.0, 1.0) }
+        Trajectory::new(name, ends.to_vec(), style(colour, 2.0, 1.0))
     };
     let label = |name: &str, anchor| Label {
         name: name.to_owned(),
@@ -347,12 +343,7 @@ fn bodies_hide_what_is_behind_them() {
     };
     let overlay = Overlay {
         trajectories: vec![way("before", 5e7, 0.03, [255, 0, 0]), way("behind", 2e8, -0.03, [0, 0, 255])],
-        grids: vec![Grid {
-            kind: GridKind::Altitude,
-            divisions: 1,
-            numbers: false,
-            style: style([0, 255, 0], 2.0, 1.0),
-        }],
+        grids: vec![Grid { numbers: false, ..Grid::new(GridKind::Altitude, 1, style([0, 255, 0], 2.0, 1.0)) }],
         labels: vec![label("own", Anchor::Point(DVec3::NEG_Z * 1e8 + DVec3::Y * 6e6))],
         ..Overlay::default()
     };
@@ -383,7 +374,7 @@ fn the_limb_of_a_body_hides_lines_by_pixel_coverage() {
     ball.radii_m = DVec3::splat(1e7);
     ball.surface.geometric_albedo = [0.0; 3];
     let radius_px = (1e7_f64 / 1e8).asin().tan() / 0.4_f64.tan() * 100.0;
-    let grid = Grid { kind: GridKind::Altitude, divisions: 1, numbers: false, style: style([255; 3], 32.0, 1.0) };
+    let grid = Grid { numbers: false, ..Grid::new(GridKind::Altitude, 1, style([255; 3], 32.0, 1.0)) };
     let overlay = Overlay { grids: vec![grid], ..Overlay::default() };
     let sky = SceneSnapshot { camera: Camera::default(), stars: snapshot(vec![]).stars, ..scene(overlay, vec![ball]) };
     let frame = render(&mut renderer(), &sky, &rig);
@@ -410,7 +401,7 @@ fn lines_have_no_gap_at_seams_and_cube_edges() {
         ("sphere", ViewKind::Equirectangular { size: [240, 120] }),
         ("cube", ViewKind::Cubemap { face_size: 96, faces: Face::ALL.to_vec() }),
     ]);
-    let grid = Grid { kind: GridKind::Altitude, divisions: 3, numbers: false, style: style([255; 3], 3.0, 1.0) };
+    let grid = Grid { numbers: false, ..Grid::new(GridKind::Altitude, 3, style([255; 3], 3.0, 1.0)) };
     let sky = dark_sky(Overlay { grids: vec![grid], ..Overlay::default() });
     let frame = render(&mut renderer(), &sky, &rig);
     // The horizon crosses every column at the same height. The meridian behind the camera lies on the seam, half of it on

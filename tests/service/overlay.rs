@@ -11,11 +11,11 @@ use tonic::Code;
 use crate::daemon::{Daemon, small_rig};
 
 fn grid(divisions: u32) -> Grid {
-    Grid { kind: GridKind::Galactic, divisions, numbers: true, style: Grid::STYLE }
+    Grid::new(GridKind::Galactic, divisions, Grid::STYLE)
 }
 
 fn way(name: &str) -> Trajectory {
-    Trajectory { name: name.to_owned(), points_m: vec![DVec3::ZERO, DVec3::X * 1e9], style: Trajectory::STYLE }
+    Trajectory::new(name, vec![DVec3::ZERO, DVec3::X * 1e9], Trajectory::STYLE)
 }
 
 fn label(name: &str, text: &str) -> Label {
@@ -88,7 +88,18 @@ async fn invalid_changes_are_refused_and_keep_the_overlay() {
     for (update, parts) in [
         (
             OverlayChange { grids: Some(vec![grid(91)]), ..OverlayChange::default() },
-            &["overlay.grids[0]", "between 1 and 90"][..],
+            &["overlay.grids[0].spacing_deg", "between 1 and 90"][..],
+        ),
+        (
+            OverlayChange { grids: Some(vec![Grid { spacing_deg: 91.0, ..grid(1) }]), ..OverlayChange::default() },
+            &["overlay.grids[0].spacing_deg: 91: must be between 1 and 90 degrees and divide 90"],
+        ),
+        (
+            OverlayChange {
+                grids: Some(vec![Grid { kind: GridKind::Constellations, ..grid(9) }]),
+                ..OverlayChange::default()
+            },
+            &["overlay.grids[0].spacing_deg: 10: ", "omit the key"],
         ),
         (patterns("dome"), &["overlay.test_patterns", "`dome`", "flat, eyes"]),
         (

@@ -97,14 +97,41 @@ pub fn number(value: f64) -> String {
     if short.len() + 4 < plain.len() { short } else { plain }
 }
 
-/// A number that is out of range.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{key}: {problem}")]
-pub struct OutOfRange {
-    /// Path of the key within the value: `fov.left_deg`, `position_m[2]`.
+/// A key that is unknown or missing, or whose value is not valid.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}", joined(.key, .problem))]
+pub struct KeyError {
+    /// Path of the key within the checked value: `fov.left_deg`, `position_m[2]`; empty for the value itself.
     pub key: String,
-    /// The number and its range.
+    /// What is wrong, and which values are valid.
     pub problem: String,
+}
+
+fn joined(key: &str, problem: &str) -> String {
+    if key.is_empty() { problem.to_owned() } else { format!("{key}: {problem}") }
+}
+
+impl KeyError {
+    /// An error of `key`.
+    pub fn new(key: impl Into<String>, problem: impl Into<String>) -> Self {
+        Self { key: key.into(), problem: problem.into() }
+    }
+
+    /// The same error with the path `prefix` before its key.
+    #[must_use]
+    pub fn within(self, prefix: &str) -> Self {
+        Self { key: key_below(prefix, &self.key), ..self }
+    }
+}
+
+/// Path of `key` below `prefix`.
+pub fn key_below(prefix: &str, key: &str) -> String {
+    match (prefix.is_empty(), key.is_empty()) {
+        (true, _) => key.to_owned(),
+        (_, true) => prefix.to_owned(),
+        _ if key.starts_with('[') => format!("{prefix}{key}"),
+        _ => format!("{prefix}.{key}"),
+    }
 }
 
 /// JSON schema of a type, draft 7, without references. It is made once for each type.
@@ -159,11 +186,11 @@ fn normalise(schema: &mut Schema) {
 /// # Errors
 ///
 /// The first number that is out of range, NaN or infinite.
-pub fn check<T: JsonSchema + 'static>(value: &Value) -> Result<(), OutOfRange> {
+pub fn check<T: JsonSchema + 'static>(value: &Value) -> Result<(), KeyError> {
     walk(schema_of::<T>(), value, "")
 }
 
-fn walk(schema: &Schema, value: &Value, path: &str) -> Result<(), OutOfRange> {
+fn walk(schema: &Schema, value: &Value, path: &str) -> Result<(), KeyError> {
     // An optional value or one of several forms: the form that fits the value.
     for forms in ["oneOf", "anyOf"] {
         if let Some(forms) = schema.get(forms).and_then(Schema::as_array)
@@ -189,8 +216,8 @@ fn walk(schema: &Schema, value: &Value, path: &str) -> Result<(), OutOfRange> {
     }
 }
 
-fn check_number(schema: &Schema, value: f64, path: &str) -> Result<(), OutOfRange> {
-    let refused = |problem: String| Err(OutOfRange { key: path.to_owned(), problem });
+fn check_number(schema: &Schema, value: f64, path: &str) -> Result<(), KeyError> {
+    let refused = |problem: String| Err(KeyError::new(path, problem));
     if !value.is_finite() {
         return refused(format!("{value}: must be a finite number"));
     }

@@ -2,6 +2,7 @@
 //! connection, ends streams, finishes calls in flight, and ends the render thread. Work that exceeds the drain time is
 //! abandoned. The rules for listening are in [`listen`].
 
+mod displays;
 mod initial_state;
 mod listen;
 mod options;
@@ -19,6 +20,7 @@ use tonic_health::{ServingStatus, server::HealthReporter};
 use tonic_web::GrpcWebLayer;
 
 use self::{
+    displays::Displays,
     initial_state::Begun,
     listen::{bind, keep_access},
     threads::{FAREWELL, Threads},
@@ -29,10 +31,6 @@ pub use self::{
 };
 use crate::{
     service::{
-        displays::{
-            headset::Headset,
-            windows::{Windows, WindowsOptions},
-        },
         engine::{
             background_jobs::BackgroundJobs,
             interface::EngineError,
@@ -245,41 +243,19 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     let capacity = Capacity { requests: pending_renders, subscribers };
     let (handle, thread) =
         render_thread::spawn(engine, (scene, seen_stars), (objects, clock, views), settings, capacity, time)?;
-    let (headset, drive) =
-        headset.map(|options| (Arc::new(Headset::new(options.name, handle.clone())), options.drive)).unzip();
-    let (windows, window_work) = windows
-        .map(|WindowsOptions { windows, open }| {
-            let (known, pressed) = Windows::new(windows.clone(), handle.clone());
-            (Arc::new(known), (open, windows, pressed))
-        })
-        .unzip();
+    let displays = Displays::new(headset, windows, &handle);
     let keeps_state = file.is_some();
     let service = Service::new(
         handle.clone(),
-        (headset.clone(), windows.clone()),
+        displays.shared(),
         (info, limits),
         (catalogues, stars),
         capacity,
         (background_jobs, Arc::clone(&shares), file),
     );
     let keeper = keeps_state.then(|| tokio::spawn(service.clone().keep_camera()));
-    let headset_thread = headset.as_ref().zip(drive).map(|(headset, drive)| headset.spawn(drive)).transpose();
-    let headset_thread = headset_thread.inspect_err(|_| handle.stop())?;
-    let windows_thread = match windows.as_ref().zip(window_work) {
-        Some((known, (open, of_windows, pressed))) => {
-            // The task ends with the windows.
-            tokio::spawn(service.clone().keep_test_patterns(of_windows, pressed));
-            Some(known.spawn(open).inspect_err(|_| handle.stop())?)
-        }
-        None => None,
-    };
-    let mut threads = Threads {
-        handle: handle.clone(),
-        render: thread,
-        headset: headset.zip(headset_thread),
-        windows: windows.zip(windows_thread),
-        render_ended: false,
-    };
+    let (headset, windows) = displays.spawn(&service).inspect_err(|_| handle.stop())?;
+    let mut threads = Threads { handle: handle.clone(), render: thread, headset, windows, render_ended: false };
 
     let (close, closed) = oneshot::channel::<()>();
     let serving = Server::builder()

@@ -17,7 +17,6 @@ use std::{
         Arc, Mutex, MutexGuard, PoisonError, Weak,
         atomic::{AtomicBool, Ordering::Relaxed},
     },
-    thread,
     time::{Duration, Instant},
 };
 
@@ -36,7 +35,7 @@ use crate::{
             subscriptions::Subscription,
         },
         scene::views::ViewId,
-        threads::panic_message,
+        threads::{RunningThread, panic_message},
     },
     xr::{Flight, HeadsetStatistics, Host, MirroredFrame, Shown, Status},
 };
@@ -241,12 +240,9 @@ impl Headset {
     }
 
     /// Starts the thread that drives the headset.
-    pub(crate) fn spawn(self: &Arc<Self>, drive: Drive) -> io::Result<HeadsetThread> {
-        let (sender, ended) = oneshot::channel();
+    pub(crate) fn spawn(self: &Arc<Self>, drive: Drive) -> io::Result<RunningThread> {
         let headset = Arc::clone(self);
-        let join = thread::Builder::new().name("headset".to_owned()).spawn(move || {
-            // Dropped last: when the end is visible, the driver has been dropped.
-            let _ended: oneshot::Sender<()> = sender;
+        RunningThread::spawn("headset", move || {
             let host: Arc<dyn Host> = Arc::clone(&headset) as Arc<dyn Host>;
             // State left by a panicking driver is not used again.
             headset.end(match catch_unwind(AssertUnwindSafe(move || drive(host))) {
@@ -254,8 +250,7 @@ impl Headset {
                 Ok(Err(error)) => Some(format!("the headset failed: {error}")),
                 Err(payload) => Some(format!("the headset's thread panicked: {}", panic_message(payload.as_ref()))),
             });
-        })?;
-        Ok(HeadsetThread { join, ended })
+        })
     }
 }
 
@@ -263,14 +258,6 @@ fn end_streams(state: &mut State, how: &Result<(), RenderFailure>) {
     for slot in state.subscribers.drain(..).filter_map(|subscriber| subscriber.slot.upgrade()) {
         slot.end(how.clone());
     }
-}
-
-/// The running thread.
-pub(crate) struct HeadsetThread {
-    /// Result of the thread.
-    pub(crate) join: thread::JoinHandle<()>,
-    /// Resolves (with an error, because nothing is sent) when the thread has ended.
-    pub(crate) ended: oneshot::Receiver<()>,
 }
 
 impl Host for Headset {

@@ -29,7 +29,7 @@ use crate::{
         engine::render_handle::RenderHandle,
         frames::{errors::RenderFailure, rendered_frame::RenderedFrame, schedule::Revisions},
         scene::{state::SceneState, views::ViewId},
-        threads::panic_message,
+        threads::{RunningThread, panic_message},
     },
     windows::{Command, Host, Next, ShownImage, WindowFigures, WindowFrame, WindowImage, WindowState},
 };
@@ -96,13 +96,6 @@ pub(crate) struct Windows {
     keys: mpsc::Sender<()>,
 }
 
-/// The running thread.
-pub(crate) struct WindowsThread {
-    pub(crate) join: thread::JoinHandle<()>,
-    /// Resolves (with an error, because nothing is sent) when the thread has ended.
-    pub(crate) ended: oneshot::Receiver<()>,
-}
-
 impl Windows {
     /// Creates windows that are not open yet, and the receiver of presses of the test pattern key. Needs a tokio
     /// runtime.
@@ -130,15 +123,9 @@ impl Windows {
     }
 
     /// Starts the thread that opens the windows.
-    pub(crate) fn spawn(self: &Arc<Self>, mut open: OpenWindows) -> io::Result<WindowsThread> {
-        let (sender, ended) = oneshot::channel();
+    pub(crate) fn spawn(self: &Arc<Self>, mut open: OpenWindows) -> io::Result<RunningThread> {
         let windows = Arc::clone(self);
-        let join = thread::Builder::new().name("windows".to_owned()).spawn(move || {
-            // Dropped last: when the end is visible, the windows have been dropped.
-            let _ended: oneshot::Sender<()> = sender;
-            windows.keep_open(&mut open);
-        })?;
-        Ok(WindowsThread { join, ended })
+        RunningThread::spawn("windows", move || windows.keep_open(&mut open))
     }
 
     fn keep_open(self: &Arc<Self>, open: &mut OpenWindows) {

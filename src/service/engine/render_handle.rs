@@ -12,11 +12,11 @@ use tokio::sync::{oneshot, watch};
 use super::{
     auditor::AuditFigures,
     quality,
-    shared_state::{CameraError, Failures, Lease, Request, Shared, Subscriber},
+    shared_state::{CameraError, Lease, RenderStatistics, Request, Shared, Subscriber},
 };
 use crate::{
     plan::settings::{RenderSettings, StarMethod},
-    render::{FrameTimes, Wanted},
+    render::Wanted,
     scene::{Camera, SceneSnapshot},
     service::{
         frames::{
@@ -44,23 +44,15 @@ pub(crate) struct RenderHandle {
     pub(crate) shared: Arc<Shared>,
 }
 
-/// Statistics of the render thread.
+/// Statistics of the render thread, with quality and audits.
 #[derive(Clone, Debug)]
 pub(crate) struct RenderFigures {
-    /// Frames rendered since the start.
-    pub(crate) frames_rendered: u64,
-    /// Times of the last frame; `None` before the first.
-    pub(crate) last_times: Option<FrameTimes>,
+    /// Counts and times of frames.
+    pub(crate) frames: RenderStatistics,
     /// Quality level of display images; `None` if their time is not limited.
     pub(crate) quality: Option<QualityFigures>,
     /// Results of audits; `None` if they are off.
     pub(crate) audits: Option<AuditFigures>,
-    /// Frames that failed.
-    pub(crate) failures: Failures,
-    /// Number of times that the renderer was lost.
-    pub(crate) losses: u64,
-    /// Age of the last frame's pose when the frame was finished.
-    pub(crate) last_age: Option<Duration>,
 }
 
 /// Quality level of display images, and their times.
@@ -304,12 +296,8 @@ impl RenderHandle {
             given_up: quality::given_up(quality.level(), &state.settings),
         });
         RenderFigures {
-            frames_rendered: state.statistics.frames_rendered,
-            last_times: state.statistics.last_times.clone(),
+            frames: state.statistics.clone(),
             quality,
-            failures: state.statistics.failures.clone(),
-            losses: state.statistics.losses,
-            last_age: state.statistics.last_age,
             audits: state.settings.accuracy.audit.then(|| self.shared.audits.figures()),
         }
     }

@@ -15,12 +15,11 @@ use std::{
     collections::{HashMap, VecDeque},
     mem,
     sync::{Arc, Condvar, Mutex, PoisonError},
-    thread,
     time::{Duration, Instant},
 };
 
 use glam::DVec3;
-use tokio::sync::{oneshot, watch};
+use tokio::sync::watch;
 use tracing::{Span, field};
 
 use self::job::{EyeOf, Groups, Job, Kind, next_kind};
@@ -56,6 +55,7 @@ use crate::{
             state::SceneState,
             views::{ViewId, ViewSet},
         },
+        threads::RunningThread,
         time_source::TimeSource,
     },
     units::PARSEC_M,
@@ -66,18 +66,12 @@ const MOST_IN_FLIGHT: usize = 2;
 /// Near the expected end of a frame, the thread checks at this interval whether the next one is due.
 const LOOK_INTERVAL: Duration = Duration::from_millis(1);
 
-/// The running thread.
-pub(crate) struct RenderThread {
-    /// Result of the thread: an orderly end, the error that lost the engine, or a panic.
-    pub(crate) join: thread::JoinHandle<Result<(), EngineError>>,
-    /// Resolves (with an error, because nothing is sent) when the thread has ended.
-    pub(crate) ended: oneshot::Receiver<()>,
-}
+/// The running thread. Its result is an orderly end, or the error that lost the engine.
+pub(crate) type RenderThread = RunningThread<Result<(), EngineError>>;
 
 /// Notifies all waiting callers when the thread ends, also by a panic.
 struct Farewell {
     shared: Arc<Shared>,
-    _ended: oneshot::Sender<()>,
 }
 
 impl Drop for Farewell {
@@ -153,8 +147,7 @@ fn spawn_with(
         true => Some(Auditor::spawn(shared.audits.clone(), engine.limits())?),
         false => None,
     };
-    let (sender, ended) = oneshot::channel();
-    let farewell = Farewell { shared: Arc::clone(&shared), _ended: sender };
+    let farewell = Farewell { shared: Arc::clone(&shared) };
     let groups = Groups::new(&settings, &initial, 0);
     let worker = Worker {
         shared: Arc::clone(&shared),
@@ -172,12 +165,12 @@ fn spawn_with(
         auditor,
         losses: 0,
     };
-    let join = thread::Builder::new().name("render".to_owned()).spawn(move || {
-        // Dropped after the worker: when the end is visible, the engine has been dropped too.
+    let thread = RunningThread::spawn("render", move || {
+        // Dropped after the worker.
         let _farewell = farewell;
         worker.run()
     })?;
-    Ok((RenderHandle { shared }, RenderThread { join, ended }))
+    Ok((RenderHandle { shared }, thread))
 }
 
 /// Exposure state of all views of an exposure group.

@@ -150,10 +150,10 @@ pub(crate) struct FrameQueue {
 }
 
 /// Counts and times of the frames that were rendered since the start.
-#[derive(Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct RenderStatistics {
     pub(crate) frames_rendered: u64,
-    /// Times of the passes of the last frame.
+    /// Times of the passes of the last frame; `None` before the first.
     pub(crate) last_times: Option<FrameTimes>,
     /// Age of the last frame's pose when the frame was finished.
     pub(crate) last_age: Option<Duration>,

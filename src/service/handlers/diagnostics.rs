@@ -31,7 +31,7 @@ impl proto::diagnostics_service_server::DiagnosticsService for Service {
     type WatchStatsStream = ReceiverStream<Result<proto::Stats, Status>>;
 
     async fn get_info(&self, _: Request<proto::GetInfoRequest>) -> Result<Response<proto::Info>, Status> {
-        let frames = self.render.figures().frames_rendered;
+        let frames = self.render.figures().frames.frames_rendered;
         let revision = self.render.scene().map_err(refused)?.revision;
         let mut info = diagnostics::info_to_pb(&self.adapter, self.stars, revision, frames);
         info.headset = self.headset.as_ref().map(|headset| stats::status_to_pb(headset));

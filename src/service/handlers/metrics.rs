@@ -59,7 +59,7 @@ impl Metrics {
     /// Whether the daemon can draw frames. Anybody may ask, so it tells nothing else.
     fn health(&self) -> Response<Body> {
         let is_ending = self.service.render.scene().is_err();
-        match self.service.render.figures().failures.problem {
+        match self.service.render.figures().frames.failures.problem {
             _ if is_ending => answer(StatusCode::SERVICE_UNAVAILABLE, PLAIN, "shutting down\n".to_owned()),
             Some(_) => answer(StatusCode::SERVICE_UNAVAILABLE, PLAIN, "frames cannot be drawn\n".to_owned()),
             None => answer(StatusCode::OK, PLAIN, "ok\n".to_owned()),
@@ -94,9 +94,9 @@ fn registry(service: &Service) -> Registry {
     let mut all = Registry::with_prefix("steradian");
     let (figures, streams) = (service.render.figures(), service.render.streams());
     let counts: [(&str, &str, u64); 7] = [
-        ("frames_rendered", "Frames of the render thread", figures.frames_rendered),
-        ("frames_failed", "Frames that could not be drawn", figures.failures.count),
-        ("renderer_losses", "Number of times that the renderer was lost and reopened", figures.losses),
+        ("frames_rendered", "Frames of the render thread", figures.frames.frames_rendered),
+        ("frames_failed", "Frames that could not be drawn", figures.frames.failures.count),
+        ("renderer_losses", "Number of times that the renderer was lost and reopened", figures.frames.losses),
         ("frames_dropped", "Frames that slow readers missed", streams.dropped()),
         ("encodings", "Times that the images of a view of a frame were encoded", service.encoders.count()),
         ("encoded_bytes", "Bytes of encoded images", service.encoders.bytes()),
@@ -125,7 +125,7 @@ fn registry(service: &Service) -> Registry {
     let seconds = |of: &mut Registry, name: &str, help: &str, ms: f64| {
         of.register_with_unit(name, help, Unit::Seconds, ConstGauge::new(ms * 1e-3));
     };
-    if let Some(times) = &figures.last_times {
+    if let Some(times) = &figures.frames.last_times {
         seconds(&mut all, "frame_plan", "Planning of the last frame", times.plan_ms);
         seconds(&mut all, "frame", "All of the last frame", times.total_ms);
         let passes = Family::<Vec<(&str, String)>, Gauge<f64, AtomicU64>>::default();
@@ -135,7 +135,7 @@ fn registry(service: &Service) -> Registry {
         }
         all.register_with_unit("frame_pass", "Passes of the last frame", Unit::Seconds, passes);
     }
-    if let Some(age) = figures.last_age {
+    if let Some(age) = figures.frames.last_age {
         let age_s = ConstGauge::new(age.as_secs_f64());
         all.register_with_unit(
             "pose_age",

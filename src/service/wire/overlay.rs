@@ -36,44 +36,36 @@ fn style_from_pb(style: Option<proto::LineStyle>, default: LineStyle) -> Result<
 fn grid_to_pb(grid: &Grid) -> proto::Grid {
     proto::Grid {
         kind: grid.kind.name().to_owned(),
-        spacing_deg: Some(grid.spacing_deg()),
+        spacing_deg: Some(grid.spacing_deg),
         numbers: Some(grid.numbers),
-        style: Some(style_to_pb(&grid.style)),
+        style: Some(style_to_pb(&grid.style())),
     }
 }
 
+/// Reads a grid without checking ranges.
 fn grid_from_pb(grid: proto::Grid) -> Result<Grid, String> {
     let kind = GridKind::from_name(&grid.kind).ok_or_else(|| {
         let names = GridKind::ALL.map(GridKind::name).join(", ");
         format!("kind = `{}`: must be one of {names}", grid.kind)
     })?;
+    let LineStyle { colour, width_px, opacity } = style_from_pb(grid.style, Grid::STYLE)?;
     let spacing_deg = grid.spacing_deg.unwrap_or(Grid::SPACING_DEG);
-    Grid::check_spacing(kind, spacing_deg).map_err(|problem| format!("spacing_deg = {problem}"))?;
-    let divisions = Grid::divisions_from_spacing_deg(spacing_deg);
-    Ok(Grid {
-        kind,
-        divisions: divisions.map_err(|problem| format!("spacing_deg = {problem}"))?,
-        numbers: grid.numbers.unwrap_or(true),
-        style: style_from_pb(grid.style, Grid::STYLE)?,
-    })
+    Ok(Grid { kind, spacing_deg, numbers: grid.numbers.unwrap_or(true), colour, width_px, opacity })
 }
 
 fn trajectory_to_pb(trajectory: &Trajectory) -> proto::Trajectory {
     proto::Trajectory {
         name: trajectory.name.clone(),
         points_m: trajectory.points_m.iter().copied().map(vector_to_pb).collect(),
-        style: Some(style_to_pb(&trajectory.style)),
+        style: Some(style_to_pb(&trajectory.style())),
     }
 }
 
 /// Reads a trajectory without checking ranges.
 fn trajectory_from_pb(trajectory: proto::Trajectory) -> Result<Trajectory, String> {
     let point = |point| DVec3::from_array(vector_from_pb(point));
-    Ok(Trajectory {
-        name: trajectory.name,
-        points_m: trajectory.points_m.into_iter().map(point).collect(),
-        style: style_from_pb(trajectory.style, Trajectory::STYLE)?,
-    })
+    let style = style_from_pb(trajectory.style, Trajectory::STYLE)?;
+    Ok(Trajectory::new(trajectory.name, trajectory.points_m.into_iter().map(point).collect(), style))
 }
 
 fn label_to_pb(label: &Label) -> proto::Label {
@@ -224,14 +216,10 @@ mod tests {
             grids: GridKind::ALL
                 .map(|kind| {
                     let divisions = if kind == GridKind::Constellations { 6 } else { 7 };
-                    Grid { kind, divisions, numbers: false, style: style() }
+                    Grid { numbers: false, ..Grid::new(kind, divisions, style()) }
                 })
                 .to_vec(),
-            trajectories: vec![Trajectory {
-                name: "way".to_owned(),
-                points_m: vec![DVec3::X, DVec3::Y],
-                style: style(),
-            }],
+            trajectories: vec![Trajectory::new("way", vec![DVec3::X, DVec3::Y], style())],
             labels: anchors.into_iter().enumerate().map(label).collect(),
             cardinal_points: true,
             test_patterns: vec!["dome".to_owned()],
@@ -265,7 +253,7 @@ mod tests {
             ..Default::default()
         };
         let overlay = overlay_from_pb(bare).unwrap();
-        assert_eq!(overlay.grids, [Grid { kind: GridKind::Galactic, divisions: 6, numbers: true, style: Grid::STYLE }]);
+        assert_eq!(overlay.grids, [Grid::new(GridKind::Galactic, 6, Grid::STYLE)]);
         let label = &overlay.labels[0];
         assert_eq!((label.text.as_str(), label.anchor), ("here", Anchor::Direction(DVec3::Z)));
         assert_eq!((label.colour, label.size_px, label.opacity), (Label::COLOUR, Label::SIZE_PX, 1.0));

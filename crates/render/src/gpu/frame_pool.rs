@@ -23,14 +23,17 @@ const KEPT_FRAMES: u64 = 8;
 /// Numbers of created objects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
-pub struct ObjectsMade {
+pub struct ObjectsMade<N = u64> {
     /// Buffers.
-    pub buffers: u64,
+    pub buffers: N,
     /// Bind groups.
-    pub bind_groups: u64,
+    pub bind_groups: N,
     /// Pipelines.
-    pub pipelines: u64,
+    pub pipelines: N,
 }
+
+/// Counts the objects that a device creates.
+pub(super) type Counters = ObjectsMade<AtomicU64>;
 
 impl ObjectsMade {
     /// Their sum.
@@ -47,14 +50,6 @@ impl ObjectsMade {
             pipelines: self.pipelines - before.pipelines,
         }
     }
-}
-
-/// Counts the objects that a device creates.
-#[derive(Debug, Default)]
-pub(super) struct Counters {
-    pub(super) buffers: AtomicU64,
-    pub(super) bind_groups: AtomicU64,
-    pub(super) pipelines: AtomicU64,
 }
 
 /// Source of the layout of a bind group.

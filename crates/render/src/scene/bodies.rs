@@ -23,9 +23,7 @@ use glam::{DQuat, DVec3};
 
 pub(super) use self::check::{check_albedo, check_position};
 pub use self::{
-    check::{
-        BRIGHTEST_ALBEDO, BodyError, FARTHEST_M, MOST_BODIES, MOST_SUNS, RADII_M, check_name, check_names, check_suns,
-    },
+    check::{BRIGHTEST_ALBEDO, FARTHEST_M, MOST_BODIES, MOST_SUNS, RADII_M, check_name, check_names, check_suns},
     preset::{SUN_ABSOLUTE_MAGNITUDE, SUN_LIMB_DARKENING},
     seen::{Hit, SeenBody, hides},
     shadow::{Occluder, Shadow, hidden_share},

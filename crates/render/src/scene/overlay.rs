@@ -20,8 +20,9 @@ pub use self::{
     picture::{Level, MOST_PICTURE_TEXELS, Picture, PictureLevels},
 };
 
-/// A display colour: sRGB codes of red, green and blue.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A display colour: sRGB codes of red, green and blue. Its text is `#rrggbb`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub struct Colour(pub [u8; 3]);
 
 impl Colour {
@@ -41,6 +42,20 @@ impl Colour {
     pub fn to_hex(self) -> String {
         let [red, green, blue] = self.0;
         format!("#{red:02x}{green:02x}{blue:02x}")
+    }
+}
+
+impl TryFrom<String> for Colour {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        Self::from_hex(&text)
+    }
+}
+
+impl From<Colour> for String {
+    fn from(colour: Colour) -> Self {
+        colour.to_hex()
     }
 }
 
@@ -84,16 +99,50 @@ named!(GridKind {
 });
 
 /// Circles of longitude and latitude.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct Grid {
-    /// Coordinate system.
+    /// Coordinates that it shows.
     pub kind: GridKind,
-    /// Number of intervals between the equator and a pole: circles are 90 degrees divided by this apart.
-    pub divisions: u32,
-    /// Whether the circles are labelled with numbers.
+    /// Angle between neighbouring circles; 90 is a whole multiple of it.
+    #[serde(default = "grid_spacing_deg")]
+    #[schemars(range(min = 1.0, max = 90.0), extend("x-unit" = "degrees"))]
+    pub spacing_deg: f64,
+    /// Whether the circles are numbered.
+    #[serde(default = "yes")]
     pub numbers: bool,
-    /// Style of its lines.
-    pub style: LineStyle,
+    /// Colour, `#rrggbb` in sRGB codes.
+    #[serde(default = "grid_colour")]
+    #[schemars(with = "String")]
+    pub colour: Colour,
+    /// Width of the lines.
+    #[serde(default = "grid_width_px")]
+    #[schemars(range(min = WIDTHS_PX[0], max = WIDTHS_PX[1]), extend("x-unit" = "pixels"))]
+    pub width_px: f64,
+    /// Share of the background that it replaces, in linear light.
+    #[serde(default = "grid_opacity")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub opacity: f64,
+}
+
+fn grid_spacing_deg() -> f64 {
+    Grid::SPACING_DEG
+}
+
+fn yes() -> bool {
+    true
+}
+
+fn grid_colour() -> Colour {
+    Grid::STYLE.colour
+}
+
+fn grid_width_px() -> f64 {
+    Grid::STYLE.width_px
+}
+
+fn grid_opacity() -> f64 {
+    Grid::STYLE.opacity
 }
 
 impl Grid {
@@ -102,50 +151,87 @@ impl Grid {
     /// Default angle between neighbouring circles, degrees.
     pub const SPACING_DEG: f64 = 15.0;
 
-    /// Refuses a spacing for a kind that has none.
-    ///
-    /// # Errors
-    ///
-    /// The kind is [`GridKind::Constellations`], and the spacing is not [`Grid::SPACING_DEG`].
-    pub fn check_spacing(kind: GridKind, spacing_deg: f64) -> Result<(), String> {
-        if kind == GridKind::Constellations && spacing_deg != Self::SPACING_DEG {
-            return Err(format!("{spacing_deg}: borders of constellations have no spacing; omit the key"));
-        }
-        Ok(())
+    /// A grid with numbers, and with this number of intervals between the equator and a pole.
+    pub fn new(kind: GridKind, divisions: u32, style: LineStyle) -> Self {
+        let LineStyle { colour, width_px, opacity } = style;
+        Self { kind, spacing_deg: 90.0 / f64::from(divisions), numbers: true, colour, width_px, opacity }
     }
 
-    /// Number of intervals between the equator and a pole for circles that are `spacing_deg` apart; the error states
-    /// the valid values.
-    pub fn divisions_from_spacing_deg(spacing_deg: f64) -> Result<u32, String> {
-        let divisions = (90.0 / spacing_deg).round();
-        let allowed = (90.0 / f64::from(MOST_DIVISIONS)..=90.0).contains(&spacing_deg);
-        if allowed && (divisions * spacing_deg - 90.0).abs() <= 1e-6 {
-            return Ok(divisions as u32);
-        }
-        let least = 90.0 / f64::from(MOST_DIVISIONS);
-        Err(format!("{spacing_deg}: must be between {least} and 90 degrees and divide 90"))
+    /// Number of intervals between the equator and a pole.
+    pub fn divisions(&self) -> u32 {
+        (90.0 / self.spacing_deg).round() as u32
     }
 
-    /// Angle between neighbouring circles, degrees.
-    pub fn spacing_deg(&self) -> f64 {
-        90.0 / f64::from(self.divisions)
+    /// Style of its lines.
+    pub fn style(&self) -> LineStyle {
+        LineStyle { colour: self.colour, width_px: self.width_px, opacity: self.opacity }
     }
 }
 
 /// A polyline in space.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct Trajectory {
-    /// Unique among trajectories.
+    /// Unique name: letters, digits, `_` and `-`.
     pub name: String,
-    /// Its vertices: ICRS, barycentric, m.
+    /// Corners, ICRS, barycentric, at least 2.
+    #[serde(with = "points")]
+    #[schemars(with = "Vec<[f64; 3]>")]
     pub points_m: Vec<DVec3>,
-    /// Line style.
-    pub style: LineStyle,
+    /// Colour, `#rrggbb` in sRGB codes.
+    #[serde(default = "trajectory_colour")]
+    #[schemars(with = "String")]
+    pub colour: Colour,
+    /// Width of the line.
+    #[serde(default = "trajectory_width_px")]
+    #[schemars(range(min = WIDTHS_PX[0], max = WIDTHS_PX[1]), extend("x-unit" = "pixels"))]
+    pub width_px: f64,
+    /// Share of the background that it replaces, in linear light.
+    #[serde(default = "trajectory_opacity")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub opacity: f64,
+}
+
+fn trajectory_colour() -> Colour {
+    Trajectory::STYLE.colour
+}
+
+fn trajectory_width_px() -> f64 {
+    Trajectory::STYLE.width_px
+}
+
+fn trajectory_opacity() -> f64 {
+    Trajectory::STYLE.opacity
+}
+
+/// Points as lists of three numbers.
+mod points {
+    use glam::DVec3;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub fn serialize<S: Serializer>(points: &[DVec3], serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(points.iter().map(DVec3::to_array))
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<DVec3>, D::Error> {
+        Ok(Vec::<[f64; 3]>::deserialize(deserializer)?.into_iter().map(DVec3::from_array).collect())
+    }
 }
 
 impl Trajectory {
     /// Default line style.
     pub const STYLE: LineStyle = LineStyle { colour: Colour([255, 176, 64]), width_px: 2.0, opacity: 1.0 };
+
+    /// A polyline through points, ICRS, barycentric, m.
+    pub fn new(name: impl Into<String>, points_m: Vec<DVec3>, style: LineStyle) -> Self {
+        let LineStyle { colour, width_px, opacity } = style;
+        Self { name: name.into(), points_m, colour, width_px, opacity }
+    }
+
+    /// Style of the line.
+    pub fn style(&self) -> LineStyle {
+        LineStyle { colour: self.colour, width_px: self.width_px, opacity: self.opacity }
+    }
 }
 
 /// Position of a label.

@@ -23,6 +23,7 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
 use flate2::read::MultiGzDecoder;
+use serde::{Deserialize, Serialize};
 
 use super::StarRecord;
 use super::names::NamedStar;
@@ -89,7 +90,7 @@ pub struct ReadReport {
 }
 
 /// A row that could not be used.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RejectedRow {
     /// Line in the file on which the row begins, from 1.
     pub line: usize,

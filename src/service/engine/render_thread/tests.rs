@@ -2,7 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
 
+use std::thread;
+
 use glam::{DQuat, DVec3};
+use tokio::sync::oneshot;
 
 use super::*;
 use crate::{
@@ -320,7 +323,7 @@ fn a_lost_engine_is_reopened_and_both_frames_are_drawn_again() {
     let both = two_in_flight(&handle, &device);
     device.allow(3);
     assert_eq!(both.map(number), [2, 2]);
-    assert_eq!(handle.figures().losses, 1);
+    assert_eq!(handle.figures().frames.losses, 1);
     end(&handle, thread);
 }
 

@@ -47,10 +47,10 @@ fn direction(axes: &DMat3, longitude: f64, latitude: f64) -> DVec3 {
 pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid) -> Result<(), OverlayPlanError> {
     let axes = axes(grid.kind, eye);
     if grid.kind == GridKind::Constellations {
-        return drawing.lines(eye, &grid.style, borders().iter().map(|border| border_arc(&axes, border)), true);
+        return drawing.lines(eye, &grid.style(), borders().iter().map(|border| border_arc(&axes, border)), true);
     }
-    let step = FRAC_PI_2 / f64::from(grid.divisions);
-    let divisions = i64::from(grid.divisions);
+    let step = FRAC_PI_2 / f64::from(grid.divisions());
+    let divisions = i64::from(grid.divisions());
     let parallels = (1 - divisions..divisions).map(|number| {
         let from_pole = FRAC_PI_2 - number as f64 * step;
         Arc::circle(axes.z_axis, axes.x_axis, axes.y_axis, from_pole)
@@ -64,10 +64,10 @@ pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid) -> Res
     let own_axes = grid.kind == GridKind::Altitude;
     if own_axes {
         let turned = arcs.map(|arc| arc.turned(&eye.view_from_world));
-        drawing.view_lines(eye, &grid.style, turned)?;
+        drawing.view_lines(eye, &grid.style(), turned)?;
     } else {
         // Altitudes are apparent.
-        drawing.lines(eye, &grid.style, arcs, grid.kind != GridKind::Horizon)?;
+        drawing.lines(eye, &grid.style(), arcs, grid.kind != GridKind::Horizon)?;
     }
     Ok(())
 }
@@ -95,16 +95,16 @@ pub(super) fn draw_numbers(
         return Ok(());
     }
     let axes = axes(grid.kind, eye);
-    let step = FRAC_PI_2 / f64::from(grid.divisions);
-    let divisions = i64::from(grid.divisions);
-    let ink = Ink { colour: grid.style.colour, opacity: grid.style.opacity };
+    let step = FRAC_PI_2 / f64::from(grid.divisions());
+    let divisions = i64::from(grid.divisions());
+    let ink = Ink { colour: grid.colour, opacity: grid.opacity };
     let mut number = |text: &str, direction: DVec3| {
         let direction = match grid.kind {
             GridKind::Altitude => eye.view_from_world * direction,
             GridKind::Horizon => eye.apparent_without_air(direction),
             _ => eye.apparent(direction),
         };
-        let place = Place::Beside { gap_px: grid.style.width_px / 2.0 + 2.0 };
+        let place = Place::Beside { gap_px: grid.width_px / 2.0 + 2.0 };
         drawing.text_at(
             eye,
             direction,

@@ -264,7 +264,7 @@ impl OverlayPlanner {
                 let arcs = trajectory.points_m.windows(2).filter_map(|ends| eye.straight_line(ends[0], ends[1]));
                 let is_far = |point: &DVec3| (*point - eye.position_m).length() > BEYOND_AIR_M;
                 let bent = trajectory.points_m.iter().all(is_far);
-                drawing.lines(&eye, &trajectory.style, arcs, bent)?;
+                drawing.lines(&eye, &trajectory.style(), arcs, bent)?;
             }
             for grid in &overlay.grids {
                 grid::draw_numbers(&mut drawing, &eye, grid, inputs.objects)?;

@@ -17,7 +17,10 @@ use crate::{
     observer::Refraction,
     relativity::Motion,
     units::PARSEC_M,
-    view::{Viewport, projection::Projection},
+    view::{
+        Viewport,
+        projection::{BoundingCone, Projection},
+    },
 };
 
 /// Kernels reach 1.5 px beyond an edge; half a pixel more covers f32 rounding.
@@ -82,7 +85,7 @@ impl Field {
     }
 
     /// Whether a cone of directions, in the stars' frame, intersects the field.
-    fn touches_cone(&self, Cone { axis, half_angle_rad }: Cone) -> bool {
+    fn touches_cone(&self, BoundingCone { axis, half_angle_rad }: BoundingCone) -> bool {
         let (axis, half_angle_rad) =
             self.motion.map_or((axis, half_angle_rad), |motion| motion.seen_cone(axis, half_angle_rad));
         let moved_rad = self.refraction.map_or(0.0, |refraction| refraction.most_rad(axis, half_angle_rad));
@@ -95,15 +98,8 @@ impl Field {
     }
 }
 
-/// Directions around an axis (unit vector), in the stars' frame.
-#[derive(Clone, Copy, Debug)]
-struct Cone {
-    axis: DVec3,
-    half_angle_rad: f64,
-}
-
-/// Cones that contain the stars of a chunk for an eye at `eye_pc` from the camera: all of them are valid. Empty: any direction.
-fn cones_of(chunk: &Chunk, camera_pc: DVec3, origin_pc: DVec3, eye_pc: DVec3) -> impl Iterator<Item = Cone> {
+/// Cones in the stars' frame that contain the stars of a chunk for an eye at `eye_pc` from the camera: all of them are valid. Empty: any direction.
+fn cones_of(chunk: &Chunk, camera_pc: DVec3, origin_pc: DVec3, eye_pc: DVec3) -> impl Iterator<Item = BoundingCone> {
     // The cone from the barycentre, widened by the greatest change of a star's direction between there and the eye.
     let travelled_pc = (camera_pc + eye_pc).length();
     let turned_rad = if chunk.at_infinity {
@@ -111,12 +107,12 @@ fn cones_of(chunk: &Chunk, camera_pc: DVec3, origin_pc: DVec3, eye_pc: DVec3) ->
     } else {
         (travelled_pc < chunk.nearest_pc).then(|| (travelled_pc / chunk.nearest_pc).asin())
     };
-    let from_barycentre =
-        turned_rad.map(|turned_rad| Cone { axis: chunk.axis, half_angle_rad: chunk.half_angle_rad + turned_rad });
+    let from_barycentre = turned_rad
+        .map(|turned_rad| BoundingCone { axis: chunk.axis, half_angle_rad: chunk.half_angle_rad + turned_rad });
     // The sphere.
     let to_centre = origin_pc - eye_pc;
     let distance_pc = to_centre.length();
-    let sphere = (!chunk.at_infinity && distance_pc > chunk.radius_pc).then(|| Cone {
+    let sphere = (!chunk.at_infinity && distance_pc > chunk.radius_pc).then(|| BoundingCone {
         axis: to_centre / distance_pc,
         half_angle_rad: (chunk.radius_pc / distance_pc).min(1.0).asin() + 1e-6,
     });

@@ -200,7 +200,7 @@ fn trace(seen: &[FieldView<'_>], candidates: &[Candidate], rays: &[DVec3]) -> Me
     near.sort_by(|a, b| front(a).total_cmp(&front(b)));
     let mut pixel = MeshPixel::EMPTY;
     for ray in rays {
-        let mut nearest: Option<Met> = None;
+        let mut nearest: Option<MeshPixel> = None;
         for candidate in &near {
             if nearest.as_ref().is_some_and(|met| front(candidate) > met.distance_m) {
                 break;
@@ -212,7 +212,7 @@ fn trace(seen: &[FieldView<'_>], candidates: &[Candidate], rays: &[DVec3]) -> Me
             }
         }
         if let Some(met) = nearest {
-            pixel.coverage += 1.0;
+            pixel.coverage += met.coverage;
             pixel.luminance += met.luminance;
             pixel.normal += met.normal;
             pixel.distance_m = pixel.distance_m.min(met.distance_m);
@@ -225,13 +225,6 @@ fn trace(seen: &[FieldView<'_>], candidates: &[Candidate], rays: &[DVec3]) -> Me
         normal: pixel.normal.normalize_or_zero(),
         ..pixel
     }
-}
-
-/// Intersection of a ray with an instance.
-struct Met {
-    distance_m: f64,
-    luminance: f64,
-    normal: DVec3,
 }
 
 impl<'a> FieldView<'a> {
@@ -284,7 +277,8 @@ impl<'a> FieldView<'a> {
         found
     }
 
-    fn meet(&self, candidate: &Candidate, ray: DVec3) -> Option<Met> {
+    /// The intersection of a ray with an instance, as a pixel that the instance covers.
+    fn meet(&self, candidate: &Candidate, ray: DVec3) -> Option<MeshPixel> {
         let instances = &self.lit.field.instances;
         let packed = &instances.packed[candidate.instance];
         let model = self.models.get(packed.shape())?;
@@ -311,7 +305,7 @@ impl<'a> FieldView<'a> {
         // At the rim, an interpolated normal may face away from the eye although the triangle itself does not.
         let lit = cos_light > 0.0 && cos_eye > 0.0;
         let luminance = if lit { (self.lit.shade)(albedo, cos_light, cos_eye) * self.lit.illuminance_lx } else { 0.0 };
-        Some(Met { distance_m: start_m + hit.distance * radius_m, luminance, normal })
+        Some(MeshPixel { coverage: 1.0, luminance, normal, distance_m: start_m + hit.distance * radius_m })
     }
 }
 

@@ -6,7 +6,8 @@ use std::{path::PathBuf, sync::Arc};
 use glam::{DQuat, DVec3};
 
 use super::{AsteroidField, FieldError, FieldParameters, Instances, MOST_INSTANCES, ShapeError, ShapeSet};
-use crate::scene::bodies::{BodyError, ReflectionLaw, check_albedo, check_name, check_names, check_position};
+use crate::ranges::KeyError;
+use crate::scene::bodies::{ReflectionLaw, check_albedo, check_name, check_names, check_position};
 
 /// Maximum number of fields of a scene.
 pub const MOST_FIELDS: usize = 64;
@@ -50,7 +51,7 @@ pub struct FieldSpec {
 pub enum SpecError {
     /// Name, position, orientation or albedo are out of range.
     #[error(transparent)]
-    Part(#[from] BodyError),
+    Part(#[from] KeyError),
     /// Another parameter is out of range.
     #[error(transparent)]
     Parameter(#[from] FieldError),
@@ -78,7 +79,7 @@ impl FieldSpec {
         check_name(&self.name)?;
         check_position(self.position_m)?;
         crate::scene::unit_quaternion(self.orientation.to_array())
-            .map_err(|error| BodyError::new("orientation", error.to_string()))?;
+            .map_err(|error| KeyError::new("orientation", error.to_string()))?;
         self.parameters.check()?;
         check_albedo(self.geometric_albedo)?;
         Ok(())
@@ -101,7 +102,7 @@ impl FieldSpec {
             (None, ShapeSource::Files(paths)) => Arc::new(ShapeSet::from_gltf(paths)?),
             (None, ShapeSource::OfField(name)) => {
                 let problem = format!("`{name}`: only a daemon's clients can refer to the shapes of another field");
-                return Err(BodyError::new("shapes_of", problem).into());
+                return Err(KeyError::new("shapes_of", problem).into());
             }
         };
         let like_instances = before
@@ -129,7 +130,7 @@ pub const MOST_SETS: usize = 8;
 
 /// Checks that the fields of a scene have unique names, and limits the number of fields, instances and shape sets. The
 /// error comes with the index of the offending field.
-pub fn check_fields<'a>(specs: impl Iterator<Item = &'a FieldSpec> + Clone) -> Result<(), (usize, BodyError)> {
+pub fn check_fields<'a>(specs: impl Iterator<Item = &'a FieldSpec> + Clone) -> Result<(), (usize, KeyError)> {
     check_names(specs.clone().map(|spec| spec.name.as_str()), MOST_FIELDS)?;
     let mut all = 0;
     let mut sets: Vec<&ShapeSource> = Vec::new();
@@ -137,14 +138,14 @@ pub fn check_fields<'a>(specs: impl Iterator<Item = &'a FieldSpec> + Clone) -> R
         all += u64::from(spec.parameters.instances);
         if all > u64::from(MOST_INSTANCES) {
             let problem = format!("{all} up to this field: must be at most {MOST_INSTANCES} in all fields of a scene");
-            return Err((index, BodyError::new("instances", problem)));
+            return Err((index, KeyError::new("instances", problem)));
         }
         if !sets.contains(&&spec.shapes) {
             sets.push(&spec.shapes);
         }
         if sets.len() > MOST_SETS {
             let problem = format!("one set of shapes too many: must be at most {MOST_SETS} in all fields of a scene");
-            return Err((index, BodyError::new("shapes", problem)));
+            return Err((index, KeyError::new("shapes", problem)));
         }
     }
     Ok(())

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::Body;
+use crate::ranges::KeyError;
 
 /// Maximum number of bodies of a scene.
 pub const MOST_BODIES: usize = 256;
@@ -24,76 +25,60 @@ const BRIGHTEST_CD_M2: f64 = 1e16;
 /// Longest name, characters.
 const LONGEST_NAME: usize = 64;
 
-/// Error of an object of a scene.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{key}: {problem}")]
-pub struct BodyError {
-    /// The invalid part, by its configuration key.
-    pub key: &'static str,
-    /// The problem, and the valid values.
-    pub problem: String,
-}
-
-impl BodyError {
-    pub(in crate::scene) fn new(key: &'static str, problem: impl Into<String>) -> Self {
-        Self { key, problem: problem.into() }
-    }
-}
-
 /// Checks a name: letters, digits, `_` and `-`, 1 to 64 of them.
-pub fn check_name(name: &str) -> Result<(), BodyError> {
+pub fn check_name(name: &str) -> Result<(), KeyError> {
     let valid = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     if name.is_empty() || name.len() > LONGEST_NAME || !name.chars().all(valid) {
         let problem = format!("`{name}`: must be 1 to {LONGEST_NAME} letters, digits, `_` and `-`");
-        return Err(BodyError::new("name", problem));
+        return Err(KeyError::new("name", problem));
     }
     Ok(())
 }
 
 /// Checks that names are valid, unique and not too many. The error comes with the index of the offending name.
-pub fn check_names<'a>(names: impl Iterator<Item = &'a str>, most: usize) -> Result<(), (usize, BodyError)> {
+pub fn check_names<'a>(names: impl Iterator<Item = &'a str>, most: usize) -> Result<(), (usize, KeyError)> {
     let mut seen = std::collections::HashMap::new();
     for (index, name) in names.enumerate() {
         check_name(name).map_err(|error| (index, error))?;
         if index >= most {
-            return Err((index, BodyError::new("name", format!("`{name}` is one too many: must be at most {most}"))));
+            return Err((index, KeyError::new("name", format!("`{name}` is one too many: must be at most {most}"))));
         }
         if let Some(first) = seen.insert(name, index) {
             let problem = format!("`{name}` is also the name of number {first}: names must be unique");
-            return Err((index, BodyError::new("name", problem)));
+            return Err((index, KeyError::new("name", problem)));
         }
     }
     Ok(())
 }
 
 /// Checks the number of suns. The error comes with the index of the first one too many.
-pub fn check_suns<'a>(bodies: impl Iterator<Item = &'a Body>) -> Result<(), (usize, BodyError)> {
+pub fn check_suns<'a>(bodies: impl Iterator<Item = &'a Body>) -> Result<(), (usize, KeyError)> {
     let mut suns = bodies.enumerate().filter(|(_, body)| body.emission.is_some());
     match suns.nth(MOST_SUNS) {
         Some((index, body)) => {
             let problem = format!("`{}` is one sun too many: must be at most {MOST_SUNS}", body.name);
-            Err((index, BodyError::new("emission", problem)))
+            Err((index, KeyError::new("emission", problem)))
         }
         None => Ok(()),
     }
 }
 
 /// Checks a position.
-pub(in crate::scene) fn check_position(position_m: DVec3) -> Result<(), BodyError> {
+pub(in crate::scene) fn check_position(position_m: DVec3) -> Result<(), KeyError> {
     if position_m.is_finite() && position_m.abs().max_element() <= FARTHEST_M {
         return Ok(());
     }
     let problem = format!("{:?}: components must be at most {FARTHEST_M:e} m", position_m.to_array());
-    Err(BodyError::new("position_m", problem))
+    Err(KeyError::new("position_m", problem))
 }
 
 /// Checks an albedo.
-pub(in crate::scene) fn check_albedo(albedo: [f64; 3]) -> Result<(), BodyError> {
+pub(in crate::scene) fn check_albedo(albedo: [f64; 3]) -> Result<(), KeyError> {
     if albedo.iter().all(|channel| (0.0..=BRIGHTEST_ALBEDO).contains(channel)) {
         return Ok(());
     }
     let problem = format!("{albedo:?}: must be between 0 and {BRIGHTEST_ALBEDO}");
-    Err(BodyError::new("geometric_albedo", problem))
+    Err(KeyError::new("geometric_albedo", problem))
 }
 
 impl Body {
@@ -102,29 +87,29 @@ impl Body {
     /// # Errors
     ///
     /// A part is out of range; the error names it and the valid values.
-    pub fn check(&self) -> Result<(), BodyError> {
+    pub fn check(&self) -> Result<(), KeyError> {
         check_name(&self.name)?;
         check_position(self.position_m)?;
         crate::scene::unit_quaternion(self.orientation.to_array())
-            .map_err(|error| BodyError::new("orientation", error.to_string()))?;
+            .map_err(|error| KeyError::new("orientation", error.to_string()))?;
         let (radii, [least, most]) = (self.radii_m, RADII_M);
         if !radii.to_array().iter().all(|radius| (least..=most).contains(radius)) {
             let problem = format!("{:?}: semi-axes must be between {least} and {most:e} m", radii.to_array());
-            return Err(BodyError::new("radii_m", problem));
+            return Err(KeyError::new("radii_m", problem));
         }
         if radii.max_element() > MOST_ELONGATED * radii.min_element() {
             let problem = format!(
                 "{:?}: the largest semi-axis must be at most {MOST_ELONGATED} times the smallest",
                 radii.to_array()
             );
-            return Err(BodyError::new("radii_m", problem));
+            return Err(KeyError::new("radii_m", problem));
         }
         check_albedo(self.surface.geometric_albedo)?;
         if let Some(texture) = &self.surface.texture {
             let texels = u64::from(texture.size[0]) * u64::from(texture.size[1]);
             if texels == 0 || texels != texture.rgb.len() as u64 {
                 let problem = format!("a size of {:?} texels, but {} values", texture.size, texture.rgb.len());
-                return Err(BodyError::new("texture", problem));
+                return Err(KeyError::new("texture", problem));
             }
         }
         let spin = self.spin;
@@ -133,10 +118,10 @@ impl Body {
                 "period_s = {}: must be finite and at least {SHORTEST_PERIOD_S} s in absolute value (negative: retrograde); omit it for no rotation",
                 spin.period_s.unwrap_or_default()
             );
-            return Err(BodyError::new("spin", problem));
+            return Err(KeyError::new("spin", problem));
         }
         if !spin.phase_rad.is_finite() {
-            return Err(BodyError::new("spin", format!("a phase of {} rad: must be finite", spin.phase_rad)));
+            return Err(KeyError::new("spin", format!("a phase of {} rad: must be finite", spin.phase_rad)));
         }
         if let Some(emission) = &self.emission {
             if !emission.luminance_cd_m2.iter().all(|channel| (0.0..=BRIGHTEST_CD_M2).contains(channel)) {
@@ -144,11 +129,11 @@ impl Body {
                     "a luminance of {:?} cd/m^2: must be between 0 and {BRIGHTEST_CD_M2:e}",
                     emission.luminance_cd_m2
                 );
-                return Err(BodyError::new("emission", problem));
+                return Err(KeyError::new("emission", problem));
             }
             if !(0.0..=1.0).contains(&emission.limb_darkening) {
                 let problem = format!("limb_darkening = {}: must be between 0 and 1", emission.limb_darkening);
-                return Err(BodyError::new("emission", problem));
+                return Err(KeyError::new("emission", problem));
             }
         }
         Ok(())

@@ -2,8 +2,11 @@
 
 use glam::DVec3;
 
-use super::{Anchor, Grid, Label, LineStyle, MOST_PICTURE_TEXELS, Overlay, Picture, Trajectory, missing_character};
-use crate::scene::bodies::{BodyError, check_names, check_position};
+use super::{
+    Anchor, Grid, GridKind, Label, LineStyle, MOST_PICTURE_TEXELS, Overlay, Picture, Trajectory, missing_character,
+};
+use crate::ranges::KeyError;
+use crate::scene::bodies::{check_names, check_position};
 
 /// Maximum number of grids.
 pub const MOST_GRIDS: usize = 8;
@@ -61,18 +64,18 @@ pub struct OverlayError {
     /// Index in the list.
     pub index: usize,
     /// The invalid part, the problem, and the valid values.
-    pub error: BodyError,
+    pub error: KeyError,
 }
 
-fn between(key: &'static str, value: f64, [least, most]: [f64; 2], unit: &str) -> Result<(), BodyError> {
+fn between(key: &'static str, value: f64, [least, most]: [f64; 2], unit: &str) -> Result<(), KeyError> {
     if (least..=most).contains(&value) {
         return Ok(());
     }
-    Err(BodyError::new(key, format!("{value}: must be between {least} and {most}{unit}")))
+    Err(KeyError::new(key, format!("{value}: must be between {least} and {most}{unit}")))
 }
 
 /// Checks an angle in radians by its range in degrees, with a margin for the rounding of the conversion.
-fn angle_between(key: &'static str, angle_rad: f64, range_deg: [f64; 2]) -> Result<(), BodyError> {
+fn angle_between(key: &'static str, angle_rad: f64, range_deg: [f64; 2]) -> Result<(), KeyError> {
     let degrees = angle_rad.to_degrees();
     let nearest = degrees.clamp(range_deg[0], range_deg[1]);
     let rounded = if (degrees - nearest).abs() <= 1e-12 * nearest.abs() { nearest } else { degrees };
@@ -81,7 +84,7 @@ fn angle_between(key: &'static str, angle_rad: f64, range_deg: [f64; 2]) -> Resu
 
 impl LineStyle {
     /// Checks its ranges.
-    pub fn check(&self) -> Result<(), BodyError> {
+    pub fn check(&self) -> Result<(), KeyError> {
         between("width_px", self.width_px, WIDTHS_PX, " pixels")?;
         between("opacity", self.opacity, [0.0, 1.0], "")
     }
@@ -89,42 +92,46 @@ impl LineStyle {
 
 impl Grid {
     /// Checks its ranges.
-    pub fn check(&self) -> Result<(), BodyError> {
-        if !(1..=MOST_DIVISIONS).contains(&self.divisions) {
-            let problem =
-                format!("{} intervals up to the pole: must be between 1 and {MOST_DIVISIONS}", self.divisions);
-            return Err(BodyError::new("spacing_deg", problem));
+    pub fn check(&self) -> Result<(), KeyError> {
+        let (spacing_deg, least_deg) = (self.spacing_deg, 90.0 / f64::from(MOST_DIVISIONS));
+        let refused = |problem: String| Err(KeyError::new("spacing_deg", format!("{spacing_deg}: {problem}")));
+        if self.kind == GridKind::Constellations && spacing_deg != Self::SPACING_DEG {
+            return refused("borders of constellations have no spacing; omit the key".to_owned());
         }
-        self.style.check()
+        let divides = (f64::from(self.divisions()) * spacing_deg - 90.0).abs() <= 1e-6;
+        if !((least_deg..=90.0).contains(&spacing_deg) && divides) {
+            return refused(format!("must be between {least_deg} and 90 degrees and divide 90"));
+        }
+        self.style().check()
     }
 }
 
 impl Trajectory {
     /// Checks its ranges, except its name and the total number of points.
-    pub fn check(&self) -> Result<(), BodyError> {
+    pub fn check(&self) -> Result<(), KeyError> {
         if !(2..=MOST_POINTS).contains(&self.points_m.len()) {
             let problem = format!("{} points: must be between 2 and {MOST_POINTS}", self.points_m.len());
-            return Err(BodyError::new("points_m", problem));
+            return Err(KeyError::new("points_m", problem));
         }
         for (index, point) in self.points_m.iter().enumerate() {
             check_position(*point)
-                .map_err(|error| BodyError::new("points_m", format!("[{index}]: {}", error.problem)))?;
+                .map_err(|error| KeyError::new("points_m", format!("[{index}]: {}", error.problem)))?;
         }
-        self.style.check()
+        self.style().check()
     }
 }
 
 impl Label {
     /// Checks its ranges, except its name.
-    pub fn check(&self) -> Result<(), BodyError> {
+    pub fn check(&self) -> Result<(), KeyError> {
         if !(1..=LONGEST_TEXT).contains(&self.text.chars().count()) {
             let problem = format!("{} characters: must be between 1 and {LONGEST_TEXT}", self.text.chars().count());
-            return Err(BodyError::new("text", problem));
+            return Err(KeyError::new("text", problem));
         }
         if let Some(character) = missing_character(&self.text) {
             let problem =
                 format!("{:?}: the font has no {character:?}; must be one line of characters of the font", self.text);
-            return Err(BodyError::new("text", problem));
+            return Err(KeyError::new("text", problem));
         }
         self.anchor.check()?;
         between("size_px", self.size_px, SIZES_PX, " pixels")?;
@@ -132,11 +139,11 @@ impl Label {
     }
 
     /// A direction from a vector of any nonzero length; the error states the valid values.
-    pub fn direction(vector: DVec3) -> Result<Anchor, BodyError> {
+    pub fn direction(vector: DVec3) -> Result<Anchor, KeyError> {
         let length = vector.length();
         if !vector.is_finite() || !(1e-100..=1e100).contains(&length) {
             let problem = format!("{:?}: must be a nonzero vector of finite numbers", vector.to_array());
-            return Err(BodyError::new("direction", problem));
+            return Err(KeyError::new("direction", problem));
         }
         Ok(Anchor::Direction(vector / length))
     }
@@ -144,10 +151,10 @@ impl Label {
 
 impl Picture {
     /// Checks its ranges, except its name and the total number of texels.
-    pub fn check(&self) -> Result<(), BodyError> {
+    pub fn check(&self) -> Result<(), KeyError> {
         angle_between("width_deg", self.width_rad, PICTURE_WIDTHS_DEG)?;
         if !self.roll_rad.is_finite() {
-            return Err(BodyError::new("roll_deg", format!("{}: must be finite", self.roll_rad.to_degrees())));
+            return Err(KeyError::new("roll_deg", format!("{}: must be finite", self.roll_rad.to_degrees())));
         }
         between("opacity", self.opacity, [0.0, 1.0], "")?;
         self.anchor.check()
@@ -156,7 +163,7 @@ impl Picture {
 
 impl Anchor {
     /// Checks its ranges.
-    pub fn check(&self) -> Result<(), BodyError> {
+    pub fn check(&self) -> Result<(), KeyError> {
         match *self {
             Self::Point(point) => check_position(point),
             Self::Horizon([azimuth_rad, altitude_rad]) => {
@@ -167,7 +174,7 @@ impl Anchor {
                 if direction.is_finite() && (direction.length() - 1.0).abs() < 1e-6 {
                     return Ok(());
                 }
-                Err(BodyError::new("direction", format!("{:?}: must be a unit vector", direction.to_array())))
+                Err(KeyError::new("direction", format!("{:?}: must be a unit vector", direction.to_array())))
             }
         }
     }
@@ -183,7 +190,7 @@ impl Overlay {
         let in_list = |list: Lists| move |(index, error)| OverlayError { list, index, error };
         for (index, grid) in self.grids.iter().enumerate() {
             if index >= MOST_GRIDS {
-                let error = BodyError::new("kind", format!("one grid too many: must be at most {MOST_GRIDS}"));
+                let error = KeyError::new("kind", format!("one grid too many: must be at most {MOST_GRIDS}"));
                 return Err(OverlayError { list: Lists::Grids, index, error });
             }
             grid.check().map_err(|error| OverlayError { list: Lists::Grids, index, error })?;
@@ -196,7 +203,7 @@ impl Overlay {
             let too_many = || {
                 let problem =
                     format!("{points} points of all trajectories up to this one: must be at most {MOST_POINTS}");
-                Err(BodyError::new("points_m", problem))
+                Err(KeyError::new("points_m", problem))
             };
             let checked = trajectory.check().and_then(|()| if points > MOST_POINTS { too_many() } else { Ok(()) });
             checked.map_err(|error| OverlayError { list: Lists::Trajectories, index, error })?;
@@ -215,7 +222,7 @@ impl Overlay {
             let too_many = || {
                 let problem =
                     format!("{texels} texels of all pictures up to this one: must be at most {MOST_PICTURE_TEXELS}");
-                Err(BodyError::new("file", problem))
+                Err(KeyError::new("file", problem))
             };
             let checked = picture.check().and_then(|()| if texels > MOST_PICTURE_TEXELS { too_many() } else { Ok(()) });
             checked.map_err(|error| OverlayError { list: Lists::Pictures, index, error })?;

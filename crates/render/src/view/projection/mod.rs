@@ -59,10 +59,10 @@ pub(crate) fn check_size(size: [u32; 2]) -> Result<(), ProjectionError> {
     Ok(())
 }
 
-/// The part of the sky that can have an image, used for culling: a cone around `axis`.
+/// A part of the sky, used for culling: a cone around `axis`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoundingCone {
-    /// Unit vector in view space.
+    /// Unit vector; in view space for the part that can have an image.
     pub axis: DVec3,
     /// Half of the opening angle, rad; pi for the whole sphere.
     pub half_angle_rad: f64,

@@ -5,7 +5,7 @@
 //! (16 x (1 - x) y (1 - y))^2 with x and y relative to the raster's sides, so the share and its slope vanish at the
 //! borders. If a part of the raster is not used, w falls to zero at its border in the same way.
 
-use std::f64::consts::PI;
+use std::{f64::consts::PI, sync::Arc};
 
 use glam::{DQuat, DVec2, DVec3};
 use rayon::prelude::*;
@@ -17,10 +17,10 @@ use crate::view::projection::{PlaneMapping, TabulatedMapping, pixel_centre};
 const RAMP_PX: f32 = 64.0;
 
 /// One of several projectors.
-#[derive(Clone, Copy, Debug)]
-pub struct Beam<'a> {
+#[derive(Clone, Debug, PartialEq)]
+pub struct Beam {
     /// Directions of its pixels, in view axes.
-    pub mapping: &'a TabulatedMapping,
+    pub mapping: Arc<TabulatedMapping>,
     /// View axes to those of the dome.
     pub dome_from_view: DQuat,
     /// Its black level relative to its white: black is raised to the level of the region with the most projectors. 0:
@@ -30,7 +30,7 @@ pub struct Beam<'a> {
 
 /// Weights of a projector's raster.
 struct Field<'a> {
-    beam: &'a Beam<'a>,
+    beam: &'a Beam,
     /// Axis in dome axes, and cosine of the angle around it beyond which the projector does not reach.
     axis: DVec3,
     least_cos: f64,
@@ -39,10 +39,10 @@ struct Field<'a> {
 }
 
 impl<'a> Field<'a> {
-    fn new(beam: &'a Beam<'a>) -> Self {
+    fn new(beam: &'a Beam) -> Self {
         let cone = beam.mapping.bounding_cone(1.0);
         let least_cos = if cone.half_angle_rad < PI { cone.half_angle_rad.cos() } else { -1.0 };
-        Self { beam, axis: beam.dome_from_view * cone.axis, least_cos, unused_px: unused_px(beam.mapping) }
+        Self { beam, axis: beam.dome_from_view * cone.axis, least_cos, unused_px: unused_px(&beam.mapping) }
     }
 
     /// The weight at a position of the raster, pixels.
@@ -63,7 +63,7 @@ impl<'a> Field<'a> {
         if direction.dot(self.axis) < self.least_cos {
             return None;
         }
-        let mapping = self.beam.mapping;
+        let mapping = &self.beam.mapping;
         let pixel = mapping.pixel_from_direction(self.beam.dome_from_view.inverse() * direction)?;
         let [width, height] = mapping.size();
         let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < f64::from(width) && pixel.y < f64::from(height);
@@ -72,11 +72,11 @@ impl<'a> Field<'a> {
 }
 
 /// The blends of projectors that light a dome together, in the same order.
-pub fn edge_blends(beams: &[Beam<'_>]) -> Vec<Blend> {
+pub fn edge_blends(beams: &[Beam]) -> Vec<Blend> {
     let fields: Vec<Field<'_>> = beams.iter().map(Field::new).collect();
     // For each pixel: its share, and the number of projectors that reach it.
     let shares = fields.iter().enumerate().map(|(own, field)| {
-        let mapping = field.beam.mapping;
+        let mapping = &field.beam.mapping;
         let width = mapping.size()[0];
         let share = |index: usize| {
             let pixel = pixel_centre(index as u32 % width, index as u32 / width);

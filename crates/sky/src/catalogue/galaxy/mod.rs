@@ -29,6 +29,8 @@ mod unresolved;
 use super::{StarRecord, diffuse::DiffuseSky};
 use rayon::prelude::*;
 use sampling::{BLOCKS, MagnitudeRange, Sky};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// Largest number of stars that can be requested.
@@ -41,18 +43,29 @@ pub const FAINTEST_APPARENT_MAGNITUDE: f64 = 20.0;
 /// memory to this share of it.
 const BLOCKS_AT_ONCE: usize = 8;
 
-/// Parameters of a synthetic Milky Way.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A synthetic Milky Way whose star counts follow those of the real sky.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct GalaxyParameters {
-    /// Number of stars, 1 to [`MOST_STARS`]: the apparently brightest among those that are at least as faint as
-    /// `fainter_than`.
+    /// Number of stars: the brightest ones of the model, as seen from the Sun.
+    #[schemars(range(min = 1, max = MOST_STARS))]
     pub stars: usize,
-    /// Seed; each gives different stars of the same galaxy.
+    /// Seed of the random number generator.
+    #[serde(default = "first_seed")]
     pub seed: u64,
-    /// Apparent V magnitude from the Sun; brighter stars are left out, so that real ones can take their place.
+    /// Stars brighter than this apparent V magnitude are left out, so that a catalogue can provide them; absent: no limit.
     pub fainter_than: Option<f64>,
-    /// Whether the light of all fainter stars is included.
+    /// Whether the light of all fainter stars is seen, the band of the Milky Way and the Magellanic Clouds.
+    #[serde(default = "has_unresolved_light")]
     pub unresolved_light: bool,
+}
+
+fn first_seed() -> u64 {
+    1
+}
+
+fn has_unresolved_light() -> bool {
+    true
 }
 
 /// A synthetic Milky Way.

@@ -30,13 +30,6 @@ pub(crate) struct BillboardPass {
     image: Option<wgpu::TextureView>,
 }
 
-/// Square image of a star: texels along a side, and colours row by row from the top.
-#[derive(Clone, Copy)]
-pub(crate) struct SquareImage<'a> {
-    pub size: u32,
-    pub rgb: &'a [[f32; 3]],
-}
-
 /// Inputs of a frame.
 #[derive(Clone, Copy)]
 pub(crate) struct BillboardFrame<'a> {
@@ -162,7 +155,7 @@ impl BillboardPass {
         gpu: &Gpu,
         pipelines: &BillboardPipelines,
         method: StarMethod,
-        image: Option<SquareImage<'_>>,
+        image: Option<(u32, &[[f32; 3]])>,
     ) -> Option<Self> {
         let (_, profile) = shaders_of(method)?;
         let (_, vertices) = corners_of(profile);
@@ -243,8 +236,7 @@ fn parameters(
     }
 }
 
-fn image_texture(gpu: &Gpu, image: SquareImage<'_>) -> wgpu::TextureView {
-    let side = image.size;
+fn image_texture(gpu: &Gpu, (side, rgb): (u32, &[[f32; 3]])) -> wgpu::TextureView {
     let size = wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 };
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some("star image"),
@@ -256,7 +248,7 @@ fn image_texture(gpu: &Gpu, image: SquareImage<'_>) -> wgpu::TextureView {
         usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
         view_formats: &[],
     });
-    let texels: Vec<[f32; 4]> = image.rgb.iter().map(|[r, g, b]| [*r, *g, *b, 0.0]).collect();
+    let texels: Vec<[f32; 4]> = rgb.iter().map(|[r, g, b]| [*r, *g, *b, 0.0]).collect();
     let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(16 * side), rows_per_image: Some(side) };
     gpu.queue.write_texture(texture.as_image_copy(), bytemuck::cast_slice(&texels), layout, size);
     texture.create_view(&wgpu::TextureViewDescriptor::default())

@@ -8,7 +8,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::DQuat;
 
-use self::draw::{BillboardFrame, BillboardPass, BillboardPipelines, BillboardPlane, CountPass, SquareImage};
+use self::draw::{BillboardFrame, BillboardPass, BillboardPipelines, BillboardPlane, CountPass};
 use super::catalogue_buffers::CatalogueBuffers;
 use super::luminance::{LuminanceInputs, LuminancePass, LuminanceSource};
 use crate::{
@@ -137,8 +137,8 @@ impl Billboards {
         self.in_use = self.methods.iter().position(|held| held.method == method);
         if self.in_use.is_none() {
             let sprite = (method == StarMethod::Sprite).then(|| sprite(SPRITE_SIZE));
-            let sprite_image = sprite.as_ref().map(|image| SquareImage { size: image.size, rgb: &image.rgb });
-            let psf_image = psf.map(|psf| SquareImage { size: psf.form.size, rgb: &psf.form.rgb });
+            let sprite_image = sprite.as_ref().map(|image| (image.size, image.rgb.as_slice()));
+            let psf_image = psf.map(|psf| (psf.form.size, psf.form.rgb.as_slice()));
             if let Some(pass) = BillboardPass::new(gpu, &self.pipelines, method, psf_image.or(sprite_image)) {
                 self.methods.push(MethodPass { method, pass, psf: psf.cloned() });
                 self.in_use = Some(self.methods.len() - 1);
