@@ -74,7 +74,7 @@ pub use network::access::{Access, AccessSource, Admitted, Validity, digest_of, n
 pub use scene::{
     camera::CameraUpdate,
     objects::{BodyForm, Change},
-    observer::ObserverChange,
+    observer::{GroundForm, ObserverChange},
     overlay::OverlayChange,
     state::{SceneCatalogue, SceneUpdate},
     views::{SettingsChange, ViewUpdate},

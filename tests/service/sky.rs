@@ -4,12 +4,12 @@
 use std::{path::Path, sync::Arc, time::Duration};
 
 use steradian::{
-    config::{AirConfig, Config, GroundConfig},
+    config::{AirConfig, Config},
     glam::DVec3,
     observer::Frame,
     output::Encoding,
     scene::{Camera, SceneObjects},
-    service::{CameraUpdate, Client, ObserverChange, SceneUpdate, SeenKind, ServeOptions},
+    service::{CameraUpdate, Client, GroundForm, ObserverChange, SceneUpdate, SeenKind, ServeOptions},
 };
 use tokio::time::sleep;
 use tonic::Code;
@@ -212,7 +212,8 @@ async fn moving_the_observer_keeps_the_cameras_azimuth() {
     assert!((0.3..2.0).contains(&parallax_deg), "{parallax_deg}");
     assert!(stands_deg(&mut client, "sun").await[1] > 0.0, "morning over Sydney");
     // Atmosphere and ground.
-    let ground = GroundConfig { albedo: 0.5, horizon_deg: vec![[0.0, 30.0], [180.0, 30.0]], ..GroundConfig::default() };
+    let ground =
+        GroundForm { enabled: true, albedo: 0.5, horizon_deg: vec![[0.0, 30.0], [180.0, 30.0]], landscape: false };
     let air = AirConfig { night_sky_mag: 18.0, ..AirConfig::default() };
     let around = ObserverChange { air: Some(air.clone()), ground: Some(ground.clone()), ..ObserverChange::default() };
     let scene = client.update_scene(&to(around), None).await.unwrap();

@@ -9,6 +9,19 @@ use crate::{
     scene::{SceneObjects, landscape::Landscape, surroundings::Surroundings},
 };
 
+/// The ground around an observer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GroundForm {
+    /// Whether the ground is drawn.
+    pub enabled: bool,
+    /// Albedo, 0 to 1.
+    pub albedo: f64,
+    /// Horizon line: azimuths from 0 to 360 in rising order (two equal ones: a vertical wall), altitudes from -90 to 90; empty: the horizon of the sea.
+    pub horizon_deg: Vec<[f64; 2]>,
+    /// Whether the configuration's panorama replaces that line.
+    pub landscape: bool,
+}
+
 /// Changes of the observer; `None` keeps a value. Ranges are those of the configuration.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ObserverChange {
@@ -24,9 +37,8 @@ pub struct ObserverChange {
     pub delta_t_s: Option<Option<f64>>,
     /// The atmosphere, as a whole.
     pub air: Option<AirConfig>,
-    /// The ground, as a whole. Any `landscape` is the panorama of the daemon's configuration, at its azimuth there: a
-    /// message only carries whether there is one.
-    pub ground: Option<GroundConfig>,
+    /// The ground, as a whole.
+    pub ground: Option<GroundForm>,
 }
 
 impl ObserverChange {
@@ -65,10 +77,15 @@ impl GivenObserver {
         &self.given
     }
 
-    /// Returns the ground as clients see it: without a landscape that cannot be turned on.
-    pub(crate) fn ground(&self) -> GroundConfig {
-        let ground = self.given.ground.clone();
-        GroundConfig { landscape: ground.landscape.filter(|_| self.lent.is_some()), ..ground }
+    /// Returns the ground as clients see it.
+    pub(crate) fn ground(&self) -> GroundForm {
+        let GroundConfig { enabled, albedo, horizon_deg, landscape, .. } = &self.given.ground;
+        GroundForm {
+            enabled: *enabled,
+            albedo: *albedo,
+            horizon_deg: horizon_deg.clone(),
+            landscape: landscape.is_some() && self.lent.is_some(),
+        }
     }
 
     /// Applies a change. The tables of the atmosphere take a tenth of a second. The error states the valid values.
@@ -76,13 +93,15 @@ impl GivenObserver {
         let now = &self.given;
         let ground = match &change.ground {
             None => now.ground.clone(),
-            Some(GroundConfig { landscape: Some(_), .. }) if self.lent.is_none() => {
+            Some(GroundForm { landscape: true, .. }) if self.lent.is_none() => {
                 return Err("observer.ground.landscape: the configuration has none".to_owned());
             }
-            Some(ground) => GroundConfig {
-                landscape: ground.landscape.as_ref().and(self.lent.as_ref()).map(|(file, _)| file.clone()),
+            Some(form) => GroundConfig {
+                enabled: form.enabled,
+                albedo: form.albedo,
+                horizon_deg: form.horizon_deg.clone(),
+                landscape: self.lent.as_ref().filter(|_| form.landscape).map(|(file, _)| file.clone()),
                 landscape_azimuth_deg: now.ground.landscape_azimuth_deg,
-                ..ground.clone()
             },
         };
         let given = ObserverConfig {
@@ -140,8 +159,7 @@ mod tests {
         assert_eq!((same.observer, same.surroundings), (observer, objects.surroundings.clone()));
         let air = |air: AirConfig| ObserverChange { air: Some(air), ..ObserverChange::default() };
         let ground = |landscape: bool, horizon_deg: Vec<[f64; 2]>| {
-            let landscape = landscape.then(PathBuf::new);
-            let ground = GroundConfig { albedo: 0.1, horizon_deg, landscape, ..GroundConfig::default() };
+            let ground = GroundForm { enabled: true, albedo: 0.1, horizon_deg, landscape };
             ObserverChange { ground: Some(ground), ..ObserverChange::default() }
         };
         for (change, part) in [

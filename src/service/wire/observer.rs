@@ -1,13 +1,10 @@
-//! The observer: conversion between protobuf messages and plain types. The empty path is the panorama of the
-//! configuration, whose path messages do not have.
-
-use std::path::PathBuf;
+//! The observer: conversion between protobuf messages and plain types.
 
 use crate::{
     config::{AirConfig, GroundConfig, MOST_HORIZON_POINTS},
     service::{
         proto,
-        scene::observer::{GivenObserver, ObserverChange},
+        scene::observer::{GivenObserver, GroundForm, ObserverChange},
     },
 };
 
@@ -35,7 +32,7 @@ fn air_from_pb(air: proto::Air) -> AirConfig {
     }
 }
 
-fn ground_to_pb(ground: &GroundConfig) -> proto::Ground {
+fn ground_to_pb(ground: &GroundForm) -> proto::Ground {
     let point = |[azimuth_deg, altitude_deg]: &[f64; 2]| proto::HorizonPoint {
         azimuth_deg: *azimuth_deg,
         altitude_deg: *altitude_deg,
@@ -44,18 +41,17 @@ fn ground_to_pb(ground: &GroundConfig) -> proto::Ground {
         enabled: Some(ground.enabled),
         albedo: Some(ground.albedo),
         horizon: ground.horizon_deg.iter().map(point).collect(),
-        landscape: ground.landscape.is_some(),
+        landscape: ground.landscape,
     }
 }
 
-fn ground_from_pb(ground: proto::Ground) -> GroundConfig {
+fn ground_from_pb(ground: proto::Ground) -> GroundForm {
     let unsaid = GroundConfig::default();
-    GroundConfig {
+    GroundForm {
         enabled: ground.enabled.unwrap_or(unsaid.enabled),
         albedo: ground.albedo.unwrap_or(unsaid.albedo),
         horizon_deg: ground.horizon.iter().map(|point| [point.azimuth_deg, point.altitude_deg]).collect(),
-        landscape: ground.landscape.then(PathBuf::new),
-        ..unsaid
+        landscape: ground.landscape,
     }
 }
 
@@ -104,7 +100,7 @@ pub(crate) fn add_observer_change(
     }
     // A mask may repeat a field a thousand times: copy it only once.
     let ground =
-        |now: Option<GroundConfig>| now.or_else(|| Some(ground_from_pb(given.ground.clone().unwrap_or_default())));
+        |now: Option<GroundForm>| now.or_else(|| Some(ground_from_pb(given.ground.clone().unwrap_or_default())));
     match rest {
         "" => *change = ObserverChange { ground: ground(change.ground.take()), ..observer_without_ground(given) },
         ".latitude_deg" => change.latitude_deg = Some(given.latitude_deg),
@@ -152,7 +148,7 @@ mod tests {
     fn changes_survive_a_round_trip() {
         let air = AirConfig { night_sky_mag: 19.5, pressure_hpa: Some(900.0), ..AirConfig::default() };
         let ground =
-            GroundConfig { albedo: 0.3, horizon_deg: vec![[10.0, 2.0], [200.0, -1.0]], ..GroundConfig::default() };
+            GroundForm { enabled: true, albedo: 0.3, horizon_deg: vec![[10.0, 2.0], [200.0, -1.0]], landscape: false };
         for change in [
             ObserverChange { latitude_deg: Some(-3.0), ..ObserverChange::default() },
             ObserverChange { delta_t_s: Some(None), height_m: Some(12.0), ..ObserverChange::default() },
