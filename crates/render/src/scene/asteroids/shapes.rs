@@ -42,11 +42,12 @@ impl ShapeSet {
     /// Five asteroid-like shapes, from nearly round to twice as long as thick, each with [`LEVEL_TRIANGLES`]. The same
     /// seed gives the same bits.
     pub fn procedural(seed: u64) -> Self {
+        let spheres = LEVEL_TRIANGLES.map(sphere::sphere);
         let shapes = (0..PROCEDURAL_SHAPES)
             .into_par_iter()
             .map(|number| {
                 let surface = Surface::new(seed, number);
-                finished(LEVEL_TRIANGLES.map(|triangles| sampled(&surface, triangles)).to_vec())
+                finished(spheres.iter().map(|sphere| sampled(&surface, sphere)).collect())
             })
             .collect();
         Self::from_shapes(shapes)
@@ -63,12 +64,11 @@ impl ShapeSet {
     }
 }
 
-fn sampled(surface: &Surface, triangles: usize) -> Solid {
-    let (directions, triangles) = sphere::sphere(triangles);
+fn sampled(surface: &Surface, (directions, triangles): &(Vec<DVec3>, Vec<[u32; 3]>)) -> Solid {
     Solid {
         positions: directions.iter().map(|direction| surface.place(*direction)).collect(),
         albedos: directions.iter().map(|direction| surface.albedo(*direction)).collect(),
-        triangles,
+        triangles: triangles.clone(),
     }
 }
 
