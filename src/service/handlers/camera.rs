@@ -114,13 +114,17 @@ impl Service {
         }
     }
 
-    /// Returns the message of a camera, with the holder of its lease.
+    /// Returns the message of a camera, with the holder of its lease and its direction for the scene's observer.
     fn camera_message(&self, camera: &Camera) -> proto::Camera {
-        proto::Camera { holder: self.render.holder(), ..camera::camera_to_pb(camera) }
+        let look = self.render.horizontal(camera).map(camera::horizontal_to_pb);
+        proto::Camera { holder: self.render.holder(), look, ..camera::camera_to_pb(camera) }
     }
 
     /// Returns the requested change for the current scene.
     fn camera_update(&self, mut request: proto::SetCameraRequest) -> Result<CameraUpdate, Status> {
+        if request.turn.is_some() && (request.orientation.is_some() || request.look.is_some()) {
+            return Err(refusals::invalid("turn: must not be combined with orientation or look"));
+        }
         let look = request.look.take();
         let frame = camera::sky_frame_from_pb(request.frame).map_err(refusals::invalid)?;
         let update = CameraUpdate { frame, ..camera::update_from_pb(request) };
