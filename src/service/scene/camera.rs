@@ -96,7 +96,8 @@ mod tests {
     fn a_turn_is_about_the_axes_of_the_camera() {
         let camera = Camera { world_from_camera: DQuat::from_rotation_z(0.4), ..Camera::default() };
         let turn = DQuat::from_rotation_y(0.3);
-        let turned = CameraUpdate { turn: Some(turn.to_array()), ..CameraUpdate::default() }.applied_to(&camera).unwrap();
+        let turned =
+            CameraUpdate { turn: Some(turn.to_array()), ..CameraUpdate::default() }.applied_to(&camera).unwrap();
         assert!(turned.world_from_camera.angle_between(camera.world_from_camera * turn) < 1e-12);
         let wrong = CameraUpdate { turn: Some([0.0, 0.0, 0.0, 2.0]), ..CameraUpdate::default() };
         assert!(wrong.applied_to(&camera).unwrap_err().to_string().starts_with("turn = [0.0, 0.0, 0.0, 2.0]"));
