@@ -201,7 +201,7 @@ impl Access {
 #[allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
 mod tests {
     use super::*;
-    use crate::service::network::clients::From;
+    use crate::service::network::clients::{From, Shares};
 
     fn access(token: &str) -> Access {
         let desk = Admitted { name: "desk".to_owned(), role: Role::Steer, digest: digest_of(token) };
@@ -222,7 +222,8 @@ mod tests {
 
     #[test]
     fn only_the_right_token_identifies_a_caller() {
-        let (access, client) = (access("right"), ClientInfo::new(&Arc::default(), From::Network("test".to_owned())));
+        let (access, client) =
+            (access("right"), ClientInfo::new(&Arc::new(Shares::new(16)), From::Network("test".to_owned())));
         let who = |headers: &HeaderMap| {
             access.credentials(&client, headers).and_then(|credentials| access.caller(credentials))
         };
