@@ -98,7 +98,7 @@ mod tests {
         let turn = DQuat::from_rotation_y(0.3);
         let turned =
             CameraUpdate { turn: Some(turn.to_array()), ..CameraUpdate::default() }.applied_to(&camera).unwrap();
-        assert!(turned.world_from_camera.angle_between(camera.world_from_camera * turn) < 1e-12);
+        assert!(turned.world_from_camera.abs_diff_eq(camera.world_from_camera * turn, 1e-12));
         let wrong = CameraUpdate { turn: Some([0.0, 0.0, 0.0, 2.0]), ..CameraUpdate::default() };
         assert!(wrong.applied_to(&camera).unwrap_err().to_string().starts_with("turn = [0.0, 0.0, 0.0, 2.0]"));
     }
