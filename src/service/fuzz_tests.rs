@@ -299,6 +299,7 @@ fn seeds() -> Vec<Vec<u8>> {
         expected_revision: Some(3),
         look: Some(proto::Look { at: "Mars".to_owned(), ..Default::default() }),
         frame: 1,
+        turn: camera.orientation,
     };
     let asked = proto::VerifyRequest { filter: "two-colours".to_owned(), star_method: "tent".to_owned() };
     let definition = proto::ViewDefinition {

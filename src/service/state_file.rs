@@ -6,7 +6,7 @@
 
 use std::{
     path::{Path, PathBuf},
-    sync::Arc,
+    sync::{Arc, Mutex, PoisonError},
     time::SystemTime,
 };
 
@@ -229,10 +229,15 @@ impl StateError {
     }
 }
 
+/// Opens the database.
+type Opener = Box<dyn Fn() -> Result<Database, DatabaseError> + Send + Sync>;
+
 /// An open state file.
 pub(crate) struct StateFile {
     path: PathBuf,
-    database: Database,
+    open: Opener,
+    /// `None` after an error of the disk: redb refuses all further work, so that it is opened again.
+    database: Mutex<Option<Database>>,
 }
 
 /// Name and time of a snapshot.
@@ -253,8 +258,13 @@ pub fn check_state(path: &Path) -> Result<(), StateError> {
 impl StateFile {
     /// Opens a file, or creates it.
     pub(crate) fn open(path: &Path) -> Result<Self, StateError> {
-        let database = Database::create(path).map_err(|source| unopened(path, source))?;
-        let file = Self { path: path.to_owned(), database };
+        let owned = path.to_owned();
+        Self::open_with(path, Box::new(move || Database::create(&owned)))
+    }
+
+    fn open_with(path: &Path, open: Opener) -> Result<Self, StateError> {
+        let database = Mutex::new(Some(open().map_err(|source| unopened(path, source))?));
+        let file = Self { path: path.to_owned(), open, database };
         match file.get(FORMAT)?.as_deref() {
             Some([VERSION]) => {}
             Some([older]) if OLDER.contains(older) => file.put(STATE, &[(FORMAT, &[VERSION])])?,
@@ -271,30 +281,47 @@ impl StateFile {
         StateError::Content { path: self.path.clone(), problem }
     }
 
-    fn access<T, E: Into<redb::Error>>(&self, result: Result<T, E>) -> Result<T, StateError> {
-        result.map_err(|source| StateError::Access { path: self.path.clone(), source: Box::new(source.into()) })
+    /// Works with the database, and opens it again if an error of the disk, such as a full one, has closed it.
+    fn work<T>(&self, job: impl FnOnce(&Database) -> Result<T, redb::Error>) -> Result<T, StateError> {
+        let mut held = self.database.lock().unwrap_or_else(PoisonError::into_inner);
+        let was_closed = held.is_none();
+        let database = match held.take() {
+            Some(database) => database,
+            None => (self.open)().map_err(|source| unopened(&self.path, source))?,
+        };
+        let result = job(&database);
+        if !matches!(result, Err(redb::Error::Io(_) | redb::Error::PreviousIo)) {
+            *held = Some(database);
+            if was_closed && result.is_ok() {
+                tracing::info!("server.state = {}: it can be used again", self.path.display());
+            }
+        }
+        result.map_err(|source| StateError::Access { path: self.path.clone(), source: Box::new(source) })
     }
 
     fn put(&self, table: TableDefinition<'_, &str, &[u8]>, values: &[(&str, &[u8])]) -> Result<(), StateError> {
-        // redb synchronises with the disk on commit by default.
-        let write = self.access(self.database.begin_write())?;
-        {
-            let mut table = self.access(write.open_table(table))?;
-            for (key, value) in values {
-                self.access(table.insert(*key, *value))?;
+        self.work(|database| {
+            // redb synchronises with the disk on commit by default.
+            let write = database.begin_write()?;
+            {
+                let mut table = write.open_table(table)?;
+                for (key, value) in values {
+                    table.insert(*key, *value)?;
+                }
             }
-        }
-        self.access(write.commit())
+            Ok(write.commit()?)
+        })
     }
 
     fn read(&self, table: TableDefinition<'_, &str, &[u8]>, key: &str) -> Result<Option<Vec<u8>>, StateError> {
-        let read = self.access(self.database.begin_read())?;
-        let table = match read.open_table(table) {
-            Ok(table) => table,
-            Err(redb::TableError::TableDoesNotExist(_)) => return Ok(None),
-            Err(error) => return self.access(Err(error)),
-        };
-        Ok(self.access(table.get(key))?.map(|value| value.value().to_vec()))
+        self.work(|database| {
+            let table = match database.begin_read()?.open_table(table) {
+                Ok(table) => table,
+                Err(redb::TableError::TableDoesNotExist(_)) => return Ok(None),
+                Err(error) => return Err(error.into()),
+            };
+            Ok(table.get(key)?.map(|value| value.value().to_vec()))
+        })
     }
 
     fn get(&self, key: &str) -> Result<Option<Vec<u8>>, StateError> {
@@ -338,26 +365,34 @@ impl StateFile {
 
     /// Lists all snapshots by name.
     pub(crate) fn snapshots(&self) -> Result<Vec<SnapshotName>, StateError> {
-        let read = self.access(self.database.begin_read())?;
-        let table = match read.open_table(SNAPSHOTS) {
-            Ok(table) => table,
-            Err(redb::TableError::TableDoesNotExist(_)) => return Ok(Vec::new()),
-            Err(error) => return self.access(Err(error)),
-        };
-        let mut names = Vec::new();
-        for entry in self.access(table.iter())? {
-            let (name, bytes) = self.access(entry)?;
-            let saved = Saved::decode(bytes.value()).map_err(|error| self.content(error.to_string()))?;
-            names.push(SnapshotName { name: name.value().to_owned(), time: saved.time });
-        }
-        Ok(names)
+        let entries = self.work(|database| {
+            let table = match database.begin_read()?.open_table(SNAPSHOTS) {
+                Ok(table) => table,
+                Err(redb::TableError::TableDoesNotExist(_)) => return Ok(Vec::new()),
+                Err(error) => return Err(error.into()),
+            };
+            let mut entries = Vec::new();
+            for entry in table.iter()? {
+                let (name, bytes) = entry?;
+                entries.push((name.value().to_owned(), bytes.value().to_vec()));
+            }
+            Ok(entries)
+        })?;
+        let named = entries.into_iter().map(|(name, bytes)| {
+            let saved = Saved::decode(bytes.as_slice()).map_err(|error| self.content(error.to_string()))?;
+            Ok(SnapshotName { name, time: saved.time })
+        });
+        named.collect()
     }
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
 mod tests {
-    use std::time::Duration;
+    use std::{
+        sync::atomic::{AtomicBool, Ordering::Relaxed},
+        time::Duration,
+    };
 
     use super::*;
 
@@ -378,6 +413,73 @@ mod tests {
         let saved = Saved { scene: Some(scene), ..Saved::default() };
         let clock = saved.clock(SceneClock::running(0.0, 1.0, SystemTime::UNIX_EPOCH), &time);
         assert_eq!(clock.since, old);
+    }
+
+    /// A disk that fails while a flag is set, as a full one.
+    #[derive(Debug)]
+    struct Disk {
+        file: redb::backends::FileBackend,
+        is_full: Arc<AtomicBool>,
+    }
+
+    impl Disk {
+        fn check(&self) -> Result<(), std::io::Error> {
+            match self.is_full.load(Relaxed) {
+                true => Err(std::io::ErrorKind::StorageFull.into()),
+                false => Ok(()),
+            }
+        }
+    }
+
+    impl redb::StorageBackend for Disk {
+        fn len(&self) -> Result<u64, std::io::Error> {
+            self.file.len()
+        }
+        fn read(&self, offset: u64, out: &mut [u8]) -> Result<(), std::io::Error> {
+            self.file.read(offset, out)
+        }
+        fn set_len(&self, len: u64) -> Result<(), std::io::Error> {
+            self.check()?;
+            self.file.set_len(len)
+        }
+        fn sync_data(&self) -> Result<(), std::io::Error> {
+            self.check()?;
+            self.file.sync_data()
+        }
+        fn write(&self, offset: u64, data: &[u8]) -> Result<(), std::io::Error> {
+            self.check()?;
+            self.file.write(offset, data)
+        }
+        fn close(&self) -> Result<(), std::io::Error> {
+            self.file.close()
+        }
+    }
+
+    #[test]
+    fn a_full_disk_that_has_room_again_takes_changes_and_keeps_the_old_ones() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("state.redb");
+        let is_full = Arc::new(AtomicBool::new(false));
+        let (opened, of_disk) = (path.clone(), Arc::clone(&is_full));
+        let open = move || {
+            let options = std::fs::File::options().read(true).write(true).create(true).truncate(false).open(&opened);
+            let file = redb::backends::FileBackend::new(options.map_err(StorageError::from)?)?;
+            Database::builder().create_with_backend(Disk { file, is_full: Arc::clone(&of_disk) })
+        };
+        let file = StateFile::open_with(&path, Box::new(open)).unwrap();
+        let camera = |x: f64| Camera { position_m: glam::DVec3::X * x, ..Camera::default() };
+        let saved = |file: &StateFile| file.current_state().unwrap().1.unwrap().position_m.unwrap().x;
+        file.save_camera(&camera(1.0)).unwrap();
+        is_full.store(true, Relaxed);
+        for _ in 0..2 {
+            assert!(file.save_camera(&camera(2.0)).is_err());
+        }
+        is_full.store(false, Relaxed);
+        assert_eq!(saved(&file), 1.0);
+        file.save_camera(&camera(3.0)).unwrap();
+        assert_eq!(saved(&file), 3.0);
+        drop(file);
+        assert_eq!(saved(&StateFile::open(&path).unwrap()), 3.0);
     }
 
     #[test]

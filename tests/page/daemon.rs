@@ -65,6 +65,12 @@ impl Daemon {
         Self { process, folder, address }
     }
 
+    /// Sends a signal by its name.
+    pub fn signal(&self, name: &str) {
+        let status = Command::new("kill").args([&format!("-{name}"), &self.process.id().to_string()]).status().unwrap();
+        assert!(status.success());
+    }
+
     /// SIGKILL.
     pub fn kill(&mut self) {
         // It may have ended already.
@@ -83,6 +89,14 @@ impl Daemon {
     /// Restarts it with an extended configuration.
     pub fn restart_with(&mut self, more: &str) {
         std::fs::write(self.folder.path().join("views.toml"), format!("{CONFIGURATION}\n{more}")).unwrap();
+        self.restart();
+    }
+
+    /// Restarts it with an observer in place of the camera.
+    pub fn restart_at(&mut self, observer: &str) {
+        let (before, after) = CONFIGURATION.split_once("[scene.camera]").unwrap();
+        let (_, views) = after.split_once("[[views]]").unwrap();
+        std::fs::write(self.folder.path().join("views.toml"), format!("{before}{observer}\n[[views]]{views}")).unwrap();
         self.restart();
     }
 

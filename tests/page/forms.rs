@@ -1,6 +1,9 @@
 //! Forms change the daemon, and never overwrite the changes of another client.
 
-use steradian::service::{CameraUpdate, SceneUpdate};
+use steradian::{
+    plan::settings::StarMethod,
+    service::{CameraUpdate, SceneUpdate},
+};
 
 use crate::{
     Test,
@@ -12,6 +15,8 @@ pub const TESTS: &[Test] = &[
     ("forms::bodies_are_added_changed_and_removed", bodies_are_added_changed_and_removed),
     ("forms::a_change_by_another_client_is_reported_and_kept", a_change_by_another_client_is_reported_and_kept),
     ("forms::stars_time_grids_and_camera_are_set", stars_time_grids_and_camera_are_set),
+    ("forms::time_runs_and_rests_at_a_rate", time_runs_and_rests_at_a_rate),
+    ("forms::snapshots_are_saved_and_loaded", snapshots_are_saved_and_loaded),
 ];
 
 async fn wait_for_notice(page: &Browser, text: &str) {
@@ -87,10 +92,11 @@ fn stars_time_grids_and_camera_are_set() -> Result<(), String> {
         let mut client = daemon.client().await;
         page.until(&has_picture("window")).await;
         page.click("#tab-scene").await;
-        page.fill("#panel-scene [name=method]", "no-such-method").await;
-        page.click("#panel-scene form [type=submit]").await;
-        wait_for_notice(page, "bspline").await;
-        page.fill("#panel-scene [name=method]", "tent").await;
+        let names =
+            "return [...document.querySelector('#panel-scene [name=method]').options].map(({ value }) => value)";
+        let methods: Vec<&str> = StarMethod::ALL.iter().map(|method| method.name()).collect();
+        assert_eq!(page.run::<Vec<String>>(names).await, methods);
+        page.find("#panel-scene [name=method]").await.select_by_value("tent").await.unwrap();
         page.click("#panel-scene form [type=submit]").await;
         wait_for_notice(page, "are set").await;
         page.fill("#panel-scene [name=time]", "2030-06-01T12:00:00Z").await;
@@ -112,5 +118,50 @@ fn stars_time_grids_and_camera_are_set() -> Result<(), String> {
         let north = CameraUpdate { orientation: Some([0.0, 0.0, 0.0, 1.0]), ..CameraUpdate::default() };
         client.set_camera(&north).await.unwrap();
         page.until("document.getElementById('pointing').textContent.includes('declination -90.00')").await;
+    })
+}
+
+fn time_runs_and_rests_at_a_rate() -> Result<(), String> {
+    with_page(Screen::Desk, async |page, daemon| {
+        let mut client = daemon.client().await;
+        page.until(&has_picture("window")).await;
+        page.click("#tab-scene").await;
+        let begin_s = client.scene().await.unwrap().time_s;
+        page.fill("#panel-scene [name=time_rate]", "1200").await;
+        page.click("#panel-scene form:nth-of-type(2) [type=submit]").await;
+        page.until("document.getElementById('play').textContent === 'Pause'").await;
+        // The displayed time passes.
+        page.until("document.querySelector('#panel-scene [name=time]').value > '2026-01-01T00:20:00Z'").await;
+        let running = client.scene().await.unwrap();
+        assert!(running.time_rate == 1200.0 && running.time_s > begin_s + 1000.0, "{running:?}");
+        page.click("#play").await;
+        page.until("document.getElementById('play').textContent === 'Play'").await;
+        let rests = client.scene().await.unwrap();
+        assert!(rests.time_rate == 0.0 && rests.time_s > running.time_s);
+        page.click("#play").await;
+        page.until("document.getElementById('play').textContent === 'Pause'").await;
+        assert_eq!(client.scene().await.unwrap().time_rate, 1200.0, "it goes on at the rate before");
+    })
+}
+
+fn snapshots_are_saved_and_loaded() -> Result<(), String> {
+    with_page(Screen::Desk, async |page, daemon| {
+        page.until(&has_picture("window")).await;
+        page.click("#tab-scene").await;
+        page.until("document.getElementById('snapshots').textContent.includes('keeps no state')").await;
+        daemon.restart_with("[server]\nstate = 'state.redb'");
+        page.until("document.getElementById('snapshots').textContent.includes('None.')").await;
+        let mut client = daemon.client().await;
+        page.fill("#panel-scene [name=snapshot]", "evening").await;
+        page.click("#panel-scene form:last-of-type [type=submit]").await;
+        wait_for_notice(page, "Snapshot evening is saved").await;
+        let before = client.scene().await.unwrap();
+        client.update_scene(&SceneUpdate { magnitude_limit: Some(4.5), ..SceneUpdate::default() }, None).await.unwrap();
+        page.click("#snapshots button").await;
+        wait_for_notice(page, "Snapshot evening is loaded").await;
+        assert_eq!(client.scene().await.unwrap().magnitude_limit, before.magnitude_limit);
+        // The browser logs failed connections during the restart.
+        let others: Vec<String> = page.errors().into_iter().filter(|error| !error.contains("net::ERR_")).collect();
+        assert!(others.is_empty(), "{others:#?}");
     })
 }

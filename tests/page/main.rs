@@ -12,6 +12,7 @@ mod forms;
 mod panels;
 mod pictures;
 mod session;
+mod sky;
 
 use std::process::ExitCode;
 
@@ -20,6 +21,6 @@ pub use trials::Test;
 fn main() -> ExitCode {
     trials::main(
         "STERADIAN_REQUIRE_PAGE",
-        &[bundle::TESTS, pictures::TESTS, panels::TESTS, forms::TESTS, session::TESTS],
+        &[bundle::TESTS, pictures::TESTS, panels::TESTS, forms::TESTS, session::TESTS, sky::TESTS],
     )
 }

@@ -12,6 +12,7 @@ use crate::{
 pub const TESTS: &[Test] = &[
     ("session::a_daemon_that_was_killed_is_told_and_found_again", a_killed_daemon),
     ("session::a_daemon_that_asks_for_a_token_gets_it", a_token),
+    ("session::a_daemon_that_is_stopped_is_reported_until_it_goes_on", a_frozen_daemon),
     ("session::without_the_lease_a_drag_moves_nothing_and_names_the_holder", another_client_steers),
 ];
 
@@ -33,12 +34,21 @@ fn a_token() -> Result<(), String> {
         page.until("document.getElementById('age').textContent.startsWith('picture')").await;
         let frame = page.run::<String>(&format!("return {}", has_picture("window"))).await;
         page.until(&format!("{} !== '{frame}'", has_picture("window"))).await;
-        // Refused actions are reported.
-        page.fill("#panel-camera [name=right_ascension]", "80").await;
-        page.find("#panel-camera button[type=submit]").await.click().await.unwrap();
+        // The role view cannot steer.
+        page.until("[...document.querySelectorAll('.hold')].every(button => button.disabled)").await;
+        assert!(page.find("#may-not-steer").await.is_displayed().await.unwrap());
+        page.drag(Screen::Desk, [600.0, 400.0], [660.0, 420.0]).await;
+        page.until("document.getElementById('notices').textContent.includes('role view may not steer')").await;
+        // Other refused actions are reported.
+        page.click("#tab-scene").await;
+        page.click("#play").await;
         page.until("document.getElementById('notices').textContent.includes('`screen` has the role view')").await;
         page.find("#logout").await.click().await.unwrap();
         page.until("!document.getElementById('login').hidden").await;
+        // After the first login of a page, no daemon is back.
+        enter("look").await;
+        page.until("document.getElementById('age').textContent.startsWith('picture')").await;
+        assert!(!page.run::<String>("return document.getElementById('notices').textContent").await.contains("is back"));
         let others: Vec<String> = page.errors().into_iter().filter(|error| !error.contains("net::ERR_")).collect();
         assert!(others.is_empty(), "{others:#?}");
     })
@@ -57,6 +67,8 @@ fn another_client_steers() -> Result<(), String> {
             "document.getElementById('notices').textContent.includes('`flight desk` holds the lease of the camera')",
         )
         .await;
+        let notices = page.run::<String>("return document.getElementById('notices').textContent").await;
+        assert!(!notices.contains("StreamCamera"), "a page has no such call: {notices}");
         let (camera, poses) = steering.end().await.unwrap();
         assert_eq!(
             (camera.position_m.x, camera.revision, poses),
@@ -68,6 +80,30 @@ fn another_client_steers() -> Result<(), String> {
         let after = client.camera().await.unwrap();
         assert_eq!(after.position_m.x, 5.0, "steering continues from the holder's last pose");
         assert!(after.world_from_camera.angle_between(camera.world_from_camera) > 1e-3);
+    })
+}
+
+/// A daemon that is stopped keeps its connections.
+fn a_frozen_daemon() -> Result<(), String> {
+    with_page(Screen::Desk, async |page, daemon| {
+        page.until(&has_picture("window")).await;
+        page.until("document.querySelector('figcaption').textContent.includes('frames/s')").await;
+        daemon.signal("STOP");
+        page.until("!document.getElementById('banner').hidden").await;
+        let text = page.find("#banner").await.text().await.unwrap();
+        assert!(
+            text.contains("No answer from the daemon") && text.contains("Pictures and figures are from before"),
+            "{text}"
+        );
+        page.until("document.getElementById('age').classList.contains('old')").await;
+        page.until("document.querySelector('figcaption').textContent.includes('no new picture')").await;
+        let caption = page.run::<String>("return document.querySelector('figcaption').textContent").await;
+        assert!(!caption.contains("frames/s"), "{caption}");
+        daemon.signal("CONT");
+        page.until("document.getElementById('banner').hidden").await;
+        page.until("document.querySelector('figcaption').textContent.includes('frames/s')").await;
+        let others: Vec<String> = page.errors().into_iter().filter(|error| !error.contains("net::ERR_")).collect();
+        assert!(others.is_empty(), "{others:#?}");
     })
 }
 

@@ -417,3 +417,51 @@ async fn a_certificate_that_is_not_valid_is_refused_at_a_reload() {
     assert!(days_left(&path).await < -1000.0);
     daemon.shutdown().await.unwrap();
 }
+
+/// A certificate that no longer names a host of `server.hosts` would lock out all clients that use the name.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_certificate_that_lacks_a_named_host_is_refused_at_a_reload() {
+    let files = Files::new();
+    let rules = |token: &str| {
+        let hosts = "hosts = ['dome.example.org', 'new.example.org']\n";
+        files.write(&format!("{hosts}{TLS}{}", token_of("viewer", Role::View, token)));
+    };
+    rules("look");
+    let put = |names: &[&str]| {
+        let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
+        let key = KeyPair::generate().unwrap();
+        let params = CertificateParams::new(names).unwrap();
+        fs::write(files.path("server.pem"), params.signed_by(&key, &files.authority).unwrap().pem()).unwrap();
+        fs::write(files.path("server.key"), key.serialize_pem()).unwrap();
+    };
+    // A name that the first certificate lacks is a warning only.
+    put(&["127.0.0.1", "dome.example.org"]);
+    let access = files.source()().unwrap();
+    assert_eq!(
+        (&access.certified_hosts[..], &access.uncertified_hosts[..]),
+        (&["dome.example.org".to_owned()][..], &["new.example.org".to_owned()][..])
+    );
+    let (daemon, reload) = start(&files).await;
+    let with = |token: &str| Credentials { token: Some(token.to_owned()), ..files.credentials() };
+    connect(&daemon, &with("look")).await.unwrap().camera().await.unwrap();
+    put(&["127.0.0.1", "other.example.org"]);
+    rules("other");
+    for _ in 0..2 {
+        reload.send(()).await.unwrap();
+    }
+    tokio::time::sleep(std::time::Duration::from_millis(300)).await;
+    connect(&daemon, &with("look")).await.unwrap().camera().await.unwrap();
+    // A wildcard names it.
+    put(&["127.0.0.1", "*.example.org"]);
+    reload.send(()).await.unwrap();
+    within(async {
+        loop {
+            let Ok(mut client) = connect(&daemon, &with("other")).await else { continue };
+            if client.camera().await.is_ok() {
+                return;
+            }
+        }
+    })
+    .await;
+    daemon.shutdown().await.unwrap();
+}

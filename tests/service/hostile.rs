@@ -180,3 +180,39 @@ async fn health_is_told_and_heads_are_answered() {
     drop(client);
     daemon.shutdown().await.unwrap();
 }
+
+/// A client that takes all of its places leaves the rest to others.
+#[tokio::test]
+async fn one_client_cannot_take_all_streams() {
+    let daemon = Daemon::start(small_rig()).await;
+    let [mut greedy, mut other] = [daemon.client().await, daemon.client().await];
+    let mut watches = Vec::new();
+    let refusal = loop {
+        match greedy.watch_camera().await {
+            Ok(watch) => watches.push(watch),
+            Err(error) => break error,
+        }
+    };
+    assert_eq!((watches.len(), refusal.code()), (64, Some(Code::ResourceExhausted)));
+    let text = refusal.to_string();
+    assert!(
+        text.contains("this client has 64 streams of scene, camera and statistics, the maximum of one client"),
+        "{text}"
+    );
+    within(other.watch_camera().await.unwrap().next()).await.unwrap().unwrap();
+    // What ends is free again.
+    drop(watches);
+    within(async { while greedy.watch_camera().await.is_err() {} }).await;
+    let mut streams = Vec::new();
+    let refusal = loop {
+        match greedy.stream_frames("flat", Encoding::Rgba8, 1.0).await {
+            Ok(stream) => streams.push(stream),
+            Err(error) => break error,
+        }
+    };
+    assert_eq!(streams.len(), 64);
+    assert!(refusal.to_string().contains("this client has 64 streams of frames"), "{refusal}");
+    let mut of_other = other.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
+    within(of_other.next()).await.unwrap().unwrap();
+    daemon.shutdown().await.unwrap();
+}

@@ -5,7 +5,7 @@ use std::{path::Path, sync::Arc, time::Duration};
 
 use steradian::{
     config::{AirConfig, Config},
-    glam::DVec3,
+    glam::{DQuat, DVec3},
     observer::Frame,
     output::Encoding,
     scene::{Camera, SceneObjects},
@@ -300,5 +300,33 @@ async fn times_outside_the_kernels_are_refused_but_a_running_clock_may_leave_the
     let again = client.scene().await.unwrap();
     assert!(again.revision == stopped.revision && (again.time_s - stopped.time_s).abs() < 1e-6);
     drop(client);
+    daemon.shutdown().await.unwrap();
+}
+
+/// A client that steers by turns does not undo the rotation of the camera with the sky.
+#[tokio::test]
+async fn a_turn_starts_from_the_camera_of_now() {
+    let daemon = Daemon::start_with(small_rig(), with_sky).await;
+    let mut client = daemon.client().await;
+    let looked = client.look_at("saturn", Some(Frame::Horizon)).await.unwrap();
+    client.update_scene(&time(None, Some(36_000.0)), None).await.unwrap();
+    sleep(Duration::from_millis(500)).await;
+    client.update_scene(&time(None, Some(0.0)), None).await.unwrap();
+    let before = client.camera().await.unwrap();
+    assert_eq!(before.revision, looked.revision);
+    assert!(before.world_from_camera.angle_between(looked.world_from_camera).to_degrees() > 30.0);
+    let turn = DQuat::from_rotation_y(0.15);
+    let update = CameraUpdate { turn: Some(turn.to_array()), ..CameraUpdate::default() };
+    let after = client.move_camera(&update, before.revision).await.unwrap();
+    assert!(after.world_from_camera.angle_between(before.world_from_camera * turn) < 1e-9);
+    assert_eq!((after.frame, after.position_m), (Frame::Horizon, before.position_m));
+    // An absolute orientation is something else.
+    for update in [
+        CameraUpdate { orientation: Some([0.0, 0.0, 0.0, 1.0]), ..update },
+        CameraUpdate { turn: Some([0.0, 0.0, 0.0, 1.1]), ..update },
+    ] {
+        let error = client.set_camera(&update).await.unwrap_err();
+        assert!(error.code() == Some(Code::InvalidArgument) && error.to_string().contains("turn"), "{error}");
+    }
     daemon.shutdown().await.unwrap();
 }

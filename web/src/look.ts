@@ -1,12 +1,12 @@
 // Turning and flying the camera by mouse, finger and keys.
 //
-// A drag keeps its initial direction under the pointer: the camera is turned by the smallest rotation from its
-// orientation at the start of the drag, so that moving back restores the picture.
+// A drag keeps its initial direction under the pointer: the sum of its rotations is the smallest one from its start, so
+// that moving back restores the picture.
 
 import type { ViewImage } from "../gen/steradian/v1/view_pb.ts";
-import { type Quat, type Vec3, add, around, between, multiply, rotate, scale } from "./maths.ts";
+import { IDENTITY, type Quat, type Vec3, add, around, between, inverse, multiply, rotate, scale } from "./maths.ts";
 import { directionAt } from "./projection.ts";
-import type { Steering } from "./steering.ts";
+import type { Motion as Step, Steering } from "./steering.ts";
 
 /** Turning by keys, rad/s; a tenth of it with Shift. */
 const TURN_RAD_S = 0.5;
@@ -89,14 +89,12 @@ export class Flight {
     const factor = seconds * (this.#slow ? 0.1 : 1);
     const { orientation, position } = this.#steering.pose;
     const angle = Math.hypot(...turn);
-    const change: { orientation?: Quat; position?: Vec3 } = {};
-    if (angle > 0) {
-      change.orientation = multiply(orientation, around(scale(turn, 1 / angle), angle * TURN_RAD_S * factor));
-    }
+    const change: Step = {};
+    if (angle > 0) change.turn = around(scale(turn, 1 / angle), angle * TURN_RAD_S * factor);
     if (Math.hypot(...move) > 0) {
       change.position = add(position, rotate(orientation, scale(move, this.speed * factor)));
     }
-    if (seconds > 0 && (change.orientation || change.position)) this.#steering.steer(change);
+    if (seconds > 0 && (change.turn || change.position)) this.#steering.steer(change);
     requestAnimationFrame((next) => this.#step(next));
   }
 }
@@ -104,9 +102,11 @@ export class Flight {
 /** A pressed pointer. */
 interface Drag {
   pointer: number;
-  /** Its initial direction, ICRS axes, and the camera's orientation at that time. */
+  /** Its initial direction: camera axes, and ICRS axes at that time. */
   from: Vec3;
-  orientation: Quat;
+  icrs: Vec3;
+  /** Rotation of the camera by this drag so far. */
+  turned: Quat;
   /** Position in the picture, 0 to 1. */
   at: readonly [number, number];
   /** Initial position, CSS pixels. */
@@ -143,7 +143,7 @@ export function attach(
     const shown = image();
     const from = shown && directionAt(shown, ...at);
     const { orientation } = steering.pose;
-    drag = from && { pointer, from: rotate(orientation, from), orientation, at, pressed, moved };
+    drag = from && { pointer, from, icrs: rotate(orientation, from), turned: IDENTITY, at, pressed, moved };
   };
   const place = (event: PointerEvent): readonly [number, number] => {
     const { left, top, width, height } = canvas.getBoundingClientRect();
@@ -169,14 +169,15 @@ export function attach(
     // Outside a round picture, no direction exists: the drag waits until the pointer returns.
     if (!now) return;
     drag.at = at;
-    const turned = between(rotate(drag.orientation, now), drag.from);
-    steering.steer({ orientation: multiply(turned, drag.orientation) });
+    const turned = between(now, drag.from);
+    steering.steer({ turn: multiply(inverse(drag.turned), turned) });
+    drag.turned = turned;
   });
   const end = (event: PointerEvent) => {
     if (drag?.pointer !== event.pointerId) return;
-    const { moved, from } = drag;
+    const { moved, icrs } = drag;
     drag = undefined;
-    if (event.type === "pointerup" && !moved) named(from, anglePerPixel(canvas, image));
+    if (event.type === "pointerup" && !moved) named(icrs, anglePerPixel(canvas, image));
     canvas.classList.remove("dragged");
   };
   canvas.addEventListener("pointerup", end);

@@ -1,5 +1,7 @@
 // The page: a session with the daemon, which restarts whenever it is lost, and the panels around it.
 
+import { Code, ConnectError } from "@connectrpc/connect";
+
 import { Encoding, type Frame } from "../gen/steradian/v1/view_pb.ts";
 import { Ages } from "./ages.ts";
 import { Clock } from "./clock.ts";
@@ -12,7 +14,9 @@ import { bodiesPanel } from "./panel_bodies.ts";
 import { cameraPanel } from "./panel_camera.ts";
 import { checksPanel } from "./panel_checks.ts";
 import { exposurePanel } from "./panel_exposure.ts";
+import { findPanel } from "./panel_find.ts";
 import { scenePanel } from "./panel_scene.ts";
+import { snapshotsPanel } from "./panel_snapshots.ts";
 import { Statistics } from "./panel_stats.ts";
 import { Pictures } from "./pictures.ts";
 import { failureOf, messageOf, pause } from "./rpc.ts";
@@ -22,10 +26,14 @@ import { decodesVideo } from "./video.ts";
 
 /** Delays between attempts to reach the daemon, each twice the previous one. */
 const [FIRST_WAIT_MS, LONGEST_WAIT_MS] = [500, 4000];
-/** Interval at which the displayed ages are updated. */
 /** Interval at which views are read while none is displayed. */
 const NO_PICTURE_MS = 3000;
+/** Interval at which the displayed ages are updated. */
 const AGE_INTERVAL_MS = 200;
+/** A daemon sends statistics every second: without any for this time it is reported as silent. */
+const SILENT_MS = 3500;
+/** After this time, the page connects anew. */
+const LOST_MS = 12_000;
 /** An older picture is marked as outdated: the daemon sends at least one per second. */
 const OLD_MS = 3000;
 
@@ -38,12 +46,17 @@ const pictures = new Pictures(byId("pictures"), steering, flight, ages);
 
 tabs(byId("tabs"));
 cameraPanel(byId("panel-camera"), steering, flight);
+findPanel(byId("panel-camera"), steering, flight);
 exposurePanel(byId("panel-exposure"), model, pictures);
 scenePanel(byId("panel-scene"), model);
+snapshotsPanel(byId("panel-scene"), model);
 bodiesPanel(byId("panel-bodies"), model);
 const statistics = new Statistics(model, clock, ages, byId("panel-statistics"), byId("panel-headset"));
 checksPanel(byId("panel-checks"));
 
+model.addEventListener("loaded", () => {
+  steering.mayMove = model.info?.role !== "view";
+});
 pictures.addEventListener("frame", (event) => {
   const frame = (event as CustomEvent<Frame>).detail;
   if (frame.camera && frame.view !== headsetView()) steering.observe(frame.camera);
@@ -130,6 +143,8 @@ setInterval(() => {
   const pose = ages.pose();
   const old = picture !== undefined && picture > OLD_MS;
   age.classList.toggle("old", old);
+  pictures.mark(old);
+  watchSilence();
   if (document.documentElement.classList.contains("lost")) age.textContent = "no connection";
   else if (picture === undefined) age.textContent = "no picture";
   else {
@@ -140,30 +155,56 @@ setInterval(() => {
   }
 }, AGE_INTERVAL_MS);
 
+// A daemon that is stopped, or behind a cut cable, keeps its connections: it is only silent.
+let isSilent = false;
+let live = new AbortController();
+function watchSilence(): void {
+  const silence = statistics.silence() ?? 0;
+  if (silence > LOST_MS) live.abort();
+  if (silence <= SILENT_MS) {
+    if (isSilent) hideBanner();
+    isSilent = false;
+    return;
+  }
+  isSilent = true;
+  const text = `It has not answered for ${Math.floor(silence / 1000)} s. Pictures and figures are from before.`;
+  showBanner(`No answer from the daemon at ${location.host}`, text);
+}
+
 /** Runs one session: reads scene and views, then follows pictures and statistics until one of them fails. */
 async function session(loaded: () => void): Promise<void> {
   const end = new AbortController();
+  live = new AbortController();
+  const silent = new Promise<never>((_, reject) => {
+    live.signal.addEventListener("abort", () => reject(new ConnectError("It does not answer", Code.Unavailable)));
+  });
   clock.reset();
   ages.reset();
   try {
     await Promise.all([model.load(end.signal), steering.load(end.signal)]);
     loaded();
-    await Promise.race([pictures.run(end.signal), statistics.run(end.signal)]);
+    await Promise.race([pictures.run(end.signal), statistics.run(end.signal), silent]);
     throw new Error("The daemon is shutting down");
   } finally {
     end.abort();
+    isSilent = false;
   }
 }
 
 let retry = new AbortController();
-byId("banner-retry").addEventListener("click", () => retry.abort());
+byId("banner-retry").addEventListener("click", () => {
+  retry.abort();
+  if (isSilent) live.abort();
+});
 
-async function live(): Promise<never> {
+async function run(): Promise<never> {
   let wait = FIRST_WAIT_MS;
+  let hasRun = false;
   for (;;) {
     try {
       await session(() => {
-        if (document.documentElement.classList.contains("lost")) notify("The daemon is back.");
+        if (hasRun && document.documentElement.classList.contains("lost")) notify("The daemon is back.");
+        hasRun = true;
         document.documentElement.classList.remove("lost");
         hideBanner();
         wait = FIRST_WAIT_MS;
@@ -194,4 +235,4 @@ async function live(): Promise<never> {
   }
 }
 
-void video.then(live);
+void video.then(run);

@@ -7,6 +7,7 @@ import type { MessageInitShape } from "@bufbuild/protobuf";
 import type { Info } from "../gen/steradian/v1/diagnostics_pb.ts";
 import type { Scene, SceneSchema } from "../gen/steradian/v1/scene_pb.ts";
 import type { Frame, View, ViewSchema } from "../gen/steradian/v1/view_pb.ts";
+import { milliseconds } from "./clock.ts";
 import { notify } from "./notices.ts";
 import { PATIENCE_MS, diagnostics, failureOf, messageOf, scenes, views } from "./rpc.ts";
 
@@ -30,9 +31,17 @@ export class Model extends EventTarget {
   #views: View[] = [];
   #info: Info | undefined;
   #reading: Promise<void> | undefined;
+  /** Time of the browser at which the scene was read, ms. */
+  #readAt = 0;
 
   get scene(): Scene | undefined {
     return this.#scene;
+  }
+
+  /** Returns the scene time of now, ms since 1970; undefined for years outside of 1 to 9999. */
+  timeMs(): number | undefined {
+    const { time, timeRate = 0 } = this.#scene ?? {};
+    return time && milliseconds(time) + timeRate * (performance.now() - this.#readAt);
   }
 
   get views(): View[] {
@@ -52,11 +61,13 @@ export class Model extends EventTarget {
       diagnostics.getInfo({}, options),
     ]);
     this.#info = info;
+    this.dispatchEvent(new Event("loaded"));
     this.#take(scene, list.views, { ...READ, anew: true });
   }
 
   #take(scene: Scene, list: View[], change: SceneChange): void {
     this.#scene = scene;
+    this.#readAt = performance.now();
     this.#views = list;
     this.dispatchEvent(new CustomEvent<SceneChange>("change", { detail: change }));
   }

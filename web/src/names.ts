@@ -12,7 +12,8 @@ const MOST_RADIUS_DEG = 10;
 /** Metres per unit of displayed distances. */
 const [LIGHT_YEAR_M, KILOMETRE_M] = [9.4607304725808e15, 1000];
 
-function inWords({ kind, name, designation, vMag, temperatureK, distanceM }: IdentifiedObject): string {
+/** Describes an object: name, magnitude, temperature, distance. */
+export function inWords({ kind, name, designation, vMag, temperatureK, distanceM }: IdentifiedObject): string {
   const words: string[] = [];
   if (kind === ObjectKind.STAR) {
     words.push([name || (designation ? "" : "A star without a name"), designation && (name ? `(${designation})` : designation)].filter(Boolean).join(" "));

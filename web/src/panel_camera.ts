@@ -41,6 +41,7 @@ export function speedText(metresPerSecond: number): string {
 
 export function cameraPanel(host: HTMLElement, steering: Steering, flight: Flight): void {
   const pointing = make("p", { id: "pointing", class: "figure" });
+  const horizontal = make("p", { id: "horizontal", class: "figure", hidden: true });
   const place = make("p", { id: "place", class: "figure" });
 
   const speed = make("input", { type: "range", name: "speed", min: SLOWEST, max: FASTEST, step: 0.25, value: 3 });
@@ -71,6 +72,15 @@ export function cameraPanel(host: HTMLElement, steering: Steering, flight: Fligh
     return button;
   });
 
+  // The role view may not steer.
+  const submit = make("button", { type: "submit", text: "Set camera" });
+  const mayNot = make("p", { id: "may-not-steer", class: "hint", hidden: true, text: "Your role is view: you may not steer." });
+  const setRole = () => {
+    for (const button of [...buttons, submit]) button.disabled = !steering.mayMove;
+    mayNot.hidden = steering.mayMove;
+  };
+  steering.addEventListener("role", setRole);
+
   const [ra, dec, roll] = [numberInput("right_ascension"), numberInput("declination"), numberInput("roll")];
   const position = (["x", "y", "z"] as const).map((axis) => numberInput(`position_m.${axis}`));
   const velocity = (["x", "y", "z"] as const).map((axis) => numberInput(`velocity_c.${axis}`));
@@ -87,7 +97,7 @@ export function cameraPanel(host: HTMLElement, steering: Steering, flight: Fligh
     field("Roll", roll, "°, 0: north up"),
     triple("Position", "m, ICRS, from the barycentre", position),
     triple("Velocity", "of light", velocity),
-    make("div", { class: "buttons" }, make("button", { type: "submit", text: "Set camera" })),
+    make("div", { class: "buttons" }, submit),
   );
   let dirty = false;
   form.addEventListener("input", () => {
@@ -122,7 +132,9 @@ export function cameraPanel(host: HTMLElement, steering: Steering, flight: Fligh
 
   host.append(
     pointing,
+    horizontal,
     place,
+    mayNot,
     make("div", { class: "hold-buttons", role: "group", "aria-label": "Fly and roll while held" }, ...buttons),
     field("Speed", speed),
     speedTold,
@@ -142,6 +154,12 @@ export function cameraPanel(host: HTMLElement, steering: Steering, flight: Fligh
     const looks = towards(orientation as Quat);
     const degrees = (angle: number) => (angle / DEGREE).toFixed(2);
     pointing.textContent = `Looks at right ascension ${degrees(looks.ra)}°, declination ${degrees(looks.dec)}°, roll ${degrees(looks.roll)}°`;
+    const look = steering.camera?.look;
+    horizontal.hidden = look === undefined;
+    if (look) {
+      const [azimuth, altitude] = [look.longitudeDeg.toFixed(2), look.latitudeDeg.toFixed(2)];
+      horizontal.textContent = `Azimuth ${azimuth}°, altitude ${altitude}°, roll ${look.rollDeg.toFixed(2)}°`;
+    }
     const distance = Math.hypot(...at);
     const [far, unit] = distance >= 1e-3 * PARSEC_M ? [distance / PARSEC_M, "pc"] : distance >= 1e9 ? [distance / AU_M, "au"] : [distance, "m"];
     place.textContent = distance > 0 ? `${far.toPrecision(4)} ${unit} from the barycentre` : "At the barycentre";

@@ -2,7 +2,6 @@
 
 import { timestampFromMs } from "@bufbuild/protobuf/wkt";
 
-import { milliseconds } from "./clock.ts";
 import { field, make, numberInput, numberOf, plain } from "./dom.ts";
 import { FormState, type Model, type SceneChange } from "./model.ts";
 import { notify } from "./notices.ts";
@@ -12,6 +11,11 @@ const GRIDS = [
   ["galactic", "Galactic"],
   ["altitude", "Altitude and azimuth of the camera"],
 ] as const;
+
+/** Interval at which a running time is displayed. */
+const SHOW_INTERVAL_MS = 500;
+/** A time that differs less from the scene's, in ms, is the displayed one. */
+const ENTERED_MS = 2000;
 
 /** Time steps, s. */
 const STEPS = [
@@ -38,11 +42,17 @@ function follow(model: Model, state: FormState, fill: () => void): void {
   });
 }
 
+/** Fills a choice with names, unless it has them. */
+function offer(choice: HTMLSelectElement, names: readonly string[]): void {
+  if (names.join() === [...choice.options].map(({ value }) => value).join()) return;
+  choice.replaceChildren(...names.map((name) => make("option", { value: name, text: name.replaceAll("-", " ") })));
+}
+
 function stars(host: HTMLElement, model: Model): void {
   const state = new FormState();
-  const method = make("input", { name: "method", type: "text", spellcheck: "false", autocapitalize: "off", required: true });
+  const method = make("select", { name: "method" });
   const limit = numberInput("magnitude_limit");
-  const impostor = make("input", { name: "impostor", type: "text", spellcheck: "false", autocapitalize: "off", required: true });
+  const impostor = make("select", { name: "impostor" });
   const quality = numberInput("quality");
   const catalogues = make("p", { class: "hint" });
   const form = make(
@@ -56,12 +66,13 @@ function stars(host: HTMLElement, model: Model): void {
     field("Impostors", impostor),
     field("Level of detail", quality, "factor"),
     make("div", { class: "buttons" }, make("button", { type: "submit", text: "Apply" })),
-    make("p", { class: "hint", text: "An unknown name is refused with the list of known names." }),
   );
   host.append(form);
   state.watch(form);
   const fill = () => {
     const scene = model.scene;
+    offer(method, model.info?.starMethods ?? []);
+    offer(impostor, model.info?.impostorMethods ?? []);
     method.value = scene?.stars?.method ?? "";
     limit.value = plain(scene?.stars?.magnitudeLimit ?? 0);
     impostor.value = scene?.asteroids?.impostor ?? "";
@@ -76,8 +87,8 @@ function stars(host: HTMLElement, model: Model): void {
     if (!scene) return;
     try {
       const changed = {
-        stars: { method: method.value.trim(), magnitudeLimit: numberOf(limit) ?? 0 },
-        asteroids: { impostor: impostor.value.trim(), quality: numberOf(quality) ?? 0 },
+        stars: { method: method.value, magnitudeLimit: numberOf(limit) ?? 0 },
+        asteroids: { impostor: impostor.value, quality: numberOf(quality) ?? 0 },
       };
       const paths: string[] = [];
       if (changed.stars.method !== scene.stars?.method) paths.push("stars.method");
@@ -99,36 +110,80 @@ function stars(host: HTMLElement, model: Model): void {
 function time(host: HTMLElement, model: Model): void {
   const state = new FormState();
   const input = make("input", { name: "time", type: "text", spellcheck: "false", required: true });
-  const form = make("form", {}, make("h3", { text: "Time" }), field("Time shown", input, "UTC, ISO 8601"));
+  const rate = numberInput("time_rate");
+  const play = make("button", { type: "button", id: "play", text: "Play" });
+  const observer = make("p", { id: "observer", class: "hint" });
+  const form = make(
+    "form",
+    {},
+    make("h3", { text: "Time" }),
+    field("Time shown", input, "UTC, ISO 8601"),
+    field("Time rate", rate, "scene seconds per second"),
+    observer,
+  );
   host.append(form);
   state.watch(form);
+  // Rate to which Play returns.
+  let lastRate = 1;
+  const show = () => {
+    const shown = model.timeMs();
+    input.value = shown === undefined ? "" : iso(Math.floor(shown / 1000) * 1000);
+  };
   const fill = () => {
-    const shown = model.scene?.time;
-    input.value = shown ? iso(milliseconds(shown)) : "";
+    show();
+    const now = model.scene?.timeRate ?? 0;
+    if (now !== 0) lastRate = now;
+    rate.value = plain(now);
+    play.textContent = now === 0 ? "Play" : "Pause";
+    const place = model.scene?.observer;
+    const [latitude, longitude] = [place?.latitudeDeg ?? 0, place?.longitudeDeg ?? 0];
+    observer.textContent = place
+      ? `Seen from ${Math.abs(latitude).toFixed(4)}° ${latitude < 0 ? "S" : "N"}, ${Math.abs(longitude).toFixed(4)}° ${longitude < 0 ? "W" : "E"}, ${place.heightM.toFixed(0)} m`
+      : "";
   };
   follow(model, state, fill);
-  const set = async (ms: number) => {
-    if (!Number.isFinite(ms)) return notify(`time = ${input.value}: must be a time such as 2026-01-01T00:00:00Z`, "error");
-    if (!(await model.changeScene({ time: timestampFromMs(ms) }, ["time"], state.revision))) return;
+  // A running time is displayed as it passes.
+  setInterval(() => {
+    if (!state.dirty && model.scene && model.scene.timeRate !== 0) show();
+  }, SHOW_INTERVAL_MS);
+  const change = async (values: Parameters<Model["changeScene"]>[0], paths: string[]) => {
+    if (!(await model.changeScene(values, paths, state.revision))) return;
     state.dirty = false;
     if (model.scene) state.revision = model.scene.revision;
     fill();
   };
-  const step = (seconds: number) => set((model.scene?.time ? milliseconds(model.scene.time) : Date.now()) + 1000 * seconds);
+  const set = async (ms: number) => {
+    if (!Number.isFinite(ms)) return notify(`time = ${input.value}: must be a time such as 2026-01-01T00:00:00Z`, "error");
+    await change({ time: timestampFromMs(ms) }, ["time"]);
+  };
+  const step = (seconds: number) => set((model.timeMs() ?? Date.now()) + 1000 * seconds);
+  play.addEventListener("click", () => void change({ timeRate: model.scene?.timeRate ? 0 : lastRate }, ["time_rate"]));
   form.append(
     make(
       "div",
       { class: "buttons" },
       make("button", { type: "submit", text: "Apply" }),
+      play,
       make("button", { type: "button", text: "Now", onclick: () => void set(Math.floor(Date.now() / 1000) * 1000) }),
       ...STEPS.map(([seconds, text]) => make("button", { type: "button", text, onclick: () => void step(seconds) })),
     ),
   );
   form.addEventListener("submit", (event) => {
     event.preventDefault();
-    const text = input.value.trim();
-    // Without a zone, it would be interpreted in the browser's time zone.
-    void set(Date.parse(/(Z|[+-]\d\d:?\d\d)$/i.test(text) ? text : `${text}Z`));
+    try {
+      const timeRate = numberOf(rate) ?? 0;
+      const shown = input.value.trim();
+      // Without a zone, it would be interpreted in the browser's time zone.
+      const ms = Date.parse(/(Z|[+-]\d\d:?\d\d)$/i.test(shown) ? shown : `${shown}Z`);
+      if (timeRate === model.scene?.timeRate) return void set(ms);
+      // A time that is displayed as it passes has not been entered.
+      const entered = Math.abs(ms - (model.timeMs() ?? Number.NaN)) > ENTERED_MS;
+      if (!entered) return void change({ timeRate }, ["time_rate"]);
+      if (!Number.isFinite(ms)) return void set(ms);
+      void change({ time: timestampFromMs(ms), timeRate }, ["time", "time_rate"]);
+    } catch (error) {
+      notify(String(error), "error");
+    }
   });
 }
 

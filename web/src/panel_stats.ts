@@ -35,6 +35,7 @@ function table(caption: string, head: readonly string[], rows: readonly (readonl
 }
 
 export class Statistics extends EventTarget {
+  #heard: number | undefined;
   #times = new Plot("Frame", "ms", [
     { name: "whole", line: "line-a" },
     { name: "planning", line: "line-b" },
@@ -63,6 +64,11 @@ export class Statistics extends EventTarget {
     host.append(plots, this.#figures, this.#passes);
   }
 
+  /** Time since the last message, ms; undefined while none is awaited. */
+  silence(): number | undefined {
+    return this.#heard === undefined ? undefined : now() - this.#heard;
+  }
+
   /** Follows the statistics until the signal, the end of the stream or an error. A background page releases its connection. */
   async run(session: AbortSignal): Promise<void> {
     while (!session.aborted) {
@@ -74,6 +80,8 @@ export class Statistics extends EventTarget {
         else if (await this.#follow(signal)) return;
       } catch (error) {
         if (!turned.signal.aborted) throw error;
+      } finally {
+        this.#heard = undefined;
       }
     }
   }
@@ -82,8 +90,10 @@ export class Statistics extends EventTarget {
   async #follow(signal: AbortSignal): Promise<boolean> {
     this.#before = undefined;
     const asked = now();
+    this.#heard = asked;
     for await (const stats of diagnostics.watchStats({ intervalS: INTERVAL_S }, { signal })) {
       const at = now();
+      this.#heard = at;
       if (stats.time) {
         const stamp = milliseconds(stats.time);
         this.clock.arrived(stamp, at);

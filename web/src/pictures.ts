@@ -36,6 +36,8 @@ class Picture {
   #videos = new Map<string, Video>();
   #times: number[] = [];
   #gone = new AbortController();
+  #last: Frame | undefined;
+  #old = false;
   seen = 0n;
   /** H.264 sequence of its pictures; 0: request a key picture. */
   video = 0n;
@@ -135,14 +137,24 @@ class Picture {
     this.#describe(frame);
   }
 
+  /** Marks the picture as outdated: it has no frame rate. */
+  mark(old: boolean): void {
+    if (old === this.#old) return;
+    this.#old = old;
+    if (old) this.#times = [];
+    if (this.#last) this.#describe(this.#last);
+  }
+
   #describe(frame: Frame): void {
+    this.#last = frame;
     const first = frame.images[0];
     const [from, to] = [this.#times[0], this.#times.at(-1)];
     const parts = [this.view.name];
     if (first) parts.push(`${first.width} × ${first.height}`);
     parts.push(`EV100 ${frame.exposureEv100.toFixed(1)}`);
     if (frame.limitingMagnitude !== undefined) parts.push(`stars to ${frame.limitingMagnitude.toFixed(1)} mag`);
-    if (from !== undefined && to !== undefined && to > from) {
+    if (this.#old) parts.push("no new picture");
+    else if (from !== undefined && to !== undefined && to > from) {
       parts.push(`${((1000 * (this.#times.length - 1)) / (to - from)).toFixed(1)} frames/s`);
     }
     if (frame.qualityLevel > 0) parts.push(`gives up: ${frame.givenUp.join(", ") || `level ${frame.qualityLevel}`}`);
@@ -191,6 +203,11 @@ export class Pictures extends EventTarget {
 
   get selected(): string[] {
     return [...this.#pictures.keys()];
+  }
+
+  /** Marks the pictures as outdated or current. */
+  mark(old: boolean): void {
+    for (const picture of this.#pictures.values()) picture.mark(old);
   }
 
   get encoding(): Encoding {

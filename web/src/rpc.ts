@@ -9,7 +9,9 @@ import { SceneService } from "../gen/steradian/v1/scene_pb.ts";
 import { ViewService } from "../gen/steradian/v1/view_pb.ts";
 import { authorise } from "./login.ts";
 
-const transport = createGrpcWebTransport({ baseUrl: location.origin, interceptors: [authorise] });
+// Relative to the page, which a proxy may serve below a path.
+const baseUrl = new URL(".", location.href).href.replace(/\/$/, "");
+const transport = createGrpcWebTransport({ baseUrl, interceptors: [authorise] });
 
 export const cameras = createClient(CameraService, transport);
 export const scenes = createClient(SceneService, transport);
@@ -42,6 +44,10 @@ export function failureOf(error: unknown): Failure {
       return "refused";
   }
 }
+
+/** Whether another client holds the lease of the camera. */
+export const isHeld = (error: unknown): boolean =>
+  ConnectError.from(error).code === Code.FailedPrecondition && /^`.*` holds the lease of the camera/.test(ConnectError.from(error).rawMessage);
 
 /** Returns the daemon's message. */
 export function messageOf(error: unknown): string {

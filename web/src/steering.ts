@@ -3,18 +3,28 @@
 //
 // Every pose contains the revision that it was made from. If another client has moved the camera since, the daemon
 // refuses the pose: the page takes over the current camera, reports it, and continues from there.
+//
+// Rotations are relative: a camera that is fixed to the horizon turns with the sky, without a new revision, and the
+// daemon applies them to its orientation of now. Each frame contains its camera, which the page follows.
 
 import type { MessageInitShape } from "@bufbuild/protobuf";
 
 import type { Camera, SetCameraRequestSchema } from "../gen/steradian/v1/camera_pb.ts";
 import { type Clock, now } from "./clock.ts";
-import { IDENTITY, type Quat, type Vec3 } from "./maths.ts";
+import { IDENTITY, type Quat, type Vec3, multiply } from "./maths.ts";
 import { notify } from "./notices.ts";
-import { PATIENCE_MS, cameras, failureOf, messageOf } from "./rpc.ts";
+import { PATIENCE_MS, cameras, failureOf, isHeld, messageOf } from "./rpc.ts";
 
 export interface Pose {
   orientation: Quat;
   position: Vec3;
+}
+
+/** Effect of a drag, key or button. */
+export interface Motion {
+  /** Rotation about the axes of the camera. */
+  turn?: Quat;
+  position?: Vec3;
 }
 
 type Change = MessageInitShape<typeof SetCameraRequestSchema>;
@@ -23,8 +33,9 @@ export class Steering extends EventTarget {
   #clock: Clock;
   #known: Camera | undefined;
   #pose: Pose = { orientation: IDENTITY, position: [0, 0, 0] };
-  #wanted: Change | undefined;
+  #wanted: Motion | undefined;
   #sending = false;
+  #mayMove = true;
 
   constructor(clock: Clock) {
     super();
@@ -47,25 +58,33 @@ export class Steering extends EventTarget {
     this.#take(await cameras.getCamera({}, { signal, timeoutMs: PATIENCE_MS }));
   }
 
+  /** Whether the role of the user allows steering. */
+  get mayMove(): boolean {
+    return this.#mayMove;
+  }
+
+  set mayMove(may: boolean) {
+    this.#mayMove = may;
+    this.dispatchEvent(new Event("role"));
+  }
+
   /** Records the camera of a frame. Older cameras, and poses that the page has passed, are ignored. */
   observe(camera: Camera): void {
-    if (this.#sending || this.#wanted || (this.#known && camera.revision <= this.#known.revision)) return;
+    if (this.#sending || this.#wanted || (this.#known && camera.revision < this.#known.revision)) return;
     this.#take(camera);
   }
 
-  /** Turns or moves the camera; the latest pose wins. */
-  steer(change: Partial<Pose>): void {
-    this.#pose = { ...this.#pose, ...change };
-    const wanted: Change = { ...this.#wanted };
-    if (change.orientation) {
-      const [x, y, z, w] = change.orientation;
-      wanted.orientation = { x, y, z, w };
+  /** Turns or moves the camera. Turns that wait add up; the latest position wins. */
+  steer(motion: Motion): void {
+    if (!this.#mayMove) {
+      notify("The role view may not steer.", "warning");
+      return;
     }
-    if (change.position) {
-      const [x, y, z] = change.position;
-      wanted.positionM = { x, y, z };
-    }
+    const wanted = this.#wanted ?? {};
+    if (motion.turn) wanted.turn = multiply(wanted.turn ?? IDENTITY, motion.turn);
+    if (motion.position) wanted.position = motion.position;
     this.#wanted = wanted;
+    this.#pose = moved(this.#pose, motion);
     this.dispatchEvent(new Event("pose"));
     void this.#send();
   }
@@ -81,6 +100,7 @@ export class Steering extends EventTarget {
       this.#take(camera);
     } catch (error) {
       if (failureOf(error) === "conflict") await this.#moved();
+      if (isHeld(error)) throw new Error(await this.#holder());
       throw error;
     }
   }
@@ -90,13 +110,16 @@ export class Steering extends EventTarget {
     this.#sending = true;
     try {
       while (this.#wanted) {
-        const wanted = this.#wanted;
+        const { turn, position } = this.#wanted;
         this.#wanted = undefined;
+        const wanted: Change = {};
+        if (turn) wanted.turn = { x: turn[0], y: turn[1], z: turn[2], w: turn[3] };
+        if (position) wanted.positionM = { x: position[0], y: position[1], z: position[2] };
         const sent = now();
         const expected = this.#known ? { expectedRevision: this.#known.revision } : {};
         const camera = await cameras.setCamera({ ...wanted, ...expected }, { timeoutMs: PATIENCE_MS });
         this.#clock.poseSent(camera.revision, sent);
-        this.#known = camera;
+        this.#take(camera);
       }
     } catch (error) {
       this.#wanted = undefined;
@@ -110,9 +133,17 @@ export class Steering extends EventTarget {
     const failure = failureOf(error);
     // The session reports a lost daemon or asks for a token, and reloads the camera afterwards.
     if (failure === "unreachable" || failure === "unknown" || failure === "ended") return;
-    if (failure === "refused") notify(`Camera: ${messageOf(error)}`, "error");
+    if (isHeld(error)) notify(await this.#holder(), "warning");
+    else if (failure === "refused") notify(`Camera: ${messageOf(error)}`, "error");
     else notify("Another client has moved the camera: going on from there.", "warning");
     await this.#moved();
+  }
+
+  /** Returns who holds the lease of the camera, in words. */
+  async #holder(): Promise<string> {
+    const { holder } = await cameras.getCamera({}, { timeoutMs: PATIENCE_MS });
+    if (!holder) return "Another client held the lease of the camera, and has released it now: try again.";
+    return `\`${holder}\` holds the lease of the camera: the page can steer when it releases it.`;
   }
 
   async #moved(): Promise<void> {
@@ -128,10 +159,19 @@ export class Steering extends EventTarget {
   #take(camera: Camera): void {
     this.#known = camera;
     const { orientation: q, positionM: p } = camera;
-    this.#pose = {
+    const pose: Pose = {
       orientation: q ? [q.x, q.y, q.z, q.w] : IDENTITY,
       position: p ? [p.x, p.y, p.z] : [0, 0, 0],
     };
+    this.#pose = this.#wanted ? moved(pose, this.#wanted) : pose;
     this.dispatchEvent(new Event("pose"));
   }
+}
+
+/** Returns a pose after a motion. */
+function moved({ orientation, position }: Pose, motion: Motion): Pose {
+  return {
+    orientation: motion.turn ? multiply(orientation, motion.turn) : orientation,
+    position: motion.position ?? position,
+  };
 }

@@ -35,7 +35,7 @@ from .errors import (
 )
 from .frames import Frame, Image, luminance
 from .pull import Closed, FrameLoop, FramesLoop
-from .scene import Check, Info, Scene, Snapshot, Stats
+from .scene import Check, Info, Scene, SeenObject, Snapshot, Stats
 from .steering import Steering
 from .views import View, ViewImage
 from .watch import Watch
@@ -62,6 +62,7 @@ __all__ = [
     "PermissionDenied",
     "ResourceExhausted",
     "Scene",
+    "SeenObject",
     "Snapshot",
     "Stats",
     "SteradianError",

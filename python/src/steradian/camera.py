@@ -23,12 +23,18 @@ class Camera:
         orientation: (4,), float64: unit quaternion x, y, z, w, which takes camera axes to ICRS axes.
         velocity_c: (3,), float64: velocity along the ICRS axes, in units of the speed of light.
         revision: number of changes of the camera; 0 is the pose of the configuration.
+        frame: reference frame with which the camera turns, such as `icrs` and `horizon`.
+        azimuth_deg: azimuth from north through east, for the scene's observer; None without one.
+        altitude_deg: altitude; None without an observer.
     """
 
     position_m: Vector
     orientation: Vector
     velocity_c: Vector
     revision: int
+    frame: str = "icrs"
+    azimuth_deg: float | None = None
+    altitude_deg: float | None = None
 
     @classmethod
     def of(cls, message: Message) -> Camera:
@@ -38,7 +44,15 @@ class Camera:
             orientation=_protocol.numbers_of(message.orientation),
             velocity_c=_protocol.numbers_of(message.velocity_c),
             revision=message.revision,
+            frame=_protocol.enum_name("SkyFrame", message.frame).removeprefix("SKY_FRAME_").lower(),
+            azimuth_deg=message.look.longitude_deg if message.HasField("look") else None,
+            altitude_deg=message.look.latitude_deg if message.HasField("look") else None,
         )
+
+
+def frame_value(frame: str | None) -> str:
+    """Returns the value of the protocol for a reference frame such as `horizon`; None: the current one."""
+    return f"SKY_FRAME_{'UNSPECIFIED' if frame is None else frame.upper()}"
 
 
 def quaternion(axis: npt.ArrayLike, angle_rad: float) -> Vector:

@@ -12,10 +12,10 @@ import numpy.typing as npt
 from . import _protocol
 from ._channel import PathLike, Transport
 from ._protocol import Message
-from .camera import Camera
+from .camera import Camera, frame_value
 from .frames import Frame
 from .pull import FrameLoop, FramesLoop, PullLoop
-from .scene import Check, Info, Scene, Snapshot, Stats, update_of
+from .scene import Check, Info, Scene, SeenObject, Snapshot, Stats, update_of
 from .steering import Steering, pose_fields
 from .views import View
 from .watch import Watch
@@ -293,6 +293,8 @@ class Client:
         position_m: npt.ArrayLike | None = None,
         orientation: npt.ArrayLike | None = None,
         velocity_c: npt.ArrayLike | None = None,
+        turn: npt.ArrayLike | None = None,
+        frame: str | None = None,
         expected_revision: int | None = None,
     ) -> Camera:
         """Moves the camera. Missing values stay unchanged.
@@ -302,6 +304,10 @@ class Client:
             position_m: (3,), metres, ICRS axes, from the Solar-System barycentre.
             orientation: (4,), unit quaternion x, y, z, w, which takes camera axes to ICRS axes.
             velocity_c: (3,), in units of the speed of light, at most 0.9999.
+            turn: (4,), instead of `orientation`: rotation about the axes of the camera, from its orientation when the
+                daemon receives the call.
+            frame: reference frame with which the camera turns from now on: `icrs`, `galactic`, `ecliptic`, `horizon` or
+                a body such as `moon`.
             expected_revision: the pose is refused if the camera has another revision.
 
         Returns:
@@ -312,7 +318,50 @@ class Client:
             Conflict: the camera has another revision.
             LeaseHeld: another client holds the lease of the camera.
         """
-        fields = pose_fields(pose, position_m, orientation, velocity_c) | {"expected_revision": expected_revision}
+        fields = pose_fields(pose, position_m, orientation, velocity_c, turn)
+        fields |= {"expected_revision": expected_revision, "frame": frame_value(frame)}
+        return Camera.of(self._ask("CameraService", "SetCamera", fields))
+
+    def look(
+        self,
+        at: str = "",
+        *,
+        longitude_deg: float = 0.0,
+        latitude_deg: float = 0.0,
+        roll_deg: float = 0.0,
+        above_deg: float = 0.0,
+        frame: str | None = None,
+        expected_revision: int | None = None,
+    ) -> Camera:
+        """Points the camera at an object or in a direction, with the pole of the frame upwards.
+
+        Args:
+            at: name of a body, star or constellation, as `find` knows it; instead of a direction.
+            longitude_deg: right ascension, longitude or azimuth.
+            latitude_deg: declination, latitude or altitude.
+            roll_deg: rotation of the top of the image to the left.
+            above_deg: angle by which the direction is above the middle of the image, as above the front rim of a dome.
+            frame: reference frame of the direction, and of the camera from then on: as for `set_camera`. None: the
+                current one.
+            expected_revision: refused if the camera has another revision.
+
+        Returns:
+            The camera with its new revision.
+
+        Raises:
+            InvalidArgument: no object has the name, or a value is invalid.
+            Conflict: the camera has another revision.
+            LeaseHeld: another client holds the lease of the camera.
+        """
+        look = {
+            "at": at,
+            "longitude_deg": longitude_deg,
+            "latitude_deg": latitude_deg,
+            "roll_deg": roll_deg,
+            "above_deg": above_deg,
+            "frame": frame_value(frame),
+        }
+        fields = {"look": look, "expected_revision": expected_revision}
         return Camera.of(self._ask("CameraService", "SetCamera", fields))
 
     def steer(self, *, take_over: bool = False, lease: bool = True, holder: str = "") -> Steering:
@@ -349,7 +398,7 @@ class Client:
         """Changes the named values, all of them or none, from the next frame on.
 
         Args:
-            changes: values by path: `{"time": datetime(..., tzinfo=timezone.utc), "stars.magnitude_limit": 6.0,
+            changes: values by path: `{"time": datetime(..., tzinfo=timezone.utc), "time_rate": 60.0, "stars.magnitude_limit": 6.0,
                 "bodies.rock": {"position_m": [...], ...}, "bodies.old": None}`. None removes a member of a list. Lists
                 (`bodies`, `asteroid_fields`) replace all members. Values as of `steradian.message`.
             expected_revision: the change is refused if the scene has another revision.
@@ -366,6 +415,29 @@ class Client:
         scene, mask = update_of(changes)
         fields = {"scene": scene, "update_mask": mask, "expected_revision": expected_revision}
         return Scene.of(self._ask("SceneService", "UpdateScene", fields, timeout_s))
+
+    def find(self, name: str) -> SeenObject:
+        """Returns a body, star or constellation by name, as the camera sees it.
+
+        Raises:
+            NotFound: no object has this name; the text suggests similar ones.
+        """
+        return SeenObject.of(self.call("SceneService", "Find", name=name).object)
+
+    def identify(self, direction: npt.ArrayLike, *, radius_deg: float = 0.0, most: int = 0) -> list[SeenObject]:
+        """Returns the objects in an apparent direction, the most likely one first.
+
+        Args:
+            direction: (3,), ICRS axes, of any length except 0.
+            radius_deg: search radius for stars, and for bodies that do not cover the direction, at most 10; 0: 0.5.
+            most: maximum number of objects, up to 64; 0: 8.
+
+        Raises:
+            InvalidArgument: a value is out of range.
+            ResourceExhausted: too many such calls run.
+        """
+        fields = {"direction": direction, "radius_deg": radius_deg, "most": most}
+        return [SeenObject.of(found) for found in self._ask("SceneService", "Identify", fields).objects]
 
     def watch_scene(self) -> Watch[Scene]:
         """Streams the current scene and each change; a slow reader gets the newest."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from . import _protocol
 from ._protocol import Message
+from .camera import Vector
 
 
 @dataclass(frozen=True)
@@ -17,6 +18,7 @@ class Scene:
     Attributes:
         revision: number of its changes, including those of views, without those of the camera.
         time: scene time, UTC, to microseconds; None if none is set.
+        time_rate: seconds of scene time per second; 0: the time stays.
         star_method: rendering method of stars.
         magnitude_limit: limiting magnitude, mag.
         bodies: messages `Body` by name.
@@ -26,6 +28,7 @@ class Scene:
 
     revision: int
     time: datetime.datetime | None
+    time_rate: float
     star_method: str
     magnitude_limit: float
     bodies: Mapping[str, Message]
@@ -38,6 +41,7 @@ class Scene:
         return cls(
             revision=message.revision,
             time=_protocol.datetime_of(message.time) if message.HasField("time") else None,
+            time_rate=message.time_rate,
             star_method=message.stars.method,
             magnitude_limit=message.stars.magnitude_limit,
             bodies={body.name: body for body in message.bodies},
@@ -57,6 +61,52 @@ def update_of(changes: Mapping[str, object]) -> tuple[Message, list[str]]:
         if value is not None:
             _protocol.put(scene, path, value)
     return scene, list(changes)
+
+
+@dataclass(frozen=True, eq=False)
+class SeenObject:
+    """An object as the camera sees it.
+
+    Attributes:
+        kind: `STAR`, `BODY` or `CONSTELLATION`.
+        name: its name, for stars the common one; empty if it has none.
+        designation: Bayer or Flamsteed designation of a star; empty if unknown.
+        direction: (3,), float64: unit vector to its apparent place, ICRS axes.
+        separation_deg: angle from the direction that was asked for; 0 if a body covers it.
+        v_mag: apparent V magnitude of a star; None for others.
+        temperature_k: effective temperature of a star; None for others.
+        distance_m: distance from the camera; None if unknown.
+        message: the whole message `IdentifiedObject`.
+    """
+
+    kind: str
+    name: str
+    designation: str
+    direction: Vector
+    separation_deg: float
+    v_mag: float | None
+    temperature_k: float | None
+    distance_m: float | None
+    message: Message = field(repr=False)
+
+    @classmethod
+    def of(cls, message: Message) -> SeenObject:
+        """Reads an object from a message."""
+
+        def optional(name: str) -> float | None:
+            return float(getattr(message, name)) if message.HasField(name) else None
+
+        return cls(
+            kind=_protocol.enum_name("ObjectKind", message.kind).removeprefix("OBJECT_KIND_"),
+            name=message.name,
+            designation=message.designation,
+            direction=_protocol.numbers_of(message.direction),
+            separation_deg=message.separation_deg,
+            v_mag=optional("v_mag"),
+            temperature_k=optional("temperature_k"),
+            distance_m=optional("distance_m"),
+            message=message,
+        )
 
 
 @dataclass(frozen=True)

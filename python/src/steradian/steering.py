@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import datetime
 import threading
+from collections import deque
 from collections.abc import Iterator
 from types import TracebackType
 from typing import Any
@@ -21,17 +23,27 @@ def pose_fields(
     position_m: npt.ArrayLike | None,
     orientation: npt.ArrayLike | None,
     velocity_c: npt.ArrayLike | None,
+    turn: npt.ArrayLike | None = None,
 ) -> dict[str, object]:
     """Returns the fields of a `SetCameraRequest`: those of the pose, replaced by single values."""
     given = {"position_m": position_m, "orientation": orientation, "velocity_c": velocity_c}
     whole = {} if pose is None else {name: getattr(pose, name) for name in given}
-    return whole | {name: value for name, value in given.items() if value is not None}
+    if turn is not None:
+        # A turn replaces the orientation of the pose.
+        whole.pop("orientation", None)
+    changed = whole | {name: value for name, value in given.items() if value is not None}
+    return changed if turn is None else changed | {"turn": turn}
+
+
+# Most poses with a time that wait to be sent: a further one waits.
+MOST_WAITING = 1000
 
 
 class Steering:
     """A stream of poses, a context manager: see `Client.steer`. It may be called from any thread.
 
-    The newest pose wins: an unsent pose is replaced by the next one. The daemon answers at the end
+    The newest pose wins: an unsent pose is replaced by the next one. Poses with a time are all sent, in their order; a pose
+    without one drops those that wait. The daemon answers at the end
     of the stream, so a refusal is raised by the first call after its arrival, or at the end.
 
     Attributes:
@@ -47,7 +59,7 @@ class Steering:
         first = _protocol.build(self._method.request, {"lease": lease, "holder": holder})
         self._changed = threading.Condition()
         # The lock guards everything below.
-        self._next: Message = first
+        self._waiting: deque[Message] = deque([first])
         self._ended = self._answered = False
         self._call: Any = transport.send(self._method, self._messages())
         self._call.add_done_callback(self._done)
@@ -59,6 +71,7 @@ class Steering:
         position_m: npt.ArrayLike | None = None,
         orientation: npt.ArrayLike | None = None,
         velocity_c: npt.ArrayLike | None = None,
+        time: datetime.datetime | None = None,
     ) -> None:
         """Moves the camera without waiting. Missing values stay unchanged.
 
@@ -67,6 +80,8 @@ class Steering:
             position_m: (3,), metres, ICRS axes, from the Solar-System barycentre.
             orientation: (4,), unit quaternion x, y, z, w.
             velocity_c: (3,), in units of the speed of light.
+            time: time at which the camera is to be there, by the daemon's clock, with a time zone; at most 10 s ahead and
+                later than that of the pose before. The camera moves there from the pose before.
 
         Raises:
             LeaseHeld: another client holds the lease, or has taken it over.
@@ -74,7 +89,7 @@ class Steering:
             SteradianError: the stream has failed.
         """
         fields = pose_fields(pose, position_m, orientation, velocity_c)
-        message = _protocol.build(self._method.request, {"camera": fields})
+        message = _protocol.build(self._method.request, {"camera": fields, "time": time})
         with self._changed:
             if self._ended:
                 raise errors.Cancelled("CANCELLED", "the stream of poses has ended", self._method.path)
@@ -107,34 +122,41 @@ class Steering:
         # An exception inside the block takes precedence; waiting poses are not sent.
         with self._changed:
             self._ended = True
-            self._next = None
+            self._waiting.clear()
             self._changed.notify_all()
         self._call.cancel()
 
     def _put(self, message: Message) -> None:
-        """Queues a pose, and merges it with a waiting one."""
-        if self._next is None:
-            self._next = message
+        """Queues a pose. One without a time is merged with the last of those that wait, and drops poses with times."""
+        if not message.HasField("time"):
+            while len(self._waiting) > 0 and self._waiting[-1].HasField("time"):
+                self._waiting.pop()
+        if len(self._waiting) == 0 or message.HasField("time"):
+            self._changed.wait_for(lambda: len(self._waiting) < MOST_WAITING or self._answered)
+            self._waiting.append(message)
         else:
-            self._next.camera.SetInParent()
+            last = self._waiting[-1]
+            last.camera.SetInParent()
             for field, value in message.camera.ListFields():
-                getattr(self._next.camera, field.name).CopyFrom(value)
+                getattr(last.camera, field.name).CopyFrom(value)
         self._changed.notify_all()
 
     def _messages(self) -> Iterator[Message]:
         """Yields the messages to send; runs in a thread of gRPC."""
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._next is not None or self._ended or self._answered)
-                message, self._next = self._next, None
-            if message is None:
-                return
+                self._changed.wait_for(lambda: len(self._waiting) > 0 or self._ended or self._answered)
+                if len(self._waiting) == 0:
+                    return
+                message = self._waiting.popleft()
+                self._changed.notify_all()
             yield message
 
     def _done(self, _: object) -> None:
         with self._changed:
             # Ends the sending thread.
-            self._next, self._answered = None, True
+            self._waiting.clear()
+            self._answered = True
             self._changed.notify_all()
 
     def _raise(self) -> None:

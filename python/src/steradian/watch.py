@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import queue
+import threading
 from collections.abc import Callable, Iterator
 from typing import Any, Generic, TypeVar
 
@@ -27,10 +29,57 @@ class Watch(Generic[T]):
         self._closed = False
         self._call: Any = transport.stream(method, request)
 
+        # Messages that a thread reads for `next`; None: the end. It holds one, so that a slow reader gets the newest.
+        self._read: queue.Queue[T | Exception | None] | None = None
+
     def __iter__(self) -> Iterator[T]:
         return self
 
     def __next__(self) -> T:
+        return self._next() if self._read is None else self._taken(None)
+
+    def next(self, timeout_s: float | None = None) -> T:
+        """Waits for the next message.
+
+        Raises:
+            TimeoutError: none arrived within `timeout_s`. The stream goes on.
+            StopIteration: the stream has ended.
+            SteradianError: the stream has failed.
+        """
+        if self._read is None:
+            if timeout_s is None:
+                return self._next()
+            self._read = queue.Queue(maxsize=1)
+            threading.Thread(target=self._follow, args=(self._read,), daemon=True).start()
+        return self._taken(timeout_s)
+
+    def _taken(self, timeout_s: float | None) -> T:
+        assert self._read is not None
+        try:
+            taken = self._read.get(timeout=timeout_s)
+        except queue.Empty:
+            raise TimeoutError(f"no message within {timeout_s} s") from None
+        if taken is not None and not isinstance(taken, Exception):
+            return taken
+        # Later calls end in the same way.
+        self._read.put(taken)
+        if taken is None:
+            raise StopIteration
+        raise taken
+
+    def _follow(self, read: queue.Queue[T | Exception | None]) -> None:
+        """Reads messages until the end; runs in a thread."""
+        while True:
+            try:
+                read.put(self._next())
+            except StopIteration:
+                read.put(None)
+                return
+            except Exception as error:  # Raised where messages are taken.
+                read.put(error)
+                return
+
+    def _next(self) -> T:
         try:
             message = next(self._call)
         except grpc.RpcError as error:

@@ -137,8 +137,7 @@ pub(super) async fn keep_access(
     time: TimeSource,
 ) {
     let warn = |access: &Access| {
-        let validity = access.certificate_validity;
-        if let Some(warning) = validity.and_then(|validity| validity.warning(time.machine_now())) {
+        for warning in access.warnings(time.machine_now()) {
             tracing::warn!("{warning}");
         }
     };

@@ -238,7 +238,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
 
     let (info, limits) = (engine.info(), engine.limits());
     let background_jobs = BackgroundJobs::spawn(engine.beside())?;
-    let shares: Arc<Shares> = Arc::default();
+    let shares = Arc::new(Shares::new(subscribers));
     let stars = scene.stars.stars.len() as u64;
     let capacity = Capacity { requests: pending_renders, subscribers };
     let (handle, thread) =

@@ -301,6 +301,7 @@ impl Host for Headset {
             frame: Arc::clone(&frame.frame),
             views: Arc::from([ViewId::HEADSET]),
             camera: frame.camera,
+            horizontal: None,
             pose_time: frame.pose_time,
             render_time: frame.render_time,
             // The headset must keep its refresh rate, so its frames have no quality levels.

@@ -26,7 +26,7 @@ use crate::{
             subscriptions::{Streams, Subscription},
         },
         scene::{
-            camera::CameraUpdate,
+            camera::{CameraUpdate, Horizontal},
             state::{SceneError, SceneState},
             views::ViewId,
         },
@@ -115,6 +115,14 @@ impl RenderHandle {
         state.camera.path_of = stream;
         self.shared.wake.notify_one();
         Ok(state.camera.newest)
+    }
+
+    /// Returns the direction of a camera for the scene's observer; `None` without one.
+    pub(crate) fn horizontal(&self, camera: &Camera) -> Option<Horizontal> {
+        let state = self.shared.state();
+        let scene = &state.scene.newest;
+        let time_s = if camera.frame.turns() { camera.as_of_s } else { scene.clock.time_s(state.time.now()) };
+        Horizontal::new(camera, scene.objects.drawn.observer.as_ref(), time_s)
     }
 
     /// Returns the daemon's time.

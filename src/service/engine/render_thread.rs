@@ -51,6 +51,7 @@ use crate::{
             subscriptions::Streams,
         },
         scene::{
+            camera::Horizontal,
             objects::Objects,
             state::SceneState,
             views::{ViewId, ViewSet},
@@ -362,6 +363,7 @@ impl Worker {
                     frame: Arc::new(frame),
                     views: Arc::clone(job.scene.views.ids()),
                     camera: job.camera,
+                    horizontal: Horizontal::new(&job.camera, job.objects.observer.as_ref(), job.time_s),
                     pose_time: self.shared.time.told(job.pose_time),
                     render_time: self.shared.time.told(self.shared.time.now()),
                     shows: job.shows(),

@@ -7,6 +7,7 @@ use std::{
     task::{Context, Poll, ready},
 };
 
+use tokio::sync::OwnedSemaphorePermit;
 use tokio_stream::Stream;
 use tonic::Status;
 
@@ -27,6 +28,8 @@ pub(crate) struct Source {
     /// The last video picture that was sent.
     pub(crate) seen: Option<LastPicture>,
     pub(crate) budget: StreamBudget,
+    /// Place among the streams of the client.
+    pub(crate) _place: OwnedSemaphorePermit,
 }
 
 /// Future of the next message; it owns the source and hands it back.

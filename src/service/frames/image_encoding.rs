@@ -266,7 +266,10 @@ impl ImageRequest {
             dropped,
             quality_level: rendered.given_up.level,
             given_up: rendered.given_up.what.clone(),
-            camera: Some(camera::camera_to_pb(&rendered.camera)),
+            camera: Some(proto::Camera {
+                look: rendered.horizontal.map(camera::horizontal_to_pb),
+                ..camera::camera_to_pb(&rendered.camera)
+            }),
             stream,
             video: 0,
             images,

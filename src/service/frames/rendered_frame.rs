@@ -6,7 +6,7 @@ use super::{image_encoding::EncodedImages, schedule::Revisions};
 use crate::{
     render::{Frame, FrameImage},
     scene::Camera,
-    service::scene::views::ViewId,
+    service::scene::{camera::Horizontal, views::ViewId},
 };
 
 /// A frame with its times.
@@ -18,6 +18,8 @@ pub(crate) struct RenderedFrame {
     pub(crate) views: Arc<[ViewId]>,
     /// Camera of the frame; for a headset: the origin of the room.
     pub(crate) camera: Camera,
+    /// Direction of the camera for the scene's observer; `None` without one, and for a headset.
+    pub(crate) horizontal: Option<Horizontal>,
     /// Time of the machine's clock at which the camera was set; for a headset: time at which the poses of the eyes were predicted.
     pub(crate) pose_time: SystemTime,
     /// Time of the machine's clock at which the frame was finished.

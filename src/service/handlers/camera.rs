@@ -17,7 +17,7 @@ use crate::{
     service::{
         engine::{render_handle::RenderHandle, shared_state::CameraError},
         frames::errors::{Refused, refused},
-        network::access::By,
+        network::{access::By, clients::ClientInfo},
         proto::{self, CameraLease},
         scene::camera::CameraUpdate,
         wire::{camera, refusals},
@@ -81,6 +81,8 @@ async fn taken_over(taken: &mut Option<oneshot::Receiver<String>>) -> String {
     }
 }
 
+/// Interval at which a camera that could not be saved is saved again.
+const RETRIES: Duration = Duration::from_secs(5);
 /// Interval at which a moving camera is saved.
 const SAVES: Duration = Duration::from_secs(1);
 
@@ -90,8 +92,11 @@ impl Service {
         let mut cameras = self.render.watch_camera();
         cameras.mark_unchanged();
         let mut last = *cameras.borrow();
+        let mut fails = false;
         loop {
-            let ended = cameras.changed().await.is_err();
+            // After an error, as of a full disk, it tries again also while the camera rests.
+            let again = if fails { RETRIES } else { Duration::MAX };
+            let ended = matches!(timeout(again, cameras.changed()).await, Ok(Err(_)));
             if !ended {
                 // Wait until the next save is due, or the daemon ends.
                 let _ = timeout(SAVES, cameras.wait_for(Option::is_none)).await;
@@ -102,10 +107,23 @@ impl Service {
             if let Some(camera) = newest.filter(|camera| last.map(|last| last.revision) != Some(camera.revision)) {
                 let file = Arc::clone(&self.state).lock_owned().await;
                 let saving = move || file.as_ref().map_or(Ok(()), |file| file.save_camera(&camera));
-                match task::spawn_blocking(saving).await {
-                    Ok(Ok(())) => last = Some(camera),
-                    Ok(Err(error)) => tracing::error!("cannot save the camera: {error}"),
-                    Err(error) => tracing::error!("cannot save the camera: {error}"),
+                let saved = task::spawn_blocking(saving).await;
+                match saved
+                    .map_err(|error| error.to_string())
+                    .and_then(|saved| saved.map_err(|error| error.to_string()))
+                {
+                    Ok(()) => {
+                        last = Some(camera);
+                        if std::mem::take(&mut fails) {
+                            tracing::info!("the camera is saved again");
+                        }
+                    }
+                    Err(error) if !fails => {
+                        fails = true;
+                        tracing::error!("cannot save the camera: {error}; tries again every {} s", RETRIES.as_secs());
+                    }
+                    // It was reported.
+                    Err(_) => {}
                 }
             }
             if ends {
@@ -114,13 +132,17 @@ impl Service {
         }
     }
 
-    /// Returns the message of a camera, with the holder of its lease.
+    /// Returns the message of a camera, with the holder of its lease and its direction for the scene's observer.
     fn camera_message(&self, camera: &Camera) -> proto::Camera {
-        proto::Camera { holder: self.render.holder(), ..camera::camera_to_pb(camera) }
+        let look = self.render.horizontal(camera).map(camera::horizontal_to_pb);
+        proto::Camera { holder: self.render.holder(), look, ..camera::camera_to_pb(camera) }
     }
 
     /// Returns the requested change for the current scene.
     fn camera_update(&self, mut request: proto::SetCameraRequest) -> Result<CameraUpdate, Status> {
+        if request.turn.is_some() && (request.orientation.is_some() || request.look.is_some()) {
+            return Err(refusals::invalid("turn: must not be combined with orientation or look"));
+        }
         let look = request.look.take();
         let frame = camera::sky_frame_from_pb(request.frame).map_err(refusals::invalid)?;
         let update = CameraUpdate { frame, ..camera::update_from_pb(request) };
@@ -181,10 +203,12 @@ impl proto::camera_service_server::CameraService for Service {
 
     async fn watch_camera(
         &self,
-        _: Request<proto::WatchCameraRequest>,
+        request: Request<proto::WatchCameraRequest>,
     ) -> Result<Response<Self::WatchCameraStream>, Status> {
+        let client = ClientInfo::from_request(&request)?;
         let service = self.clone();
-        Ok(Response::new(self.watched(self.render.watch_camera(), move |camera| service.camera_message(camera))?))
+        let to_pb = move |camera: &Camera| service.camera_message(camera);
+        Ok(Response::new(self.watched(&client, self.render.watch_camera(), to_pb)?))
     }
 
     async fn stream_camera(

@@ -14,6 +14,7 @@ use super::{service::Service, stats};
 use crate::{
     service::{
         frames::errors::{Refused, refused},
+        network::{access::Caller, clients::ClientInfo},
         proto,
         wire::{diagnostics, refusals, scene},
     },
@@ -30,11 +31,13 @@ impl proto::diagnostics_service_server::DiagnosticsService for Service {
     type VerifyStream = ReceiverStream<Result<proto::VerifyResult, Status>>;
     type WatchStatsStream = ReceiverStream<Result<proto::Stats, Status>>;
 
-    async fn get_info(&self, _: Request<proto::GetInfoRequest>) -> Result<Response<proto::Info>, Status> {
+    async fn get_info(&self, request: Request<proto::GetInfoRequest>) -> Result<Response<proto::Info>, Status> {
+        let role = Caller::from_request(&request)?.role();
         let frames = self.render.figures().frames.frames_rendered;
         let revision = self.render.scene().map_err(refused)?.revision;
         let mut info = diagnostics::info_to_pb(&self.adapter, self.stars, revision, frames);
         info.headset = self.headset.as_ref().map(|headset| stats::status_to_pb(headset));
+        info.role = role.name().to_owned();
         Ok(Response::new(info))
     }
 
@@ -80,12 +83,13 @@ impl proto::diagnostics_service_server::DiagnosticsService for Service {
         &self,
         request: Request<proto::WatchStatsRequest>,
     ) -> Result<Response<Self::WatchStatsStream>, Status> {
+        let client = ClientInfo::from_request(&request)?;
         let interval_s = request.into_inner().interval_s.unwrap_or(INTERVAL_S);
         if !INTERVALS_S.contains(&interval_s) {
             let (min, max) = (INTERVALS_S.start(), INTERVALS_S.end());
             return Err(refusals::invalid(format!("interval_s = {interval_s}: must be between {min} and {max} s")));
         }
-        let permit = self.watcher()?;
+        let permit = self.watcher(&client)?;
         let mut scenes = self.render.watch_scene();
         if scenes.borrow().is_none() {
             return Err(refused(Refused::Ending));

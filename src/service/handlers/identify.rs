@@ -17,6 +17,7 @@ use crate::{
     },
     service::{
         frames::errors::refused,
+        network::clients::ClientInfo,
         proto, threads,
         wire::{
             camera::{vector_from_pb, vector_to_pb},
@@ -195,8 +196,13 @@ pub(crate) fn star_to_pb(star: &SeenStar, stars: &StarSet) -> proto::IdentifiedO
 }
 
 impl Service {
-    pub(crate) async fn identified(&self, request: &proto::IdentifyRequest) -> Result<proto::IdentifyResponse, Status> {
+    pub(crate) async fn identified(
+        &self,
+        client: &ClientInfo,
+        request: &proto::IdentifyRequest,
+    ) -> Result<proto::IdentifyResponse, Status> {
         let question = Question::new(request)?;
+        let own = client.search()?;
         let place = Arc::clone(&self.looking)
             .try_acquire_owned()
             .map_err(|_| refusals::exhausted("searches", "too many Identify calls are running: try again later"))?;
@@ -204,7 +210,7 @@ impl Service {
         let scene = self.render.snapshot(&state);
         let faintest_lx = illuminance_lx_from_magnitude(state.stars.magnitude_limit);
         let looking = move || {
-            let _place = place;
+            let _places = [own, place];
             let SceneSnapshot { stars, camera, .. } = &scene;
             let Question { direction, radius_rad, most } = question;
             let refraction = scene.objects.refraction(camera.position_m);

@@ -42,6 +42,7 @@ impl Service {
 
     /// Waits for the next frame of a request's view.
     fn next_of(&self, image_request: &ImageRequest, after: u64) -> Result<Waiting, Status> {
+        let place = image_request.client.stream()?;
         let subscription = match self.headset_of(image_request.view) {
             None => self.render.subscribe_after(image_request.view, image_request.wanted(), after),
             // Each frame of a headset has a new pose.
@@ -49,6 +50,7 @@ impl Service {
         };
         let subscription = subscription.map_err(refused)?;
         Ok(Box::pin(async move {
+            let _place = place;
             match subscription.next().await {
                 Ok(Some((frame, _))) => Ok(frame),
                 Ok(None) => Err(Status::unavailable("the daemon is shutting down")),

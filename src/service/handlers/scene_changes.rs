@@ -16,7 +16,7 @@ use crate::{
     scene::{SceneSnapshot, asteroids::ShapeSet},
     service::{
         frames::errors::{Refused, refused},
-        network::access::By,
+        network::{access::By, clients::ClientInfo},
         proto,
         scene::state::{MadeUpdate, SceneError, SceneState, SceneUpdate},
         state_file::{Saved, SnapshotName, StateError, StateFile},
@@ -296,6 +296,7 @@ impl proto::scene_service_server::SceneService for Service {
         request: Request<proto::UpdateSceneRequest>,
     ) -> Result<Response<proto::Scene>, Status> {
         let by = By::from_request(&request)?;
+        let _own = by.client().change()?;
         let request = request.into_inner();
         let update = scene::scene_update_from_pb(&request).map_err(refusals::invalid)?;
         let scene = self.changed_scene(&update, request.expected_revision).await?;
@@ -308,6 +309,7 @@ impl proto::scene_service_server::SceneService for Service {
         request: Request<proto::SaveSnapshotRequest>,
     ) -> Result<Response<proto::Snapshot>, Status> {
         let by = By::from_request(&request)?;
+        let _own = by.client().change()?;
         let name = snapshot_name(request.into_inner().name)?;
         let saved =
             Saved::from_scene(&self.render.scene().map_err(refused)?, Some(&self.render.camera()), self.render.time());
@@ -332,6 +334,7 @@ impl proto::scene_service_server::SceneService for Service {
         request: Request<proto::LoadSnapshotRequest>,
     ) -> Result<Response<proto::Scene>, Status> {
         let by = By::from_request(&request)?;
+        let _own = by.client().change()?;
         let proto::LoadSnapshotRequest { name, expected_revision } = request.into_inner();
         let requested = name.clone();
         let Some(saved) = self.with_state(move |file| file.snapshot(&requested)).await? else {
@@ -349,7 +352,8 @@ impl proto::scene_service_server::SceneService for Service {
         &self,
         request: Request<proto::IdentifyRequest>,
     ) -> Result<Response<proto::IdentifyResponse>, Status> {
-        Ok(Response::new(self.identified(request.get_ref()).await?))
+        let client = ClientInfo::from_request(&request)?;
+        Ok(Response::new(self.identified(&client, request.get_ref()).await?))
     }
 
     async fn find(&self, request: Request<proto::FindRequest>) -> Result<Response<proto::FindResponse>, Status> {
@@ -358,11 +362,12 @@ impl proto::scene_service_server::SceneService for Service {
 
     async fn watch_scene(
         &self,
-        _: Request<proto::WatchSceneRequest>,
+        request: Request<proto::WatchSceneRequest>,
     ) -> Result<Response<Self::WatchSceneStream>, Status> {
+        let client = ClientInfo::from_request(&request)?;
         let catalogues = Arc::clone(&self.catalogues);
         let time = self.render.time().clone();
         let to_pb = move |scene: &SceneState| scene::scene_to_pb(scene, &catalogues, &time);
-        Ok(Response::new(self.watched(self.render.watch_scene(), to_pb)?))
+        Ok(Response::new(self.watched(&client, self.render.watch_scene(), to_pb)?))
     }
 }

@@ -47,6 +47,10 @@ use crate::{
 /// Concurrent Identify calls; further calls are refused. Each searches the stars of a part of the sky.
 const LOOKING: usize = 8;
 
+/// A stream repeats its message after this time without a change: proxies end silent streams after a minute, clients may
+/// expect a sign of life.
+const REPEATS: Duration = Duration::from_secs(15);
+
 /// Range of the rate of `StreamFrames`, Hz, besides 0.
 const RATES_HZ: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
 
@@ -183,16 +187,21 @@ impl Service {
         Ok(ImageRequest { name: name.into(), view, pixels, form, rate: None, encoders, client })
     }
 
-    /// Takes a place for a stream of the scene or of statistics.
-    pub(crate) fn watcher(&self) -> Result<OwnedSemaphorePermit, Status> {
+    /// Takes a place for a stream of the scene, the camera or of statistics, and one of the client's places.
+    pub(crate) fn watcher(&self, client: &ClientInfo) -> Result<[OwnedSemaphorePermit; 2], Status> {
+        let own = client.watch()?;
         let place = Arc::clone(&self.watchers).try_acquire_owned();
-        place.map_err(|_| refusals::exhausted("streams", "too many streams of scene and statistics: end one first"))
+        let place = place.map_err(|_| {
+            refusals::exhausted("streams", "too many streams of scene, camera and statistics: end one first")
+        })?;
+        Ok([own, place])
     }
 
-    /// Streams the current value and every change, until it is `None`. A slow reader gets the newest value when there
-    /// is room for it.
+    /// Streams the current value and every change, until it is `None`, and repeats it after [`REPEATS`] without a change,
+    /// so that proxies do not end the stream. A slow reader gets the newest value when there is room for it.
     pub(crate) fn watched<T, M>(
         &self,
+        client: &ClientInfo,
         mut values: watch::Receiver<Option<T>>,
         to_pb: impl Fn(&T) -> M + Send + 'static,
     ) -> Result<ReceiverStream<Result<M, Status>>, Status>
@@ -200,7 +209,7 @@ impl Service {
         T: Clone + Send + Sync + 'static,
         M: Send + 'static,
     {
-        let permit = self.watcher()?;
+        let permit = self.watcher(client)?;
         if values.borrow().is_none() {
             return Err(refused(Refused::Ending));
         }
@@ -213,7 +222,7 @@ impl Service {
                 room.send(Ok(to_pb(&value)));
                 tokio::select! {
                     () = sender.closed() => return,
-                    changed = values.changed() => if changed.is_err() { return },
+                    changed = timeout(REPEATS, values.changed()) => if let Ok(Err(_)) = changed { return },
                 }
             }
         });
@@ -279,11 +288,13 @@ impl proto::view_service_server::ViewService for Service {
 
     async fn create_view(&self, request: Request<proto::CreateViewRequest>) -> Result<Response<proto::View>, Status> {
         let by = By::from_request(&request)?;
+        let _own = by.client().change()?;
         Ok(Response::new(self.created_view(&by, request.into_inner()).await?))
     }
 
     async fn update_view(&self, request: Request<proto::UpdateViewRequest>) -> Result<Response<proto::View>, Status> {
         let by = By::from_request(&request)?;
+        let _own = by.client().change()?;
         Ok(Response::new(self.updated_view(&by, request.into_inner()).await?))
     }
 
@@ -292,6 +303,7 @@ impl proto::view_service_server::ViewService for Service {
         request: Request<proto::DeleteViewRequest>,
     ) -> Result<Response<proto::DeleteViewResponse>, Status> {
         let by = By::from_request(&request)?;
+        let _own = by.client().change()?;
         let revision = self.deleted_view(&by, request.into_inner()).await?;
         Ok(Response::new(proto::DeleteViewResponse { revision }))
     }
@@ -355,6 +367,7 @@ impl proto::view_service_server::ViewService for Service {
             let message = format!("max_rate_hz = {rate}: must be 0 (every frame), or between {min} and {max}");
             return Err(refusals::invalid(message));
         };
+        let place = client.stream()?;
         let image_request = ImageRequest { rate: Some(Rate::Streamed(interval)), ..image_request };
         let subscription = match self.headset_of(image_request.view) {
             None => self.render.subscribe(image_request.view, image_request.wanted(), interval),
@@ -363,8 +376,10 @@ impl proto::view_service_server::ViewService for Service {
         let subscription = subscription.map_err(refused)?;
         let budget = StreamBudget::new(&image_request);
         let acknowledged = request.acknowledged.then(|| self.render.streams().acknowledged());
-        let stream: Self::StreamFramesStream =
-            Box::pin(FrameStream::new(Source { subscription, acknowledged, seen: None, budget }, image_request));
+        let stream: Self::StreamFramesStream = Box::pin(FrameStream::new(
+            Source { subscription, acknowledged, seen: None, budget, _place: place },
+            image_request,
+        ));
         Ok(holding(stream, held))
     }
 }

@@ -21,6 +21,13 @@ use crate::service::wire::refusals;
 
 /// Concurrent RenderFrame calls of one client.
 const RENDERS: usize = 4;
+/// Least share of one client in streams of frames, and in streams of scene, camera and statistics, if the daemon has as many;
+/// otherwise it is a quarter of them.
+const LEAST_STREAMS: usize = 16;
+/// Concurrent Identify calls of one client.
+const SEARCHES: usize = 2;
+/// Concurrent changes of one client that wait for each other or for those of others.
+const CHANGES: usize = 16;
 /// Frames of one client that are being encoded, or wait for an encoder of their kind.
 const ENCODINGS: usize = 2;
 /// The same for slow encodings.
@@ -56,25 +63,27 @@ fn places(bytes: u64) -> Arc<Semaphore> {
 pub(crate) struct Shares {
     input: Arc<Semaphore>,
     output: Arc<Semaphore>,
+    /// Streams of one client, of each kind.
+    streams_of_one: usize,
     next_number: AtomicU64,
     connected: AtomicU64,
     /// Number of requests that were refused because of a limit.
     refused: AtomicU64,
 }
 
-impl Default for Shares {
-    fn default() -> Self {
+impl Shares {
+    /// Shares of a daemon with places for so many streams of frames.
+    pub(crate) fn new(streams: usize) -> Self {
         Self {
             input: places(INPUT),
             output: places(OUTPUT),
+            streams_of_one: (streams / 4).max(LEAST_STREAMS),
             next_number: AtomicU64::new(1),
             connected: AtomicU64::new(0),
             refused: AtomicU64::new(0),
         }
     }
-}
 
-impl Shares {
     /// Returns the number of open connections.
     pub(crate) fn connections(&self) -> u64 {
         self.connected.load(Relaxed)
@@ -128,6 +137,10 @@ struct Client {
     certificate: OnceLock<Digest>,
     since: Instant,
     renders: Arc<Semaphore>,
+    streams: Arc<Semaphore>,
+    watches: Arc<Semaphore>,
+    searches: Arc<Semaphore>,
+    changes: Arc<Semaphore>,
     quick: Semaphore,
     slow: Semaphore,
     input: Arc<Semaphore>,
@@ -188,6 +201,10 @@ impl ClientInfo {
             certificate: OnceLock::new(),
             since: now,
             renders: Arc::new(Semaphore::new(RENDERS)),
+            streams: Arc::new(Semaphore::new(shares.streams_of_one)),
+            watches: Arc::new(Semaphore::new(shares.streams_of_one)),
+            searches: Arc::new(Semaphore::new(SEARCHES)),
+            changes: Arc::new(Semaphore::new(CHANGES)),
             quick: Semaphore::new(ENCODINGS),
             slow: Semaphore::new(SLOW_ENCODINGS),
             input: places(INPUT_OF_ONE),
@@ -234,11 +251,43 @@ impl ClientInfo {
         self.0.calls.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Reserves one of the client's places; `what` and `advice` complete the refusal.
+    fn place(
+        &self,
+        of: &Arc<Semaphore>,
+        most: usize,
+        what: &str,
+        advice: &str,
+    ) -> Result<OwnedSemaphorePermit, Status> {
+        let place = Arc::clone(of).try_acquire_owned();
+        place.map_err(|_| self.refuse(format!("this client has {most} {what}, the maximum of one client: {advice}")))
+    }
+
     /// Reserves one of the client's RenderFrame calls.
     pub(crate) fn render(&self) -> Result<OwnedSemaphorePermit, Status> {
-        Arc::clone(&self.0.renders).try_acquire_owned().map_err(|_| {
-            self.refuse(format!("this client has {RENDERS} calls of RenderFrame, the maximum: wait for one to finish"))
-        })
+        self.place(&self.0.renders, RENDERS, "calls of RenderFrame", "wait for one to finish")
+    }
+
+    /// Reserves one of the client's streams of frames and calls of NextFrame.
+    pub(crate) fn stream(&self) -> Result<OwnedSemaphorePermit, Status> {
+        let most = self.0.shares.streams_of_one;
+        self.place(&self.0.streams, most, "streams of frames and calls of NextFrame", "end one first")
+    }
+
+    /// Reserves one of the client's streams of scene, camera and statistics.
+    pub(crate) fn watch(&self) -> Result<OwnedSemaphorePermit, Status> {
+        let most = self.0.shares.streams_of_one;
+        self.place(&self.0.watches, most, "streams of scene, camera and statistics", "end one first")
+    }
+
+    /// Reserves one of the client's Identify calls.
+    pub(crate) fn search(&self) -> Result<OwnedSemaphorePermit, Status> {
+        self.place(&self.0.searches, SEARCHES, "calls of Identify", "wait for one to finish")
+    }
+
+    /// Reserves one of the client's changes of scene and views.
+    pub(crate) fn change(&self) -> Result<OwnedSemaphorePermit, Status> {
+        self.place(&self.0.changes, CHANGES, "changes that are being made", "wait for one to finish")
     }
 
     /// Returns the client's places among encoders.
@@ -359,13 +408,17 @@ impl Drop for OpenCall {
 mod tests {
     use super::*;
 
+    fn some_shares() -> Arc<Shares> {
+        Arc::new(Shares::new(256))
+    }
+
     fn client(shares: &Arc<Shares>) -> ClientInfo {
         ClientInfo::new(shares, From::Network("test".to_owned()))
     }
 
     #[test]
     fn bytes_are_limited_per_client_and_in_total_and_released() {
-        let shares = Arc::default();
+        let shares = some_shares();
         let first = client(&shares);
         let half = first.hold_input(INPUT_OF_ONE / 2).unwrap();
         let _rest = first.hold_input(INPUT_OF_ONE / 2).unwrap();
@@ -382,9 +435,35 @@ mod tests {
         first.hold_output(UNIT).unwrap();
     }
 
+    /// A client that has taken its share leaves the rest to others.
+    #[test]
+    fn places_are_limited_per_client_and_released() {
+        let shares = some_shares();
+        let [first, second] = [client(&shares), client(&shares)];
+        type Take = fn(&ClientInfo) -> Result<OwnedSemaphorePermit, Status>;
+        let kinds: [(Take, usize, &str); 5] = [
+            (ClientInfo::render, RENDERS, "calls of RenderFrame"),
+            (ClientInfo::stream, 64, "streams of frames"),
+            (ClientInfo::watch, 64, "streams of scene"),
+            (ClientInfo::search, SEARCHES, "calls of Identify"),
+            (ClientInfo::change, CHANGES, "changes"),
+        ];
+        for (take, most, what) in kinds {
+            let mut taken: Vec<_> = (0..most).map(|_| take(&first).unwrap()).collect();
+            let refusal = take(&first).unwrap_err();
+            assert_eq!(refusal.code(), tonic::Code::ResourceExhausted);
+            assert!(refusal.message().contains(&format!("this client has {most} {what}")), "{refusal}");
+            drop(take(&second).unwrap());
+            taken.pop();
+            drop(take(&first).unwrap());
+        }
+        assert_eq!(shares.refused(), kinds.len() as u64);
+        assert_eq!(Shares::new(20).streams_of_one, LEAST_STREAMS);
+    }
+
     #[test]
     fn a_grown_frame_reserves_as_much_as_one_large_reservation() {
-        let shares = Arc::default();
+        let shares = some_shares();
         let client = client(&shares);
         let free = || client.0.output.available_permits();
         let all = free();
@@ -405,7 +484,7 @@ mod tests {
 
     #[test]
     fn silent_stalled_and_idle_connections_are_closed() {
-        let shares = Arc::default();
+        let shares = some_shares();
         let new = client(&shares);
         let begun = new.0.since;
         assert_eq!(new.overdue(begun + FIRST_CALL), None);

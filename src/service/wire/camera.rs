@@ -6,7 +6,10 @@ use super::objects::{time_from_j2000, time_from_pb, time_to_pb};
 use crate::{
     observer::Frame,
     scene::{Camera, PoseError},
-    service::{proto, scene::camera::CameraUpdate},
+    service::{
+        proto,
+        scene::camera::{CameraUpdate, Horizontal},
+    },
 };
 
 /// Reasons why a message is not a valid camera.
@@ -32,6 +35,10 @@ pub(crate) fn quaternion_from_pb(q: proto::Quaternion) -> [f64; 4] {
     [q.x, q.y, q.z, q.w]
 }
 
+fn quaternion_to_pb([x, y, z, w]: [f64; 4]) -> proto::Quaternion {
+    proto::Quaternion { x, y, z, w }
+}
+
 pub(crate) fn camera_to_pb(camera: &Camera) -> proto::Camera {
     let DQuat { x, y, z, w } = camera.world_from_camera;
     proto::Camera {
@@ -43,6 +50,18 @@ pub(crate) fn camera_to_pb(camera: &Camera) -> proto::Camera {
         frame: sky_frame_to_pb(camera.frame).into(),
         scene_time: camera.frame.turns().then(|| time_to_pb(camera.as_of_s)).flatten(),
         scene_time_j2000_s: camera.frame.turns().then_some(camera.as_of_s),
+        look: None,
+    }
+}
+
+/// Returns the message of a direction for the scene's observer.
+pub(crate) fn horizontal_to_pb(horizontal: Horizontal) -> proto::Look {
+    proto::Look {
+        frame: proto::SkyFrame::Horizon.into(),
+        longitude_deg: horizontal.azimuth_deg,
+        latitude_deg: horizontal.altitude_deg,
+        roll_deg: horizontal.roll_deg,
+        ..proto::Look::default()
     }
 }
 
@@ -103,6 +122,7 @@ pub(crate) fn update_from_pb(request: proto::SetCameraRequest) -> CameraUpdate {
     CameraUpdate {
         position_m: request.position_m.map(vector_from_pb),
         orientation: request.orientation.map(quaternion_from_pb),
+        turn: request.turn.map(quaternion_from_pb),
         velocity_c: request.velocity_c.map(vector_from_pb),
         frame: None,
     }
@@ -113,6 +133,7 @@ pub(crate) fn camera_update_from_pb(camera: proto::Camera) -> Result<CameraUpdat
     Ok(CameraUpdate {
         position_m: camera.position_m.map(vector_from_pb),
         orientation: camera.orientation.map(quaternion_from_pb),
+        turn: None,
         velocity_c: camera.velocity_c.map(vector_from_pb),
         frame: sky_frame_from_pb(camera.frame)?,
     })
@@ -121,7 +142,8 @@ pub(crate) fn camera_update_from_pb(camera: proto::Camera) -> Result<CameraUpdat
 pub(crate) fn update_to_pb(update: &CameraUpdate) -> proto::SetCameraRequest {
     proto::SetCameraRequest {
         position_m: update.position_m.map(|[x, y, z]| proto::Vector3 { x, y, z }),
-        orientation: update.orientation.map(|[x, y, z, w]| proto::Quaternion { x, y, z, w }),
+        orientation: update.orientation.map(quaternion_to_pb),
+        turn: update.turn.map(quaternion_to_pb),
         velocity_c: update.velocity_c.map(|[x, y, z]| proto::Vector3 { x, y, z }),
         expected_revision: None,
         look: None,

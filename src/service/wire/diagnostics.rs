@@ -2,6 +2,7 @@
 
 use crate::{
     gpu::AdapterReport,
+    plan::settings::{ImpostorMethod, StarMethod},
     service::proto,
     verify::{CheckResult, Outcome},
 };
@@ -25,6 +26,9 @@ pub(crate) fn info_to_pb(
         scene_revision,
         frames_rendered,
         headset: None,
+        star_methods: StarMethod::ALL.iter().map(|method| method.name().to_owned()).collect(),
+        impostor_methods: ImpostorMethod::ALL.iter().map(|method| method.name().to_owned()).collect(),
+        role: String::new(),
     }
 }
 

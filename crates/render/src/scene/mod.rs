@@ -34,9 +34,11 @@ pub enum PoseError {
     },
     /// The length of the quaternion is off by more than 1e-3.
     #[error(
-        "orientation = {value:?}: must be a unit quaternion (x, y, z, w), but its length is {length}; a length within 1e-3 of 1 is normalised"
+        "{key} = {value:?}: must be a unit quaternion (x, y, z, w), but its length is {length}; a length within 1e-3 of 1 is normalised"
     )]
     NotUnit {
+        /// The part of the pose.
+        key: &'static str,
         /// The components x, y, z, w.
         value: [f64; 4],
         /// Their length.
@@ -63,13 +65,18 @@ pub fn finite_vector(key: &'static str, value: [f64; 3]) -> Result<DVec3, PoseEr
 
 /// Builds a unit quaternion from (x, y, z, w): normalised if its length is within 1e-3 of 1, else refused.
 pub fn unit_quaternion(value: [f64; 4]) -> Result<DQuat, PoseError> {
+    named_unit_quaternion("orientation", value)
+}
+
+/// The same for a value with another key.
+pub fn named_unit_quaternion(key: &'static str, value: [f64; 4]) -> Result<DQuat, PoseError> {
     if !value.iter().all(|v| v.is_finite()) {
-        return Err(PoseError::NotFinite { key: "orientation", value: value.to_vec() });
+        return Err(PoseError::NotFinite { key, value: value.to_vec() });
     }
     let quaternion = DQuat::from_array(value);
     let length = quaternion.length();
     if (length - 1.0).abs() > 1e-3 {
-        return Err(PoseError::NotUnit { value, length });
+        return Err(PoseError::NotUnit { key, value, length });
     }
     Ok(quaternion.normalize())
 }

@@ -11,7 +11,7 @@ pub mod refraction;
 
 pub use self::{
     clock::Clock,
-    moment::{Frame, Moment, Observer, frame_from_camera},
+    moment::{Frame, Moment, Observer, direction_of_camera, frame_from_camera},
     place::{Place, Standpoint, horizontal_direction},
     refraction::{RefractingAir, Refraction},
 };

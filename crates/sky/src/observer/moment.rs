@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::{Clock, Place, Standpoint};
 use crate::{
     catalogue::epoch::Vantage,
-    coordinates::{direction_from_lon_lat, icrs_from_galactic},
+    coordinates::{direction_from_lon_lat, icrs_from_galactic, lon_lat_from_direction},
     ephemeris::{Ephemeris, Kernels, icrs_from_ecliptic},
     solar_system::SolarBody,
     units::{DAY_S, LIGHT_M_S},
@@ -219,6 +219,14 @@ impl Frame {
         sign * angle_deg.to_radians()
     }
 
+    /// Angle in degrees, 0 to 360, of a longitude in the frame's axes, rad: the inverse of [`Self::longitude_rad`].
+    pub fn longitude_deg(self, longitude_rad: f64) -> f64 {
+        let sign = if self == Self::Horizon { -1.0 } else { 1.0 };
+        let angle_deg = (sign * longitude_rad).to_degrees().rem_euclid(360.0);
+        // The remainder of a tiny negative angle rounds up to the full circle.
+        if angle_deg < 360.0 { angle_deg } else { 0.0 }
+    }
+
     /// Rotation from the frame's axes to ICRS at a moment, s since 2000-01-01T12:00:00 of civil time; `None` for the
     /// horizon without an observer.
     pub fn icrs_from(self, observer: Option<&Observer>, time_s: f64) -> Option<DMat3> {
@@ -248,4 +256,12 @@ pub fn frame_from_camera(longitude_rad: f64, latitude_rad: f64, roll_rad: f64) -
     let up = direction_from_lon_lat(longitude_rad, latitude_rad + FRAC_PI_2);
     let level = DQuat::from_mat3(&DMat3::from_cols(ahead.cross(up), up, -ahead));
     (level * DQuat::from_rotation_z(roll_rad)).normalize()
+}
+
+/// Longitude, latitude and roll of a camera, rad: the inverse of [`frame_from_camera`].
+pub fn direction_of_camera(frame_from_camera_axes: DQuat) -> [f64; 3] {
+    let (longitude_rad, latitude_rad) = lon_lat_from_direction(frame_from_camera_axes * DVec3::NEG_Z);
+    let level = frame_from_camera(longitude_rad, latitude_rad, 0.0);
+    let right = level.inverse() * (frame_from_camera_axes * DVec3::X);
+    [longitude_rad, latitude_rad, right.y.atan2(right.x)]
 }

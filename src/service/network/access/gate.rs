@@ -32,6 +32,11 @@ pub(crate) struct Caller {
 }
 
 impl Caller {
+    /// Returns the caller's role.
+    pub(crate) fn role(&self) -> Role {
+        self.role
+    }
+
     /// Returns the caller of a request.
     ///
     /// # Errors

@@ -53,6 +53,10 @@ pub struct Access {
     pub tls: Option<Arc<rustls::ServerConfig>>,
     /// The time in which the daemon's certificate is valid.
     pub certificate_validity: Option<Validity>,
+    /// Names of `server.hosts` that the daemon's certificate has.
+    pub certified_hosts: Vec<String>,
+    /// The other ones: clients that use them refuse the certificate.
+    pub uncertified_hosts: Vec<String>,
 }
 
 /// Reads [`Access`] at the start of the daemon and on each reload. The error states the problem and its place.
@@ -139,6 +143,15 @@ impl Access {
         ))
     }
 
+    /// Returns what is wrong with the certificate or soon will be.
+    pub(crate) fn warnings(&self, now: SystemTime) -> Vec<String> {
+        let unnamed = self.uncertified_hosts.iter();
+        let unnamed = unnamed.map(|host| {
+            format!("server.tls.certificate: it does not name `{host}` of server.hosts: clients that use this name refuse it")
+        });
+        self.certificate_validity.and_then(|validity| validity.warning(now)).into_iter().chain(unnamed).collect()
+    }
+
     /// Checks that a running daemon may switch to other rules. A file that is read while it is being written may be
     /// empty: it must not open the daemon to every client.
     ///
@@ -148,6 +161,11 @@ impl Access {
     pub(crate) fn check_successor(&self, other: &Self, now: SystemTime) -> Result<(), String> {
         if let Some(validity) = &other.certificate_validity {
             validity.check(now).map_err(|problem| format!("server.tls.certificate: {problem}"))?;
+        }
+        if let Some(host) = other.uncertified_hosts.iter().find(|host| self.certified_hosts.contains(host)) {
+            return Err(format!(
+                "server.tls.certificate: it does not name `{host}` of server.hosts, as the present one does"
+            ));
         }
         let lost = [
             (self.tls.is_some() && other.tls.is_none(), "[server.tls]"),
@@ -201,7 +219,7 @@ impl Access {
 #[allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
 mod tests {
     use super::*;
-    use crate::service::network::clients::From;
+    use crate::service::network::clients::{From, Shares};
 
     fn access(token: &str) -> Access {
         let desk = Admitted { name: "desk".to_owned(), role: Role::Steer, digest: digest_of(token) };
@@ -222,7 +240,8 @@ mod tests {
 
     #[test]
     fn only_the_right_token_identifies_a_caller() {
-        let (access, client) = (access("right"), ClientInfo::new(&Arc::default(), From::Network("test".to_owned())));
+        let (access, client) =
+            (access("right"), ClientInfo::new(&Arc::new(Shares::new(16)), From::Network("test".to_owned())));
         let who = |headers: &HeaderMap| {
             access.credentials(&client, headers).and_then(|credentials| access.caller(credentials))
         };

@@ -4,8 +4,9 @@ use std::{path::Path, sync::Arc};
 
 use rustls::{
     RootCertStore, ServerConfig,
-    pki_types::{CertificateDer, PrivateKeyDer, pem::PemObject},
-    server::WebPkiClientVerifier,
+    client::verify_server_name,
+    pki_types::{CertificateDer, PrivateKeyDer, ServerName, pem::PemObject},
+    server::{ParsedCertificate, WebPkiClientVerifier},
 };
 
 use super::{Access, Admitted, Validity, digest_of};
@@ -30,10 +31,26 @@ fn certificates(key: &str, path: &Path) -> Result<Vec<CertificateDer<'static>>, 
     if all.is_empty() { Err(wrong("it contains none".to_owned())) } else { Ok(all) }
 }
 
-fn server(of: &TlsConfig, folder: &Path) -> Result<(ServerConfig, Validity), String> {
+/// Splits host names into those that a certificate names and the others.
+fn split_hosts(certificate: &CertificateDer<'_>, hosts: &[String]) -> Result<[Vec<String>; 2], String> {
+    let parsed = ParsedCertificate::try_from(certificate).map_err(|error| error.to_string())?;
+    let is_named = |host: &&String| {
+        let name = ServerName::try_from(host.as_str());
+        name.is_ok_and(|name| verify_server_name(&parsed, &name).is_ok())
+    };
+    let (named, unnamed): (Vec<_>, Vec<_>) = hosts.iter().partition(is_named);
+    Ok([named, unnamed].map(|hosts| hosts.into_iter().cloned().collect()))
+}
+
+fn server(
+    of: &TlsConfig,
+    folder: &Path,
+    hosts: &[String],
+) -> Result<(ServerConfig, Validity, [Vec<String>; 2]), String> {
     let chain = certificates("server.tls.certificate", &folder.join(&of.certificate))?;
-    let validity = Validity::of(&chain[0])
-        .map_err(|problem| format!("server.tls.certificate = {}: {problem}", of.certificate.display()))?;
+    let wrong = |problem: String| format!("server.tls.certificate = {}: {problem}", of.certificate.display());
+    let validity = Validity::of(&chain[0]).map_err(wrong)?;
+    let hosts = split_hosts(&chain[0], hosts).map_err(wrong)?;
     let path = folder.join(&of.key);
     let key = PrivateKeyDer::from_pem_slice(&read("server.tls.key", &path)?).map_err(|error| {
         format!("server.tls.key = {}: {error}; it must contain a private key in PEM", path.display())
@@ -59,7 +76,7 @@ fn server(of: &TlsConfig, folder: &Path) -> Result<(ServerConfig, Validity), Str
         .with_single_cert(chain, key)
         .map_err(|error| format!("server.tls.certificate and server.tls.key: {error}"))?;
     server.alpn_protocols = PROTOCOLS.map(<[u8]>::to_vec).to_vec();
-    Ok((server, validity))
+    Ok((server, validity, hosts))
 }
 
 impl Access {
@@ -69,8 +86,12 @@ impl Access {
     ///
     /// A file cannot be read or is invalid: names the file and the reason.
     pub fn from_config(config: &config::ServerConfig, folder: &Path) -> Result<Self, String> {
-        let tls = config.tls.as_ref().map(|tls| server(tls, folder)).transpose()?;
-        let (tls, certificate_validity) = tls.map(|(server, validity)| (Arc::new(server), validity)).unzip();
+        let tls = config.tls.as_ref().map(|tls| server(tls, folder, &config.hosts)).transpose()?;
+        let (tls, certificate_validity, hosts) = match tls {
+            Some((server, validity, hosts)) => (Some(Arc::new(server)), Some(validity), hosts),
+            None => (None, None, [Vec::new(), Vec::new()]),
+        };
+        let [certified_hosts, uncertified_hosts] = hosts;
         if !config.certificates.is_empty() && config.tls.as_ref().is_none_or(|tls| tls.client_ca.is_none()) {
             return Err(
                 "[[server.certificates]] need server.tls.client_ca, the certificate that has signed them".to_owned()
@@ -87,6 +108,13 @@ impl Access {
             Ok(Admitted { name: certificate.name.clone(), role: certificate.role, digest })
         });
         let certificates = certificates.collect::<Result<Vec<_>, String>>()?;
-        Ok(Self { tokens: tokens.collect(), certificates, tls, certificate_validity })
+        Ok(Self {
+            tokens: tokens.collect(),
+            certificates,
+            tls,
+            certificate_validity,
+            certified_hosts,
+            uncertified_hosts,
+        })
     }
 }
