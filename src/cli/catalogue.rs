@@ -22,9 +22,10 @@ pub struct CatalogueArguments {
 
 #[derive(Debug, Subcommand)]
 enum CatalogueCommand {
-    /// Read catalogues (CSV, JSON, stores, builtin:bright) and write them as one store.
+    /// Read catalogues (CSV, TSV, ECSV, JSON, VOTable, FITS, Parquet, also compressed with gzip; stores; builtin:bright) and write them as
+    /// one store.
     #[command(after_help = "Examples:\n  \
-        steradian catalogue import hipparcos.csv --out hipparcos.stars\n  \
+        steradian catalogue import hipparcos.vot.gz --out hipparcos.stars\n  \
         steradian catalogue import builtin:bright faint.json --out sky.stars\n\n\
         A row that cannot be used is reported with its line number; exit code 65 if no row is usable.")]
     Import {

@@ -199,6 +199,92 @@ pub fn json() -> Vec<Vec<u8>> {
     files("tests/data/catalogues", &["json"])
 }
 
+pub const VOTABLE: &[&str] = &[
+    "<",
+    "/>",
+    "</",
+    ">",
+    "'",
+    "<!--",
+    "<![CDATA[",
+    "]]>",
+    "&amp;",
+    "&#x41;",
+    "VOTABLE",
+    "RESOURCE",
+    "TABLE",
+    "FIELD",
+    "VALUES",
+    "TABLEDATA",
+    "BINARY",
+    "BINARY2",
+    "STREAM",
+    "TR",
+    "TD",
+    "INFO",
+    "name=",
+    "datatype=",
+    "arraysize=",
+    "unit=",
+    "ucd=",
+    "null=",
+    "encoding=",
+    "href=",
+    "long",
+    "double",
+    "unicodeChar",
+    "bit",
+    "*",
+    "999999999",
+    "2x3*",
+    "pos.eq.ra",
+    "deg",
+    "rad",
+];
+
+pub fn votable() -> Vec<Vec<u8>> {
+    files("tests/data/catalogues", &["vot"])
+}
+
+pub const CARDS: &[&str] = &[
+    "XTENSION",
+    "BINTABLE",
+    "BITPIX",
+    "NAXIS",
+    "NAXIS1",
+    "NAXIS2",
+    "PCOUNT",
+    "GCOUNT",
+    "TFIELDS",
+    "TTYPE1",
+    "TFORM1",
+    "TFORM2",
+    "TUNIT1",
+    "TSCAL1",
+    "TZERO1",
+    "TNULL1",
+    "TUCD1",
+    "ZTABLE",
+    "END     ",
+    "= ",
+    "'D       '",
+    "'9999999A'",
+    "'1PE(9)'",
+    "9223372036854775807",
+    "-32768",
+    "1E308",
+    "T",
+    "F",
+];
+
+pub fn fits_table() -> Vec<Vec<u8>> {
+    files("tests/data/catalogues", &["fits"])
+}
+
+pub fn parquet() -> Vec<Vec<u8>> {
+    files("tests/data/catalogues", &["parquet"])
+}
+
 pub fn star_store() -> Vec<Vec<u8>> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("seed.stars");

@@ -253,6 +253,32 @@ impl Distance {
     }
 }
 
+/// Checks the unit of a declination that the file states: radians beside a right ascension in radians, else degrees.
+fn check_dec_unit(finder: &Finder<'_>, dec: usize, ra_unit: RaUnit) -> Result<(), String> {
+    let Some(unit) = finder.unit(dec) else { return Ok(()) };
+    let is_radians = matches!(unit, "rad" | "radian" | "radians");
+    let is_degrees = matches!(unit, "deg" | "degree" | "degrees" | "\u{b0}" | "\"d:m:s\"");
+    match ra_unit {
+        RaUnit::Radians if is_radians => Ok(()),
+        RaUnit::Degrees | RaUnit::Hours | RaUnit::Unknown if is_degrees => Ok(()),
+        RaUnit::Radians => Err(format!("{} is in {unit}, but the right ascension in radians", finder.names[dec])),
+        _ => Err(format!("{} is in {unit}; it must be in degrees", finder.names[dec])),
+    }
+}
+
+/// Unit of a right ascension that the file states.
+fn stated_ra_unit(finder: &Finder<'_>, ra: usize) -> Result<Option<RaUnit>, String> {
+    Ok(match finder.unit(ra) {
+        None => None,
+        Some("rad" | "radian" | "radians") => Some(RaUnit::Radians),
+        Some("h" | "hr" | "hour" | "hours" | "hourangle" | "\"h:m:s\"") => Some(RaUnit::Hours),
+        Some("deg" | "degree" | "degrees" | "\u{b0}" | "\"d:m:s\"") => Some(RaUnit::Degrees),
+        Some(unit) => {
+            return Err(format!("{} is in {unit}; it must be in degrees, radians or hours", finder.names[ra]));
+        }
+    })
+}
+
 /// Right ascension and declination, and the epoch of both if their names give it.
 fn equatorial(
     finder: &mut Finder<'_>,
@@ -261,29 +287,29 @@ fn equatorial(
 ) -> Result<Option<(Direction, Option<f64>)>, String> {
     for (ra_name, dec_name, epoch) in DEGREES {
         if let (Some(ra), Some(dec)) = (finder.find(&[ra_name])?, finder.find(&[dec_name])?) {
-            let unit = match finder.unit(ra) {
-                Some("rad") => RaUnit::Radians,
-                Some(unit) if unit.contains('h') => RaUnit::Hours,
+            let unit = match stated_ra_unit(finder, ra)? {
+                Some(unit) => unit,
                 // The table of the Hipparcos reduction is in radians, VizieR's answers are in degrees.
                 None if *ra_name == "rarad" => {
                     return Err("rarad may be radians or degrees: name it ra_deg, or keep the line of units".into());
                 }
-                _ => RaUnit::Degrees,
+                None => RaUnit::Degrees,
             };
+            check_dec_unit(finder, dec, unit)?;
             return Ok(Some((Direction::Equatorial { ra, dec, unit }, *epoch)));
         }
     }
     let columns = (finder.find(&["ra", "ra_deg"])?, finder.find(&["dec", "dec_deg", "de"])?);
     let (Some(ra), Some(dec)) = columns else { return Ok(None) };
-    let is_degrees = |unit: &str| unit.starts_with("deg") || unit == "\"d:m:s\"";
-    let says_degrees = finder.has("ra_deg") || finder.unit(ra).is_some_and(is_degrees);
     let like_gaia = source.is_gaia() || has_parallax;
-    let unit = match (source.is_hyg(), like_gaia) {
-        _ if says_degrees => RaUnit::Degrees,
-        (true, false) => RaUnit::Hours,
-        (false, true) => RaUnit::Degrees,
+    let unit = match (stated_ra_unit(finder, ra)?, source.is_hyg(), like_gaia) {
+        (Some(unit), ..) => unit,
+        _ if finder.has("ra_deg") => RaUnit::Degrees,
+        (None, true, false) => RaUnit::Hours,
+        (None, false, true) => RaUnit::Degrees,
         _ => RaUnit::Unknown,
     };
+    check_dec_unit(finder, dec, unit)?;
     Ok(Some((Direction::Equatorial { ra, dec, unit }, None)))
 }
 
@@ -301,12 +327,19 @@ impl Motion {
         let pm_dec = finder.find(&["pm_dec_mas_yr", "pmdec", "pm_dec", "pmde"])?;
         let unit = pm_ra.and_then(|column| finder.unit(column)).map(|unit| unit.replace(' ', ""));
         let pm_unit_mas = match unit.as_deref() {
-            None | Some("mas/yr" | "mas/a" | "mas.yr-1" | "mas*yr-1" | "masyr-1" | "mas.yr**-1") => 1.0,
+            None | Some("mas/yr" | "mas/a" | "mas.yr-1" | "mas*yr-1" | "masyr-1" | "mas.yr**-1" | "masyr**-1") => 1.0,
             Some("arcsec/yr" | "arcsec/a" | "arcsec.yr-1" | "arcsecyr-1" | "arcsec.yr**-1") => 1000.0,
             Some(unit) => return Err(format!("the proper motion is in {unit}; it must be in mas/yr or arcsec/yr")),
         };
         let radial = ["radial_velocity_km_s", "radial_velocity", "rv", "radvel", "rv_value", "rvel"];
-        Ok(Self { pm_ra, pm_dec, pm_unit_mas, radial_velocity_km_s: finder.find(&radial)? })
+        let radial_velocity_km_s = finder.find(&radial)?;
+        let unit = radial_velocity_km_s.and_then(|column| finder.unit(column)).map(|unit| unit.replace(' ', ""));
+        if let Some(unit) = unit
+            && !["km/s", "km.s-1", "km*s-1", "kms-1", "km.s**-1", "kms**-1"].contains(&unit.as_str())
+        {
+            return Err(format!("the radial velocity is in {unit}; it must be in km/s"));
+        }
+        Ok(Self { pm_ra, pm_dec, pm_unit_mas, radial_velocity_km_s })
     }
 }
 

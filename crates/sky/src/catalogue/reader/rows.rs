@@ -29,6 +29,22 @@ impl Rows {
         Self { report, stars: Vec::new(), hashes: Vec::new(), named: Vec::new(), years }
     }
 
+    /// The same for a format without lines.
+    pub fn without_lines(mut self) -> Self {
+        self.report.without_lines = true;
+        self
+    }
+
+    /// Number of rows that were added.
+    pub fn count(&self) -> usize {
+        self.report.rows
+    }
+
+    /// Adds a remark on the whole file to the report.
+    pub fn note(&mut self, note: String) {
+        self.report.notes.push(note);
+    }
+
     /// Adds a row, or the reason why its fields cannot be read. `place` begins the reason in the report.
     ///
     /// # Errors
@@ -60,7 +76,8 @@ impl Rows {
             Err(Refusal::Row(reason)) => self.report.reject(line, format!("{place}{reason}")),
             Err(Refusal::File(reason)) => {
                 let reason = format!("{place}{reason}");
-                return Err(CatalogueError::Malformed { file: self.report.file.clone(), line, reason });
+                let place = self.report.place(line);
+                return Err(CatalogueError::Malformed { file: self.report.file.clone(), place, reason });
             }
         }
         Ok(())
