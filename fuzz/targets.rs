@@ -89,7 +89,7 @@ pub fn parquet(data: &[u8]) -> String {
 
 /// A store of stars.
 pub fn star_store(data: &[u8]) -> String {
-    answer(store::read(&file("fuzz.stars", data)).map(|store| store::records_of(&store.stars)))
+    answer(store::read(&file("fuzz.stars", data)).map(|store| store.named(&store.records(100.0))))
 }
 
 /// A shape: glTF, as text or with a binary part, and its buffers.

@@ -6,11 +6,12 @@ use super::CliError;
 use super::progress::{LoadingProgress, PreparingProgress};
 use crate::catalogue::chunks::StarSet;
 use crate::catalogue::epoch::Epoch;
+use crate::catalogue::store::Store;
 use crate::config::Config;
 use crate::plan::view_settings::FrameGroup;
 use crate::render::{RenderError, Renderer, Wanted};
 use crate::scene::SceneObjects;
-use crate::scene::loader::{LoadReport, StarSource, load_stars};
+use crate::scene::loader::{LoadError, LoadReport, StarSource, import_stars, load_stars};
 
 /// The scene of a configuration.
 pub struct LoadedScene {
@@ -73,6 +74,20 @@ pub fn stars(sources: &[StarSource], epoch: &Epoch, origin: &str) -> Result<(Sta
         source,
     })?;
     progress.finish(set.stars.len());
+    log(&report);
+    Ok((set, report))
+}
+
+/// Reads catalogues for a store, with progress and the same warnings.
+pub fn import(sources: &[StarSource]) -> Result<(Store, LoadReport), LoadError> {
+    let mut progress = LoadingProgress::new();
+    let (store, report) = import_stars(sources, &mut |step| progress.step(&step))?;
+    progress.finish(store.stars.stars.len());
+    log(&report);
+    Ok((store, report))
+}
+
+fn log(report: &LoadReport) {
     for rows in report.catalogues.iter().filter_map(|catalogue| catalogue.rows.as_ref()) {
         if rows.rejected > 0 {
             tracing::warn!("{rows}");
@@ -83,5 +98,9 @@ pub fn stars(sources: &[StarSource], epoch: &Epoch, origin: &str) -> Result<(Sta
     for overlap in &report.overlaps {
         tracing::warn!("{overlap}: both entries are added, so these stars are twice as bright");
     }
-    Ok((set, report))
+    for repetition in &report.repetitions {
+        tracing::warn!(
+            "{repetition}: double stars, or stars that are listed twice and so twice as bright; all entries are added"
+        );
+    }
 }

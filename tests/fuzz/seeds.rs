@@ -9,12 +9,12 @@ use exr::prelude::{
     Vec2, WritableImage, f16,
 };
 use png::{BitDepth, ColorType};
-use steradian::{
-    StarSet,
-    catalogue::{
-        bright::bright_stars,
-        store::{self, Store},
-    },
+use steradian::catalogue::{
+    StarRecord,
+    bright::bright_stars,
+    motion::StarVelocity,
+    names::{NamesOfStar, StarNames},
+    store::{self, Store},
 };
 
 use crate::{
@@ -289,8 +289,11 @@ pub fn star_store() -> Vec<Vec<u8>> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("seed.stars");
     let store = |stars: usize, description: &str| {
-        let records = bright_stars(0.0).into_iter().take(stars).collect();
-        let store = Store { description: description.to_owned(), stars: StarSet::from_records(records) };
+        let records: Vec<StarRecord> = bright_stars(0.0).into_iter().take(stars).collect();
+        let velocities = (0..stars.min(3) as u32).map(|star| StarVelocity { star, velocity: [1e-6; 3] }).collect();
+        let names = StarNames { name: "Name".into(), designations: vec!["HIP 1".into()] };
+        let names = (0..stars.min(2) as u32).map(|star| NamesOfStar { star, names: names.clone() }).collect();
+        let store = Store::from_records(description.to_owned(), records, velocities, names);
         store::write(&path, &store).unwrap();
         fs::read(&path).unwrap()
     };

@@ -30,7 +30,8 @@ use std::path::{Path, PathBuf};
 use flate2::read::MultiGzDecoder;
 
 use super::StarRecord;
-use super::names::NamedStar;
+use super::motion::StarVelocity;
+use super::names::{NamedStar, NamesOfStar};
 use crate::files;
 
 pub use sources::Source;
@@ -59,10 +60,19 @@ const MOST_GZIP_PARQUET_BYTES: u64 = 1 << 30;
 pub struct CatalogueRead {
     /// The usable stars in the order of the file.
     pub stars: Vec<StarRecord>,
-    /// The named stars among the first [`NAMED_STARS_KEPT`] stars.
-    pub named: Vec<NamedStar>,
+    /// Names among the first [`NAMED_STARS_KEPT`] stars, by increasing index.
+    pub names: Vec<NamesOfStar>,
+    /// Velocities of the stars that move, by increasing index.
+    pub velocities: Vec<StarVelocity>,
     /// Counts of used and rejected rows.
     pub report: ReadReport,
+}
+
+impl CatalogueRead {
+    /// The named stars.
+    pub fn named(&self) -> Vec<NamedStar> {
+        self.names.iter().map(|of| NamedStar::from_file(of.names.clone(), self.stars[of.star as usize])).collect()
+    }
 }
 
 /// Counts of the rows of one file: `rows == used + rejected + repeated`.
@@ -94,6 +104,8 @@ pub struct ReadReport {
     pub hp_taken_as_v: usize,
     /// Used rows with a proper motion or a radial velocity.
     pub moving: usize,
+    /// Used rows beyond the first [`NAMED_STARS_KEPT`] whose names are not kept.
+    pub names_left_out: usize,
     /// Rows that repeat another row of the file in all fields.
     pub repeated: usize,
     /// Used rows with Gaia's G instead of V, because BP-RP is missing.
@@ -161,28 +173,24 @@ impl ReadReport {
         self.colour_ignored += usize::from(notes.colour_ignored);
         self.g_taken_as_v += usize::from(notes.g_taken_as_v);
         self.hp_taken_as_v += usize::from(notes.hp_taken_as_v);
-        self.moving += usize::from(notes.moves);
+        self.moving += usize::from(notes.velocity.is_some());
     }
 
-    /// Returns the result for a whole file: an error if none of its rows is usable.
-    fn finish(
-        mut self,
-        stars: Vec<StarRecord>,
-        hashes: Vec<u64>,
-        named: Vec<NamedStar>,
-    ) -> Result<CatalogueRead, CatalogueError> {
+    /// An error if the file has no rows, or if none of them is usable.
+    fn check(&self) -> Result<(), CatalogueError> {
+        let file = self.file.clone();
         if self.rows == 0 {
-            return Err(CatalogueError::NoRow { file: self.file });
+            return Err(CatalogueError::NoRow { file });
         }
-        let Some(first) = self.first_rejected.first().filter(|_| stars.is_empty()) else {
-            let rows = stars.len();
-            let stars = rows::without_repetitions(stars, hashes);
-            self.repeated = rows - stars.len();
-            self.used -= self.repeated;
-            return Ok(CatalogueRead { stars, named, report: self });
-        };
-        let (place, reason) = (self.place(first.line), first.reason.clone());
-        Err(CatalogueError::NoUsableRow { file: self.file, rejected: self.rejected, place, reason })
+        match self.first_rejected.first().filter(|_| self.used == 0) {
+            Some(first) => Err(CatalogueError::NoUsableRow {
+                file,
+                rejected: self.rejected,
+                place: self.place(first.line),
+                reason: first.reason.clone(),
+            }),
+            None => Ok(()),
+        }
     }
 }
 
@@ -198,6 +206,7 @@ impl fmt::Display for ReadReport {
             (self.g_taken_as_v, "without BP-RP (G taken as V)"),
             (self.hp_taken_as_v, "without V (Hp taken as V)"),
             (self.repeated, "repeated (drawn once)"),
+            (self.names_left_out, "with names that are not kept (only those of the first 300000 stars are)"),
         ] {
             if count > 0 {
                 write!(f, ", {count} {note}")?;

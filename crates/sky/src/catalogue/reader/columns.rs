@@ -426,6 +426,11 @@ impl Columns {
         })
     }
 
+    /// The same columns with other names in messages.
+    pub fn called(self, names: &[String]) -> Self {
+        Self { header: names.iter().map(|name| normalised(name)).collect(), ..self }
+    }
+
     /// Name of a column, in lower case, for messages.
     pub fn name(&self, column: usize) -> &str {
         &self.header[column]

@@ -23,8 +23,8 @@ fn every_format_gives_the_stars_of_csv() {
         let copy = folder.path().join("stars.csv");
         std::fs::write(&copy, zipped(&std::fs::read(path(name)).unwrap())).unwrap();
         for file in [path(name), copy] {
-            let CatalogueRead { stars, named, report } =
-                read_file(&file, 0.0).unwrap_or_else(|e| panic!("{name}: {e}"));
+            let read = read_file(&file, 0.0).unwrap_or_else(|e| panic!("{name}: {e}"));
+            let (named, CatalogueRead { stars, report, .. }) = (read.named(), read);
             assert_eq!(stars, expected.stars, "{name}");
             assert_eq!((report.rows, report.used, report.source), (3, 3, Source::Gaia), "{name}: {report}");
             assert_eq!(report.without_colour, expected.report.without_colour, "{name}: {report}");
@@ -69,7 +69,8 @@ fn votables_are_read_with_prefixes_nulls_and_entities() {
         FIELDS.replace('<', "<v:").replace("<v:/", "</v:"),
         FIELDS.replace('<', "<v:").replace("<v:/", "</v:"),
     );
-    let CatalogueRead { stars, named, report } = votable(&text).unwrap();
+    let read = votable(&text).unwrap();
+    let (named, CatalogueRead { stars, report, .. }) = (read.named(), read);
     assert_eq!((stars.len(), report.rejected), (1, 2), "{report}");
     assert!((stars[0].position - direction(10.0, -20.0)).length() < 1e-12);
     assert_eq!(named[0].name, "A & BC");
@@ -101,12 +102,17 @@ fn ucds_and_units_explain_columns_with_unknown_names() {
         assert!((stars[0].position - direction(ra_deg, dec_deg) * 20.0).length() < 1e-9, "{units:?}");
         assert!((stars[0].apparent_magnitude() - 2.0).abs() < 1e-6);
     }
-    for [ra, dec, parallax] in
-        [["gon", "deg", "mas"], ["rad", "deg", "mas"], ["deg", "rad", "mas"], ["deg", "deg", "arcsec"]]
-    {
+    for ([ra, dec, parallax], part) in [
+        (["gon", "deg", "mas"], "ra_deg is in gon"),
+        (["rad", "deg", "mas"], "dec_deg is in deg, but the right ascension in radians"),
+        (["deg", "rad", "mas"], "dec_deg is in rad; it must be in degrees"),
+        (["deg", "deg", "arcsec"], "parallax_mas is in arcsec"),
+    ] {
         let error = votable(&text(ra, dec, parallax)).unwrap_err().to_string();
-        assert!(error.contains("no direction") && error.contains("alpha, delta"), "{error}");
+        assert!(error.contains(part) && error.contains("alpha, delta"), "{error}");
     }
+    let error = votable(&text("deg", "deg", "mas").replace("0.5", "95")).unwrap_err().to_string();
+    assert!(error.contains("delta = \"95\" is outside"), "{error}");
 }
 
 #[test]
@@ -206,7 +212,8 @@ fn fits(bytes: &[u8]) -> Result<CatalogueRead, CatalogueError> {
 
 #[test]
 fn scaled_unsigned_and_missing_values_of_fits_are_read() {
-    let CatalogueRead { stars, named, report } = fits(&fits_file(&[])).unwrap();
+    let read = fits(&fits_file(&[])).unwrap();
+    let (named, CatalogueRead { stars, report, .. }) = (read.named(), read);
     assert_eq!((stars.len(), report.rejected, report.without_colour), (2, 0, 1), "{report}");
     assert!((stars[0].position - direction(10.5, -20.0)).length() < 1e-12);
     assert!((stars[1].position - direction(0.0, 5.0)).length() < 1e-12);
@@ -218,7 +225,7 @@ fn scaled_unsigned_and_missing_values_of_fits_are_read() {
         let place = gaia.windows(from.len()).position(|window| window == from.as_bytes()).unwrap();
         gaia[place..place + to.len()].copy_from_slice(to.as_bytes());
     }
-    let named = fits(&gaia).unwrap().named;
+    let named = fits(&gaia).unwrap().named();
     assert!(named[0].others.iter().chain([&named[0].designation]).any(|name| name == "Gaia 7"), "{named:?}");
     let last = &named[1].designation;
     assert_eq!(last, "Gaia 9223372036854775807");

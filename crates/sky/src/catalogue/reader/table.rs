@@ -52,8 +52,13 @@ impl Head {
                 *name = (*known).to_owned();
             }
         }
-        // The error names the columns of the file, not their replacements.
-        Columns::recognise(&names, Some(&self.units)).or(by_name)
+        if names == self.names {
+            return by_name;
+        }
+        let by_ucd = Columns::recognise(&names, Some(&self.units));
+        by_ucd
+            .map(|columns| columns.called(&self.names))
+            .map_err(|reason| format!("{reason} (columns known by their UCD)"))
     }
 }
 
