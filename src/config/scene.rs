@@ -115,7 +115,7 @@ pub struct GalaxyConfig {
     pub unresolved_light: bool,
 }
 
-/// A map of light that does not come from single stars, instead of that of the galaxy: HEALPix cells in a FITS file, nested, in celestial coordinates, with one column of numbers.
+/// A map of light that does not come from single stars, instead of that of the galaxy: HEALPix cells in a FITS file, nested or in rings, in celestial or galactic coordinates. Cells without a value (UNSEEN) give no light.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LightConfig {

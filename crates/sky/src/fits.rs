@@ -1,11 +1,15 @@
 //! Headers of FITS files (Flexible Image Transport System, FITS Standard 4.0): cards of 80 characters in blocks of 2880 bytes.
 
 use std::collections::HashMap;
+use std::io::{self, Read};
 
 /// Length of a block, bytes; header and data of a unit are padded to whole blocks.
 pub const BLOCK: usize = 2880;
 /// Length of a card, bytes.
 pub const CARD: usize = 80;
+
+/// Most bytes of a header that is read from a stream: 999 columns with ten cards each need less than half.
+const MOST_HEADER_BYTES: usize = 2 << 20;
 
 /// A header: keywords and their values as text, strings without quotes.
 #[derive(Clone, Debug, Default)]
@@ -43,6 +47,28 @@ impl Header {
             }
         }
         Err(format!("the header at byte {start} has no END"))
+    }
+
+    /// Reads the next header of a file; `None` at its end. What follows the last unit and is shorter than a block is ignored.
+    ///
+    /// # Errors
+    /// Reading fails, or (inside) the header is not valid.
+    pub fn next(source: &mut impl Read) -> io::Result<Option<Result<Self, String>>> {
+        let mut bytes = Vec::new();
+        loop {
+            let start = bytes.len();
+            source.by_ref().take(BLOCK as u64).read_to_end(&mut bytes)?;
+            if bytes.len() < BLOCK {
+                return Ok(None);
+            }
+            let block = &bytes[start..];
+            if block.chunks_exact(CARD).any(|card| card.starts_with(b"END     ")) {
+                return Ok(Some(Header::read(&bytes, 0).map(|(header, _)| header)));
+            }
+            if block.len() < BLOCK || bytes.len() > MOST_HEADER_BYTES {
+                return Ok(Some(Err(format!("a header of {} bytes has no END", bytes.len()))));
+            }
+        }
     }
 
     /// Sizes of the axes.

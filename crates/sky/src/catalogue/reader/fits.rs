@@ -9,10 +9,8 @@ use std::io::{self, Read};
 use super::scalar::Scalar;
 use super::table::{Head, Table};
 use super::{CatalogueError, CatalogueRead, RowPlace};
-use crate::fits::{BLOCK, CARD, Header};
+use crate::fits::Header;
 
-/// Most bytes of a header: 999 columns with ten cards each need less than half.
-const MOST_HEADER_BYTES: usize = 2 << 20;
 /// Most bytes of a row. Tables stored column by column have a single row with everything.
 const MOST_ROW_BYTES: usize = 1 << 24;
 
@@ -63,7 +61,7 @@ pub fn read_fits_from(mut source: impl Read, file: &str, years: f64) -> Result<C
     let io_error = |source| CatalogueError::Io { file: file.to_owned(), place: RowPlace::Head, source };
     let mut seen = Vec::new();
     let mut refused = None;
-    while let Some(header) = next_header(&mut source).map_err(io_error)? {
+    while let Some(header) = Header::next(&mut source).map_err(io_error)? {
         let header = header.map_err(|reason| malformed(RowPlace::Head, reason))?;
         let kind = header.0.get("XTENSION").map_or("primary", String::as_str);
         let length = header.data_bytes().map_err(|reason| malformed(RowPlace::Head, reason))?;
@@ -89,25 +87,6 @@ pub fn read_fits_from(mut source: impl Read, file: &str, years: f64) -> Result<C
             format!("no binary table; units of the file: {found}; a star catalogue in FITS is a BINTABLE"),
         )
     }))
-}
-
-/// The next header; `None` at the end of the file. What follows the last unit and is shorter than a block is ignored.
-fn next_header(source: &mut impl Read) -> io::Result<Option<Result<Header, String>>> {
-    let mut bytes = Vec::new();
-    loop {
-        let start = bytes.len();
-        source.by_ref().take(BLOCK as u64).read_to_end(&mut bytes)?;
-        if bytes.len() < BLOCK {
-            return Ok(None);
-        }
-        let block = &bytes[start..];
-        if block.chunks_exact(CARD).any(|card| card.starts_with(b"END     ")) {
-            return Ok(Some(Header::read(&bytes, 0).map(|(header, _)| header)));
-        }
-        if block.len() < BLOCK || bytes.len() > MOST_HEADER_BYTES {
-            return Ok(Some(Err(format!("a header of {} bytes has no END", bytes.len()))));
-        }
-    }
 }
 
 /// The columns that are read with their head, and the names of the others.
