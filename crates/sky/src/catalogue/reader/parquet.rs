@@ -2,6 +2,7 @@
 //!
 //! Compression: none, snappy or gzip. Parquet states no units, so names decide as in CSV.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use ::parquet::basic::Compression;
@@ -22,12 +23,19 @@ pub fn read_parquet_from(bytes: Vec<u8>, file: &str, years: f64) -> Result<Catal
     read(Bytes::from(bytes), file, years)
 }
 
-/// Reads a catalogue in Parquet from an open file or from bytes.
+/// Reads a catalogue in Parquet from an open file or from bytes. The crate panics on some damaged files; such a panic is an error here.
 pub(super) fn read(
     source: impl ChunkReader + 'static,
     file: &str,
     years: f64,
 ) -> Result<CatalogueRead, CatalogueError> {
+    catch_unwind(AssertUnwindSafe(|| read_whole(source, file, years))).unwrap_or_else(|_| {
+        let reason = "not Parquet: the file is damaged".to_owned();
+        Err(CatalogueError::Malformed { file: file.to_owned(), place: RowPlace::Head, reason })
+    })
+}
+
+fn read_whole(source: impl ChunkReader + 'static, file: &str, years: f64) -> Result<CatalogueRead, CatalogueError> {
     let malformed =
         |place: RowPlace, reason: String| CatalogueError::Malformed { file: file.to_owned(), place, reason };
     let damaged = |place| move |error: ParquetError| malformed(place, format!("not Parquet: {error}"));
@@ -51,6 +59,11 @@ pub(super) fn read(
     for column in metadata.row_groups().iter().flat_map(|group| group.columns()) {
         let is_read = column.column_path().parts().len() == 1;
         let compression = column.compression();
+        let offsets =
+            [column.data_page_offset(), column.dictionary_page_offset().unwrap_or(0), column.compressed_size()];
+        if offsets.iter().any(|offset| *offset < 0) {
+            return Err(malformed(RowPlace::Head, "not Parquet: a column begins or ends before the file".to_owned()));
+        }
         if is_read && !matches!(compression, Compression::UNCOMPRESSED | Compression::SNAPPY | Compression::GZIP(_)) {
             let reason =
                 format!("compressed with {compression}; it must be uncompressed, or compressed with snappy or gzip");
