@@ -72,9 +72,24 @@ pub fn json(data: &[u8]) -> String {
     answer(reader::read_json_from(data, "fuzz.json", 26.0))
 }
 
+/// A catalogue in VOTable.
+pub fn votable(data: &[u8]) -> String {
+    answer(reader::read_votable_from(data, "fuzz.vot", 26.0))
+}
+
+/// A catalogue in FITS.
+pub fn fits_table(data: &[u8]) -> String {
+    answer(reader::read_fits_from(data, "fuzz.fits", 26.0))
+}
+
+/// A catalogue in Parquet.
+pub fn parquet(data: &[u8]) -> String {
+    answer(reader::read_parquet_from(data.to_vec(), "fuzz.parquet", 26.0))
+}
+
 /// A store of stars.
 pub fn star_store(data: &[u8]) -> String {
-    answer(store::read(&file("fuzz.stars", data)).map(|store| store::records_of(&store.stars)))
+    answer(store::read(&file("fuzz.stars", data)).map(|store| store.named(&store.records(100.0))))
 }
 
 /// A shape: glTF, as text or with a binary part, and its buffers.

@@ -6,9 +6,9 @@ use clap::{Args, Subcommand};
 
 use super::{CliError, load, results};
 use crate::catalogue::bright;
-use crate::catalogue::epoch::Epoch;
 use crate::catalogue::galaxy::{GalaxyParameters, MOST_STARS};
 use crate::catalogue::packed::PackedStar;
+use crate::catalogue::reader::NAMED_STARS_KEPT;
 use crate::catalogue::store::{self, Store};
 use crate::scene::loader::{LoadError, LoadedCatalogue, StarSource};
 use crate::units::{illuminance_lx_from_magnitude, magnitude_from_illuminance_lx};
@@ -22,9 +22,10 @@ pub struct CatalogueArguments {
 
 #[derive(Debug, Subcommand)]
 enum CatalogueCommand {
-    /// Read catalogues (CSV, JSON, stores, builtin:bright) and write them as one store.
+    /// Read catalogues (CSV, TSV, ECSV, JSON, VOTable, FITS, Parquet, also compressed with gzip; stores; builtin:bright) and write them as
+    /// one store.
     #[command(after_help = "Examples:\n  \
-        steradian catalogue import hipparcos.csv --out hipparcos.stars\n  \
+        steradian catalogue import hipparcos.vot.gz --out hipparcos.stars\n  \
         steradian catalogue import builtin:bright faint.json --out sky.stars\n\n\
         A row that cannot be used is reported with its line number; exit code 65 if no row is usable.")]
     Import {
@@ -89,10 +90,10 @@ fn source_of(file: PathBuf) -> StarSource {
 }
 
 fn write(sources: &[StarSource], out: &Path) -> Result<(), CliError> {
-    let (stars, report) = load::stars(sources, &Epoch::default(), "").map_err(|error| match error {
+    let (mut store, report) = load::import(sources).map_err(|error| match error {
         // Here the numbers come from the command line and not from configuration keys.
-        CliError::Load { source: LoadError::Galaxy { source, .. }, .. } => CliError::Galaxy(source),
-        other => other,
+        LoadError::Galaxy { source, .. } => CliError::Galaxy(source),
+        source => CliError::Load { origin: String::new(), source },
     })?;
     let line = |catalogue: &LoadedCatalogue| {
         let source =
@@ -100,22 +101,32 @@ fn write(sources: &[StarSource], out: &Path) -> Result<(), CliError> {
         format!("{}: {} stars{source}", catalogue.name, catalogue.stars)
     };
     let lines: Vec<String> = report.catalogues.iter().map(line).collect();
-    let store = Store { description: lines.join("\n"), stars };
+    store.description = lines.join("\n");
     store::write(out, &store).map_err(CliError::WriteStore)?;
     for (line, catalogue) in lines.iter().zip(&report.catalogues) {
-        match &catalogue.rows {
-            Some(rows) => results::line(format!("{line}, {} of {} rows rejected", rows.rejected, rows.rows))?,
-            None => results::line(line)?,
+        let Some(rows) = &catalogue.rows else {
+            results::line(line)?;
+            continue;
+        };
+        results::line(format!("{line}, {} of {} rows rejected", rows.rejected, rows.rows))?;
+        // Everything that the file has and the store lacks.
+        if !rows.unused.is_empty() {
+            results::line(format!("not stored: the columns {}", rows.unused.join(", ")))?;
+        }
+        for note in &rows.notes {
+            results::line(format!("not stored: {note}"))?;
+        }
+        if rows.names_left_out > 0 {
+            results::line(format!(
+                "not stored: the names of {} stars after the first {NAMED_STARS_KEPT}",
+                rows.names_left_out
+            ))?;
+        }
+        if rows.repeated > 0 {
+            results::line(format!("not stored: {} rows that repeat another one", rows.repeated))?;
         }
     }
-    let moving: usize = report.catalogues.iter().filter_map(|catalogue| Some(catalogue.rows.as_ref()?.moving)).sum();
-    let named = store.stars.named_in_files().len();
-    if moving + named > 0 {
-        results::line(format!(
-            "not stored: {moving} motions (stars are at their places of J2000.0) and the names of {named} stars; the files \
-             themselves keep both"
-        ))?;
-    }
+    results::line(format!("stored: {} motions, names of {} stars", store.velocities.len(), store.names.len()))?;
     results::line(format!(
         "wrote {}: {} stars in {} chunks",
         out.display(),
@@ -125,14 +136,17 @@ fn write(sources: &[StarSource], out: &Path) -> Result<(), CliError> {
 }
 
 fn info(path: &Path) -> Result<(), CliError> {
-    let Store { description, stars } = store::read(path).map_err(CliError::ReadStore)?;
-    results::line(format!("store             {} (version {})", path.display(), store::VERSION))?;
+    let version = store::read_header(path).map_err(CliError::ReadStore)?.version;
+    let Store { description, stars, velocities, names } = store::read(path).map_err(CliError::ReadStore)?;
+    results::line(format!("store             {} (version {version})", path.display()))?;
     for line in description.lines() {
         results::line(format!("from              {line}"))?;
     }
     results::line(format!("stars             {}", stars.stars.len()))?;
     let at_infinity: u64 = stars.chunks.iter().filter(|c| c.at_infinity).map(|c| u64::from(c.count)).sum();
     results::line(format!("at infinity       {at_infinity}"))?;
+    results::line(format!("with motion       {}", velocities.len()))?;
+    results::line(format!("with names        {}", names.len()))?;
     results::line(format!("chunks            {}", stars.chunks.len()))?;
 
     // Apparent brightness from the barycentre.

@@ -6,11 +6,12 @@ use super::CliError;
 use super::progress::Progress;
 use crate::catalogue::chunks::StarSet;
 use crate::catalogue::epoch::Epoch;
+use crate::catalogue::store::Store;
 use crate::config::Config;
 use crate::plan::view_settings::FrameGroup;
 use crate::render::{RenderError, Renderer, Wanted};
 use crate::scene::SceneObjects;
-use crate::scene::loader::{LoadReport, StarSource, load_stars};
+use crate::scene::loader::{LoadError, LoadReport, StarSource, import_stars, load_stars};
 
 /// The scene of a configuration.
 pub struct LoadedScene {
@@ -74,6 +75,20 @@ pub fn stars(sources: &[StarSource], epoch: &Epoch, origin: &str) -> Result<(Sta
         source,
     })?;
     tracing::info!("{} stars ready after {:.1} s", set.stars.len(), progress.finish());
+    log(&report);
+    Ok((set, report))
+}
+
+/// Reads catalogues for a store, with progress and the same warnings.
+pub fn import(sources: &[StarSource]) -> Result<(Store, LoadReport), LoadError> {
+    let progress = Progress::new();
+    let (store, report) = import_stars(sources, &mut |step| progress.load_step(&step))?;
+    tracing::info!("{} stars ready after {:.1} s", store.stars.stars.len(), progress.finish());
+    log(&report);
+    Ok((store, report))
+}
+
+fn log(report: &LoadReport) {
     for rows in report.catalogues.iter().filter_map(|catalogue| catalogue.rows.as_ref()) {
         if rows.rejected > 0 {
             tracing::warn!("{rows}");
@@ -84,5 +99,9 @@ pub fn stars(sources: &[StarSource], epoch: &Epoch, origin: &str) -> Result<(Sta
     for overlap in &report.overlaps {
         tracing::warn!("{overlap}: both entries are added, so these stars are twice as bright");
     }
-    Ok((set, report))
+    for repetition in &report.repetitions {
+        tracing::warn!(
+            "{repetition}: double stars, or stars that are listed twice and so twice as bright; all entries are added"
+        );
+    }
 }

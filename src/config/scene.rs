@@ -27,7 +27,7 @@ use crate::units::J2000_UNIX_S;
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SceneConfig {
-    /// Star catalogues, concatenated: `"builtin:bright"`, files (CSV, JSON or stores), `{ galaxy = { ... } }` for synthetic stars, or `{ light = { ... } }` for a map of light that does not come from single stars.
+    /// Star catalogues, concatenated: `"builtin:bright"`, files (CSV, TSV, ECSV, JSON, VOTable, FITS or Parquet, also compressed with gzip; or stores), `{ galaxy = { ... } }` for synthetic stars, or `{ light = { ... } }` for a map of light that does not come from single stars.
     pub catalogues: Vec<CatalogueConfig>,
     /// Time shown, with its offset from UTC, or `"now"`: spins and ephemerides follow it. Days have 86,400 s; a 60th second is the first of the next minute. Dates are of the Gregorian calendar, also before 1582.
     /// Text may have a signed year from `"-6000-01-01T00:00:00Z"` (year 0 is 1 BC) to `"+10000-12-31T23:59:59Z"`, end with ` julian` for a date of the Julian calendar, or be a Julian date: `"JD 2451545.0"`.
@@ -93,12 +93,12 @@ pub enum CatalogueConfig {
     Galaxy(GalaxyParameters),
     /// A map of light.
     Light(LightConfig),
-    /// `builtin:bright`, or a file: CSV, JSON or a store. Relative paths start at the configuration's folder.
+    /// `builtin:bright`, or a file: CSV, TSV, ECSV, JSON, VOTable, FITS or Parquet, also compressed with gzip, or a store. Relative paths start at the configuration's folder.
     #[serde(untagged)]
     Named(String),
 }
 
-/// A map of light that does not come from single stars, instead of that of the galaxy: HEALPix cells in a FITS file, nested, in celestial coordinates, with one column of numbers.
+/// A map of light that does not come from single stars, instead of that of the galaxy: HEALPix cells in a FITS file, nested or in rings, in celestial or galactic coordinates. Cells without a value (UNSEEN) give no light.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LightConfig {

@@ -20,7 +20,7 @@ pub const CRATES: [&str; 3] = ["crates/sky/src", "crates/render/src", "src"];
 /// listed in [`SIBLINGS`]. A new module must be added here, as far up as its imports permit.
 pub const LAYERS: &[&[&str]] = &[
     &["names"],
-    &["units", "calendar", "polynomial", "solar_system", "coordinates", "sky_pictures", "files", "ranges"],
+    &["units", "calendar", "polynomial", "solar_system", "coordinates", "sky_pictures", "files", "fits", "ranges"],
     &["photometry", "picture_file"],
     &["ephemeris", "relativity"],
     &["catalogue"],

@@ -17,7 +17,13 @@ pub fn repair_store(bytes: &mut Vec<u8>) {
     let length = || {
         let [chunks, stars, text] = [number(bytes, 16)?, number(bytes, 24)?, number(bytes, 32)?];
         let text = text.checked_next_multiple_of(16)?;
-        chunks.checked_mul(112)?.checked_add(stars.checked_mul(16)?)?.checked_add(text)?.checked_add(64)
+        let extra = number(bytes, 40)?.checked_mul(16)?.checked_add(number(bytes, 48)?)?;
+        chunks
+            .checked_mul(112)?
+            .checked_add(stars.checked_mul(16)?)?
+            .checked_add(text)?
+            .checked_add(64)?
+            .checked_add(extra)
     };
     if let Some(length) = length().filter(|length| *length < 1 << 17) {
         bytes.resize(length as usize, 0);

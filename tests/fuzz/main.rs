@@ -53,6 +53,9 @@ fuzz! {
     film_path: seeds::film_paths, seeds::PATH_KEYS, as_it_is, SMALL;
     csv: seeds::csv, seeds::COLUMNS, as_it_is, SMALL;
     json: seeds::json, seeds::JSON, as_it_is, SMALL;
+    votable: seeds::votable, seeds::VOTABLE, as_it_is, SMALL;
+    fits_table: seeds::fits_table, seeds::CARDS, as_it_is, SMALL;
+    parquet: seeds::parquet, &[], as_it_is, SMALL;
     star_store: seeds::star_store, &[], formats::repair_store, SMALL;
     gltf: seeds::gltf, seeds::GLTF, |bytes| formats::repair_glb(bytes), SMALL;
     // The largest point-spread function has 4096 x 4096 pixels, decoded in f64.

@@ -9,12 +9,12 @@ use exr::prelude::{
     Vec2, WritableImage, f16,
 };
 use png::{BitDepth, ColorType};
-use steradian::{
-    StarSet,
-    catalogue::{
-        bright::bright_stars,
-        store::{self, Store},
-    },
+use steradian::catalogue::{
+    StarRecord,
+    bright::bright_stars,
+    motion::StarVelocity,
+    names::{NamesOfStar, StarNames},
+    store::{self, Store},
 };
 
 use crate::{
@@ -199,12 +199,101 @@ pub fn json() -> Vec<Vec<u8>> {
     files("tests/data/catalogues", &["json"])
 }
 
+pub const VOTABLE: &[&str] = &[
+    "<",
+    "/>",
+    "</",
+    ">",
+    "'",
+    "<!--",
+    "<![CDATA[",
+    "]]>",
+    "&amp;",
+    "&#x41;",
+    "VOTABLE",
+    "RESOURCE",
+    "TABLE",
+    "FIELD",
+    "VALUES",
+    "TABLEDATA",
+    "BINARY",
+    "BINARY2",
+    "STREAM",
+    "TR",
+    "TD",
+    "INFO",
+    "name=",
+    "datatype=",
+    "arraysize=",
+    "unit=",
+    "ucd=",
+    "null=",
+    "encoding=",
+    "href=",
+    "long",
+    "double",
+    "unicodeChar",
+    "bit",
+    "*",
+    "999999999",
+    "2x3*",
+    "pos.eq.ra",
+    "deg",
+    "rad",
+];
+
+pub fn votable() -> Vec<Vec<u8>> {
+    files("tests/data/catalogues", &["vot"])
+}
+
+pub const CARDS: &[&str] = &[
+    "XTENSION",
+    "BINTABLE",
+    "BITPIX",
+    "NAXIS",
+    "NAXIS1",
+    "NAXIS2",
+    "PCOUNT",
+    "GCOUNT",
+    "TFIELDS",
+    "TTYPE1",
+    "TFORM1",
+    "TFORM2",
+    "TUNIT1",
+    "TSCAL1",
+    "TZERO1",
+    "TNULL1",
+    "TUCD1",
+    "ZTABLE",
+    "END     ",
+    "= ",
+    "'D       '",
+    "'9999999A'",
+    "'1PE(9)'",
+    "9223372036854775807",
+    "-32768",
+    "1E308",
+    "T",
+    "F",
+];
+
+pub fn fits_table() -> Vec<Vec<u8>> {
+    files("tests/data/catalogues", &["fits"])
+}
+
+pub fn parquet() -> Vec<Vec<u8>> {
+    files("tests/data/catalogues", &["parquet"])
+}
+
 pub fn star_store() -> Vec<Vec<u8>> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("seed.stars");
     let store = |stars: usize, description: &str| {
-        let records = bright_stars(0.0).into_iter().take(stars).collect();
-        let store = Store { description: description.to_owned(), stars: StarSet::from_records(records) };
+        let records: Vec<StarRecord> = bright_stars(0.0).into_iter().take(stars).collect();
+        let velocities = (0..stars.min(3) as u32).map(|star| StarVelocity { star, velocity: [1e-6; 3] }).collect();
+        let names = StarNames { name: "Name".into(), designations: vec!["HIP 1".into()] };
+        let names = (0..stars.min(2) as u32).map(|star| NamesOfStar { star, names: names.clone() }).collect();
+        let store = Store::from_records(description.to_owned(), records, velocities, names);
         store::write(&path, &store).unwrap();
         fs::read(&path).unwrap()
     };

@@ -103,6 +103,9 @@ async fn names_are_found_and_the_camera_is_pointed_at_them() {
     // Mars has not risen yet: the ground hides it.
     let mars = client.find("Mars").await.unwrap();
     assert_eq!(client.identify(mars.direction, 0.0, 0).await.unwrap(), []);
+    for name in ["HR 2491", "α CMa", "Alpha Canis Majoris"] {
+        assert_eq!(client.find(name).await.unwrap().name, "Sirius", "{name}");
+    }
     let star = client.find("alf cma").await.unwrap();
     assert_eq!((star.name.as_str(), star.kind), ("Sirius", SeenKind::Star));
     assert_eq!(client.constellation(star.direction).await.unwrap(), "Canis Major");

@@ -20,6 +20,7 @@ pub mod calendar;
 pub mod coordinates;
 #[doc(hidden)]
 pub mod files;
+mod fits;
 mod polynomial;
 #[macro_use]
 pub mod ranges;

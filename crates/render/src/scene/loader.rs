@@ -1,7 +1,7 @@
 //! Loads the stars of a scene from catalogues.
 //!
 //! The catalogues are read one after the other, compared for stars that are listed in two of them, and joined. A store
-//! that is the only catalogue is used directly. Memory: the records of the largest catalogue (40 bytes each) grow in
+//! that is the only catalogue is used directly if its stars need not move. Memory: the records of the largest catalogue (40 bytes each) grow in
 //! place by those of the others, and are freed when the packed stars (16 bytes each) exist.
 
 use std::fmt;
@@ -15,10 +15,11 @@ use crate::catalogue::diffuse::DiffuseSky;
 use crate::catalogue::epoch::Epoch;
 use crate::catalogue::galaxy::{self, Galaxy, GalaxyError, GalaxyParameters};
 use crate::catalogue::healpix::{LightMap, LightMapError};
-use crate::catalogue::names::NamedStar;
-use crate::catalogue::overlap::{Overlap, find_overlaps};
-use crate::catalogue::reader::{CatalogueError, ReadReport, read_file};
-use crate::catalogue::store::{self, StoreError};
+use crate::catalogue::motion::StarVelocity;
+use crate::catalogue::names::{NamedStar, NamesOfStar};
+use crate::catalogue::overlap::{Overlap, Repetition, find_overlaps, find_repetitions};
+use crate::catalogue::reader::{CatalogueError, CatalogueRead, ReadReport, read_file};
+use crate::catalogue::store::{self, Store, StoreError};
 use crate::catalogue::{StarRecord, bright};
 
 /// Source of stars.
@@ -40,7 +41,10 @@ impl StarSource {
         match self {
             Self::Bright => true,
             // A file that cannot be read is reported when it is loaded.
-            Self::File(path) => !is_store(path).unwrap_or(false),
+            Self::File(path) if is_store(path).unwrap_or(false) => {
+                store::read_header(path).is_ok_and(|header| header.velocities > 0)
+            }
+            Self::File(_) => true,
             Self::Galaxy(_) | Self::Light(_) => false,
         }
     }
@@ -102,6 +106,8 @@ pub struct LoadReport {
     pub catalogues: Vec<LoadedCatalogue>,
     /// Pairs of catalogues with common stars, which are drawn twice.
     pub overlaps: Vec<Overlap>,
+    /// Files with stars that seem to be in them twice, which are drawn twice.
+    pub repetitions: Vec<Repetition>,
 }
 
 /// Reasons why the stars of a scene cannot be loaded.
@@ -133,57 +139,40 @@ pub enum LoadError {
     },
 }
 
-/// Loads and joins catalogues as seen at an epoch; stars of stores have no proper motion. `progress` is called before
-/// each step.
+/// Loads and joins catalogues as seen at an epoch. `progress` is called before each step.
 pub fn load_stars(
     sources: &[StarSource],
     epoch: &Epoch,
     progress: &mut dyn FnMut(LoadStep),
 ) -> Result<(StarSet, LoadReport), LoadError> {
+    // A single store whose stars are where they are needed is used as it is.
     if let [StarSource::File(path)] = sources
         && epoch.seen_from.is_none()
         && is_store(path)?
+        && (epoch.years == 0.0 || store::read_header(path)?.velocities == 0)
     {
         progress(LoadStep::Catalogue { name: sources[0].to_string(), index: 0, of: 1 });
-        let stars = store::read(path)?.stars.of_epoch(*epoch);
+        let store = store::read(path)?;
+        let named = if store.names.is_empty() { Vec::new() } else { store.named(&store.records(epoch.years)) };
+        let stars = store.stars.of_epoch(*epoch).with_names(named);
         let loaded = LoadedCatalogue { name: sources[0].to_string(), stars: stars.stars.len(), rows: None };
-        return Ok((stars, LoadReport { catalogues: vec![loaded], overlaps: Vec::new() }));
+        return Ok((stars, LoadReport { catalogues: vec![loaded], ..LoadReport::default() }));
     }
 
-    let mut report = LoadReport::default();
-    let mut loaded: Vec<Vec<StarRecord>> = Vec::with_capacity(sources.len());
+    let (parts, report) = read_all(sources, epoch.years, progress)?;
     let (mut unresolved, mut map, mut named) = (None, None, Vec::new());
-    for (index, source) in sources.iter().enumerate() {
-        progress(LoadStep::Catalogue { name: source.to_string(), index, of: sources.len() });
-        let Read { stars, rows, named: source_names, unresolved: source_light } = read(source, index, epoch.years)?;
-        named.extend(source_names);
-        report.catalogues.push(LoadedCatalogue { name: source.to_string(), stars: stars.len(), rows });
-        loaded.push(stars);
+    let mut loaded = Vec::with_capacity(parts.len());
+    for (source, part) in sources.iter().zip(parts) {
+        named.extend(part.named());
         // There is one map of unresolved light: that of a light map, else that of the last galaxy.
         if matches!(source, StarSource::Light(_)) {
-            map = source_light;
+            map = part.unresolved;
         } else {
-            unresolved = source_light.or(unresolved);
+            unresolved = part.unresolved.or(unresolved);
         }
+        loaded.push(part.stars);
     }
-
-    // Synthetic stars are excluded from the comparison: if one is near a real star by chance, both are intended.
-    let real: Vec<(&str, &[StarRecord])> = sources
-        .iter()
-        .zip(&report.catalogues)
-        .zip(&loaded)
-        .filter(|((source, _), _)| !matches!(source, StarSource::Galaxy(_)))
-        .map(|((_, catalogue), records)| (catalogue.name.as_str(), records.as_slice()))
-        .collect();
-    if real.len() > 1 {
-        progress(LoadStep::Overlaps);
-        report.overlaps = find_overlaps(&real);
-    }
-
     let stars = loaded.iter().map(Vec::len).sum();
-    if stars > u32::MAX as usize {
-        return Err(LoadError::TooMany { stars });
-    }
     progress(LoadStep::Chunks { stars });
     let mut records = joined(loaded, stars);
     if epoch.seen_from.is_some() {
@@ -192,6 +181,63 @@ pub fn load_stars(
     named.iter_mut().for_each(|named: &mut NamedStar| named.star = epoch.seen(named.star));
     let stars = StarSet::from_records(records).of_epoch(*epoch).with_names(named);
     Ok((stars.with_unresolved(map.or(unresolved).map(Arc::new)), report))
+}
+
+/// Reads and joins catalogues for a store: stars at J2000.0 with their velocities and names. `progress` is called before each step.
+pub fn import_stars(
+    sources: &[StarSource],
+    progress: &mut dyn FnMut(LoadStep),
+) -> Result<(Store, LoadReport), LoadError> {
+    let (parts, report) = read_all(sources, 0.0, progress)?;
+    let (mut records, mut velocities, mut names) = (Vec::new(), Vec::new(), Vec::new());
+    for part in parts {
+        // Checked by `read_all`: all stars together fit in a u32.
+        let first = records.len() as u32;
+        velocities.extend(part.velocities.iter().map(|v| StarVelocity { star: first + v.star, ..*v }));
+        names.extend(part.names.into_iter().map(|of| NamesOfStar { star: first + of.star, ..of }));
+        records.extend(part.stars);
+    }
+    progress(LoadStep::Chunks { stars: records.len() });
+    Ok((Store::from_records(String::new(), records, velocities, names), report))
+}
+
+/// Reads all sources, and compares them for stars that are listed twice.
+fn read_all(
+    sources: &[StarSource],
+    years: f64,
+    progress: &mut dyn FnMut(LoadStep),
+) -> Result<(Vec<Read>, LoadReport), LoadError> {
+    let mut report = LoadReport::default();
+    let mut parts: Vec<Read> = Vec::with_capacity(sources.len());
+    for (index, source) in sources.iter().enumerate() {
+        progress(LoadStep::Catalogue { name: source.to_string(), index, of: sources.len() });
+        let mut part = read(source, index, years)?;
+        let rows = part.rows.take();
+        // A store was compared when it was made.
+        if rows.is_some() {
+            report.repetitions.extend(find_repetitions(&source.to_string(), &part.stars));
+        }
+        report.catalogues.push(LoadedCatalogue { name: source.to_string(), stars: part.stars.len(), rows });
+        parts.push(part);
+    }
+
+    // Synthetic stars are excluded from the comparison: if one is near a real star by chance, both are intended.
+    let real: Vec<(&str, &[StarRecord])> = sources
+        .iter()
+        .zip(&report.catalogues)
+        .zip(&parts)
+        .filter(|((source, _), _)| !matches!(source, StarSource::Galaxy(_)))
+        .map(|((_, catalogue), part)| (catalogue.name.as_str(), part.stars.as_slice()))
+        .collect();
+    if real.len() > 1 {
+        progress(LoadStep::Overlaps);
+        report.overlaps = find_overlaps(&real);
+    }
+    let stars: usize = parts.iter().map(|part| part.stars.len()).sum();
+    if stars > u32::MAX as usize {
+        return Err(LoadError::TooMany { stars });
+    }
+    Ok((parts, report))
 }
 
 /// Whether the file is a store: by its first bytes, or by its extension, so that a damaged store is reported as such.
@@ -203,27 +249,44 @@ fn is_store(path: &Path) -> Result<bool, LoadError> {
 }
 
 /// Contents of a source.
+#[derive(Default)]
 struct Read {
     stars: Vec<StarRecord>,
     rows: Option<ReadReport>,
-    named: Vec<NamedStar>,
+    /// Velocities and names, by the index of the star.
+    velocities: Vec<StarVelocity>,
+    names: Vec<NamesOfStar>,
     unresolved: Option<DiffuseSky>,
 }
 
+impl Read {
+    /// The named stars.
+    fn named(&self) -> impl Iterator<Item = NamedStar> {
+        self.names.iter().map(|of| NamedStar::from_file(of.names.clone(), self.stars[of.star as usize]))
+    }
+}
+
 fn read(source: &StarSource, index: usize, years: f64) -> Result<Read, LoadError> {
-    let of_stars = |stars: Vec<StarRecord>| Read { stars, rows: None, named: Vec::new(), unresolved: None };
     match source {
-        StarSource::Bright => Ok(of_stars(bright::bright_stars(years))),
+        StarSource::Bright => {
+            // The names of this table are known in every scene.
+            let CatalogueRead { stars, velocities, .. } = bright::read(years);
+            Ok(Read { stars, velocities, ..Read::default() })
+        }
         StarSource::Galaxy(parameters) => {
             let Galaxy { stars, unresolved } =
                 galaxy::generate(parameters).map_err(|source| LoadError::Galaxy { index, source })?;
-            Ok(Read { unresolved, ..of_stars(stars) })
+            Ok(Read { stars, unresolved, ..Read::default() })
         }
-        StarSource::Light(map) => Ok(Read { unresolved: Some(map.read()?), ..of_stars(Vec::new()) }),
-        StarSource::File(path) if is_store(path)? => Ok(of_stars(store::records_of(&store::read(path)?.stars))),
+        StarSource::Light(map) => Ok(Read { unresolved: Some(map.read()?), ..Read::default() }),
+        StarSource::File(path) if is_store(path)? => {
+            let store = store::read(path)?;
+            let stars = store.records(years);
+            Ok(Read { stars, velocities: store.velocities, names: store.names, ..Read::default() })
+        }
         StarSource::File(path) => {
-            let read = read_file(path, years)?;
-            Ok(Read { rows: Some(read.report), named: read.named, ..of_stars(read.stars) })
+            let CatalogueRead { stars, names, velocities, report } = read_file(path, years)?;
+            Ok(Read { stars, rows: Some(report), velocities, names, unresolved: None })
         }
     }
 }
@@ -242,6 +305,7 @@ fn joined(mut parts: Vec<Vec<StarRecord>>, stars: usize) -> Vec<StarRecord> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::catalogue::names;
 
     const CSV: &str = "ra_deg,dec_deg,v_mag\n10,20,3.0\nx,20,3.0\n101.28715,-16.71612,-1.46\n";
 
@@ -274,13 +338,61 @@ mod tests {
         let (stars, _) = load_stars(&[galaxy(2000)], &Epoch::default(), &mut |_| ()).unwrap();
         for name in ["set.stars", "set.bin"] {
             let path = folder.path().join(name);
-            store::write(&path, &store::Store { description: String::new(), stars: stars.clone() }).unwrap();
+            store::write(&path, &Store { stars: stars.clone(), ..Store::default() }).unwrap();
             let alone = load_stars(&[StarSource::File(path.clone())], &Epoch::default(), &mut |_| ()).unwrap().0;
             assert_eq!(alone.stars, stars.stars);
             let both =
                 load_stars(&[StarSource::File(path), StarSource::Bright], &Epoch::default(), &mut |_| ()).unwrap().0;
             assert_eq!(both.stars.len(), 2000 + bright::bright_stars(0.0).len());
         }
+    }
+
+    /// A store moves and names its stars as the file does from which it was made.
+    #[test]
+    fn a_store_keeps_the_motions_and_names_of_its_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let csv = folder.path().join("named.csv");
+        let text = "ra_deg,dec_deg,v_mag,distance_pc,pm_ra_mas_yr,pm_dec_mas_yr,radial_velocity_km_s,hip,name\n\
+             269.452,4.693,9.54,1.8,-800,10360,-110,87937,Barnard\n10,20,3,,300,400,,,Far\n50,60,4,10,,,,,Still\n";
+        std::fs::write(&csv, text).unwrap();
+        let sources = [StarSource::File(csv)];
+        let (store, _) = import_stars(&sources, &mut |_| ()).unwrap();
+        assert_eq!((store.stars.stars.len(), store.velocities.len(), store.names.len()), (3, 2, 3));
+        let path = folder.path().join("named.stars");
+        store::write(&path, &store).unwrap();
+        let stored = [StarSource::File(path.clone())];
+        assert!(stored[0].may_move());
+        for years in [0.0, 100.0, -500.0] {
+            let epoch = Epoch { years, ..Epoch::default() };
+            let [expected, found] = [&sources, &stored].map(|from| load_stars(from, &epoch, &mut |_| ()).unwrap().0);
+            for name in ["Barnard", "HIP 87937", "far", "Still"] {
+                let place =
+                    |set: &StarSet| names::find(set.named().iter(), name).map(|star| star.star.position).unwrap();
+                let (expected, found) = (place(&expected), place(&found));
+                assert!((expected - found).length() < 1e-6 * expected.length(), "{name} {years}: {expected} {found}");
+            }
+            let places = |set: &StarSet| set.iter().map(|(position, ..)| position).sum::<crate::glam::DVec3>();
+            assert!((places(&expected) - places(&found)).length() < 1e-4, "{years}");
+        }
+        // A store of stores keeps them, and a store without motions is not read again for another time.
+        let (again, _) = import_stars(&[StarSource::File(path), StarSource::Bright], &mut |_| ()).unwrap();
+        assert_eq!(again.names.len(), 3);
+        assert!(again.velocities.len() > 9000);
+        let still = folder.path().join("still.stars");
+        store::write(&still, &import_stars(&[galaxy(10)], &mut |_| ()).unwrap().0).unwrap();
+        assert!(!StarSource::File(still).may_move());
+    }
+
+    #[test]
+    fn stars_that_are_in_a_file_twice_are_reported() {
+        let folder = tempfile::tempdir().unwrap();
+        let csv = folder.path().join("twice.csv");
+        std::fs::write(&csv, "id,ra_deg,dec_deg,v_mag\n1,101.287,-16.716,-1.46\n2,101.287,-16.716,-1.46\n3,10,20,5\n")
+            .unwrap();
+        let (set, report) = load_stars(&[StarSource::File(csv)], &Epoch::default(), &mut |_| ()).unwrap();
+        assert_eq!((set.stars.len(), report.repetitions.len(), report.repetitions[0].count), (3, 1, 1));
+        let (_, report) = load_stars(&[StarSource::Bright, galaxy(1000)], &Epoch::default(), &mut |_| ()).unwrap();
+        assert!(report.repetitions.is_empty());
     }
 
     #[test]

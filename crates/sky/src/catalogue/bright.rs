@@ -5,7 +5,7 @@
 
 use super::StarRecord;
 use super::names::NamedStar;
-use super::reader::read_csv_from;
+use super::reader::{CatalogueRead, read_csv_from};
 
 /// Name of this catalogue in configurations.
 pub const NAME: &str = "builtin:bright";
@@ -49,10 +49,15 @@ const TABLE: &str = include_str!("bright_stars.csv");
 /// Returns the brightest stars of the night sky, without the Sun, at their positions `years` Julian years after
 /// J2000.0, sorted by right ascension at J2000.0.
 pub fn bright_stars(years: f64) -> Vec<StarRecord> {
+    read(years).stars
+}
+
+/// Returns the same stars with their velocities.
+pub fn read(years: f64) -> CatalogueRead {
     // The table is part of the program: a row that cannot be read is a bug, which the tests below catch.
     let read = read_csv_from(TABLE.as_bytes(), NAME, years).expect("the built-in table is a catalogue");
     assert_eq!(read.report.rejected, 0, "the built-in table has unusable rows: {}", read.report);
-    read.stars
+    read
 }
 
 /// Returns the same stars with their names: designations are those of Bayer or Flamsteed with the constellation's abbreviation, such as

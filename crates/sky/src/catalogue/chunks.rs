@@ -170,6 +170,11 @@ impl StarSet {
 
     /// Sorts and chunks stars. Consumes the records and frees them as soon as they are read.
     pub fn from_records(records: Vec<StarRecord>) -> Self {
+        Self::from_records_with_order(records).0
+    }
+
+    /// The same with the index in `records` of each star of the set.
+    pub fn from_records_with_order(records: Vec<StarRecord>) -> (Self, Vec<u32>) {
         let mut keys: Vec<Key> = records
             .par_iter()
             .enumerate()
@@ -186,18 +191,21 @@ impl StarSet {
         });
 
         let runs = chunk_runs(&keys);
-        let chunked: Vec<(Chunk, Vec<PackedStar>)> =
+        let chunked: Vec<(Chunk, Vec<(PackedStar, u32)>)> =
             runs.par_iter().map(|&(start, end)| build_chunk(&records, &keys[start..end])).collect();
         drop(keys);
         drop(records);
         let mut set = StarSet::new(Vec::with_capacity(chunked.len()), Vec::new());
-        set.stars.reserve_exact(chunked.iter().map(|(_, stars)| stars.len()).sum());
+        let count = chunked.iter().map(|(_, stars)| stars.len()).sum();
+        set.stars.reserve_exact(count);
+        let mut order = Vec::with_capacity(count);
         for (mut chunk, stars) in chunked {
             chunk.first = set.stars.len() as u32;
-            set.stars.extend_from_slice(&stars);
+            set.stars.extend(stars.iter().map(|(star, _)| *star));
+            order.extend(stars.into_iter().map(|(_, index)| index));
             set.chunks.push(chunk);
         }
-        set
+        (set, order)
     }
 
     /// The stars of a chunk.
@@ -252,7 +260,8 @@ fn divide(keys: &[Key], depth: u8, start: usize, runs: &mut Vec<(usize, usize)>)
     }
 }
 
-fn build_chunk(records: &[StarRecord], keys: &[Key]) -> (Chunk, Vec<PackedStar>) {
+/// A chunk with its stars and their indices in `records`.
+fn build_chunk(records: &[StarRecord], keys: &[Key]) -> (Chunk, Vec<(PackedStar, u32)>) {
     let at_infinity = keys.first().is_some_and(|key| key.shell == INFINITY_SHELL);
     let mut lowest = DVec3::INFINITY;
     let mut highest = DVec3::NEG_INFINITY;
@@ -278,7 +287,7 @@ fn build_chunk(records: &[StarRecord], keys: &[Key]) -> (Chunk, Vec<PackedStar>)
         brightest_lx: 0.0,
         total_lx: 0.0,
     };
-    let mut stars: Vec<PackedStar> = Vec::with_capacity(keys.len());
+    let mut stars: Vec<(PackedStar, u32)> = Vec::with_capacity(keys.len());
     for key in keys {
         let record = &records[key.index as usize];
         // A star at infinity has its apparent magnitude, one with a position its absolute magnitude, which holds at
@@ -297,12 +306,12 @@ fn build_chunk(records: &[StarRecord], keys: &[Key]) -> (Chunk, Vec<PackedStar>)
         chunk.faintest_lx = chunk.faintest_lx.min(star.illuminance_at_1_pc_lx());
         chunk.brightest_lx = chunk.brightest_lx.max(star.illuminance_at_1_pc_lx());
         chunk.total_lx += star.illuminance_at_1_pc_lx();
-        stars.push(star);
+        stars.push((star, key.index));
     }
     // angle_between loses half of its digits near 0, and f32 offsets turn a direction by up to 1e-7.
     chunk.half_angle_rad = (chunk.half_angle_rad + 1e-6).min(std::f64::consts::PI);
     chunk.radius_pc *= 1.0 + 1e-6;
-    stars.sort_by_key(|star| std::cmp::Reverse(star.light >> 11));
+    stars.sort_by_key(|(star, _)| std::cmp::Reverse(star.light >> 11));
     (chunk, stars)
 }
 

@@ -1,8 +1,9 @@
 //! Proper motion of stars along straight lines in space. A star without a known distance is treated as if its radial
 //! velocity were 0.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
+use super::StarRecord;
 use crate::units::ARCSECOND_RAD;
 
 /// One astronomical unit per year in km/s: the speed of 1 arcsec a year at 1 pc.
@@ -19,16 +20,39 @@ pub struct StarMotion {
     pub radial_velocity_km_s: f64,
 }
 
+/// Velocity of a star of a list.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StarVelocity {
+    /// Index of the star.
+    pub star: u32,
+    /// ICRS axes, pc a Julian year, or for a star at infinity radians a Julian year.
+    pub velocity: [f32; 3],
+}
+
+impl StarVelocity {
+    /// Moves the star for `years` Julian years.
+    pub fn apply(&self, star: &mut StarRecord, years: f64) {
+        let moved = star.position + Vec3::from_array(self.velocity).as_dvec3() * years;
+        star.position = if star.distance_known { moved } else { moved.normalize_or(star.position) };
+    }
+}
+
 impl StarMotion {
+    /// Velocity of the star's position, pc a Julian year; without a distance, of the end of the unit vector, radians a Julian year. It is
+    /// constant, because stars move along straight lines.
+    pub fn velocity(&self, direction: DVec3, distance_pc: Option<f64>) -> DVec3 {
+        let east = DVec3::new(-direction.y, direction.x, 0.0).try_normalize().unwrap_or(DVec3::Y);
+        let north = direction.cross(east);
+        let turning = (east * self.pm_ra_arcsec + north * self.pm_dec_arcsec) * ARCSECOND_RAD;
+        let Some(distance_pc) = distance_pc else { return turning };
+        turning * distance_pc + direction * (self.radial_velocity_km_s / KM_S_PER_AU_A * ARCSECOND_RAD)
+    }
+
     /// Returns the position after `years` Julian years, pc, or a unit vector if the distance is unknown. `direction`
     /// is the unit vector to the star's position before, ICRS axes.
     pub fn after(&self, direction: DVec3, distance_pc: Option<f64>, years: f64) -> DVec3 {
-        let east = DVec3::new(-direction.y, direction.x, 0.0).try_normalize().unwrap_or(DVec3::Y);
-        let north = direction.cross(east);
-        let turned = direction + (east * self.pm_ra_arcsec + north * self.pm_dec_arcsec) * (ARCSECOND_RAD * years);
-        let Some(distance_pc) = distance_pc else { return turned.normalize() };
-        let au_per_year = self.radial_velocity_km_s / KM_S_PER_AU_A;
-        turned * distance_pc + direction * (au_per_year * ARCSECOND_RAD * years)
+        let moved = direction * distance_pc.unwrap_or(1.0) + self.velocity(direction, distance_pc) * years;
+        if distance_pc.is_some() { moved } else { moved.normalize() }
     }
 }
 

@@ -144,6 +144,15 @@ pub struct StarNames {
     pub designations: Vec<String>,
 }
 
+/// Names of a star of a list.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NamesOfStar {
+    /// Index of the star.
+    pub star: u32,
+    /// Its names.
+    pub names: StarNames,
+}
+
 /// A star with its names.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NamedStar {

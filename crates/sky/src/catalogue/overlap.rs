@@ -1,4 +1,4 @@
-//! Detection of stars that are in two catalogues of a scene and would be drawn twice.
+//! Detection of stars that are in two catalogues of a scene, or in one file twice, and would be drawn twice.
 //!
 //! Two entries count as the same star if they are within [`SAME_STAR_ARCSEC`] and [`SAME_STAR_MAG`] (apparent V) of
 //! each other, seen from the Solar System. The smaller catalogue is sorted by HEALPix cell, and one bit for every
@@ -44,16 +44,62 @@ pub struct Overlap {
 impl fmt::Display for Overlap {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { first, second, count, example } = self;
-        let DVec3 { x, y, z } = example.position.normalize_or_zero();
-        let ra_deg = y.atan2(x).to_degrees().rem_euclid(360.0);
-        let dec_deg = z.clamp(-1.0, 1.0).asin().to_degrees();
         write!(
             f,
             "{count} of the stars of {first} and {second} are within {SAME_STAR_ARCSEC} arcseconds and {SAME_STAR_MAG} mag \
-             of each other, the brightest with V = {:.2} at right ascension {ra_deg:.4} and declination {dec_deg:.4} degrees",
-            example.apparent_magnitude()
+             of each other, the brightest with {}",
+            described(example)
         )
     }
+}
+
+/// Rows of one file closer than this, arcseconds, with magnitudes that differ by no more than [`REPEATED_MAG`] are probably one star:
+/// catalogues resolve few double stars of equal brightness as close as that.
+pub const REPEATED_ARCSEC: f64 = 0.5;
+/// See [`REPEATED_ARCSEC`].
+pub const REPEATED_MAG: f64 = 0.05;
+
+/// Stars that seem to be in one catalogue twice.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Repetition {
+    /// Name of the catalogue.
+    pub name: String,
+    /// Number of stars that an earlier entry repeats.
+    pub count: usize,
+    /// The brightest of them.
+    pub example: StarRecord,
+}
+
+impl fmt::Display for Repetition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, count, example } = self;
+        write!(
+            f,
+            "{count} of the stars of {name} are within {REPEATED_ARCSEC} arcseconds and {REPEATED_MAG} mag of another star of the same \
+             file, the brightest with {}",
+            described(example)
+        )
+    }
+}
+
+/// Finds stars that seem to be in a catalogue twice; `None` if there are none.
+pub fn find_repetitions(name: &str, stars: &[StarRecord]) -> Option<Repetition> {
+    let pairs = common_stars(stars, stars, REPEATED_ARCSEC, REPEATED_MAG);
+    let mut second: Vec<usize> = pairs.into_iter().filter(|(a, b)| a < b).map(|(_, b)| b).collect();
+    second.par_sort_unstable();
+    second.dedup();
+    let brightness = |index: &&usize| stars[**index].apparent_magnitude();
+    let example = second.iter().min_by(|p, q| brightness(p).total_cmp(&brightness(q)).then(p.cmp(q)))?;
+    Some(Repetition { name: name.to_owned(), count: second.len(), example: stars[*example] })
+}
+
+/// Magnitude and place of a star, for messages.
+fn described(star: &StarRecord) -> String {
+    let DVec3 { x, y, z } = star.position.normalize_or_zero();
+    let ra_deg = y.atan2(x).to_degrees().rem_euclid(360.0);
+    let dec_deg = z.clamp(-1.0, 1.0).asin().to_degrees();
+    let v_mag = star.apparent_magnitude();
+    format!("V = {v_mag:.2} at right ascension {ra_deg:.4} and declination {dec_deg:.4} degrees")
 }
 
 /// Finds common stars in every pair of `catalogues` (name and stars); pairs without any are left out.
@@ -66,7 +112,8 @@ pub fn find_overlaps(catalogues: &[(&str, &[StarRecord])]) -> Vec<Overlap> {
     for (i, &(first, a)) in catalogues.iter().enumerate() {
         for &(second, b) in &catalogues[i + 1..] {
             let is_first_smaller = a.len() <= b.len();
-            let pairs = if is_first_smaller { common_stars(a, b) } else { common_stars(b, a) };
+            let ordered = if is_first_smaller { (a, b) } else { (b, a) };
+            let pairs = common_stars(ordered.0, ordered.1, SAME_STAR_ARCSEC, SAME_STAR_MAG);
             let in_order = |&(small, large): &(usize, usize)| {
                 if is_first_smaller { (small, large) } else { (large, small) }
             };
@@ -83,7 +130,7 @@ pub fn find_overlaps(catalogues: &[(&str, &[StarRecord])]) -> Vec<Overlap> {
 }
 
 /// Returns sorted pairs of indices (into `few` and `many`) of entries that may be one star.
-fn common_stars(few: &[StarRecord], many: &[StarRecord]) -> Vec<(usize, usize)> {
+fn common_stars(few: &[StarRecord], many: &[StarRecord], within_arcsec: f64, within_mag: f64) -> Vec<(usize, usize)> {
     if few.is_empty() {
         return Vec::new();
     }
@@ -114,7 +161,7 @@ fn common_stars(few: &[StarRecord], many: &[StarRecord]) -> Vec<(usize, usize)> 
     candidates.par_sort_unstable();
 
     // Chord of the tolerance on the unit sphere.
-    let chord = 2.0 * (0.5 * SAME_STAR_ARCSEC * ARCSECOND_RAD).sin();
+    let chord = 2.0 * (0.5 * within_arcsec * ARCSECOND_RAD).sin();
     let matches_in_cell = |own: &[(u64, usize)], found: &mut Vec<(usize, usize)>| {
         let mut cells = Vec::with_capacity(9);
         layer.append_bulk_neighbours(own[0].0, &mut cells);
@@ -132,7 +179,7 @@ fn common_stars(few: &[StarRecord], many: &[StarRecord]) -> Vec<(usize, usize)> 
             let magnitude = many[index].apparent_magnitude();
             for &(other_direction, other_magnitude, other) in &nearby {
                 let is_same = other_direction.distance_squared(direction) <= chord * chord
-                    && (other_magnitude - magnitude).abs() <= SAME_STAR_MAG + MAGNITUDE_ROUNDING;
+                    && (other_magnitude - magnitude).abs() <= within_mag + MAGNITUDE_ROUNDING;
                 if is_same {
                     found.push((other, index));
                 }
@@ -239,6 +286,24 @@ mod tests {
         assert!((500..2000).contains(&expected), "{expected}");
         assert_eq!(count(&a, &b), expected);
         assert_eq!(count(&b, &a), expected);
+    }
+
+    #[test]
+    fn stars_twice_in_one_file_are_counted_once_each() {
+        let mut stars =
+            vec![star(10.0, 20.0, 3.0), star(10.0, 20.0, 3.0), star(10.0001, 20.0, 3.04), star(10.0, 20.0, 3.1)];
+        let found = find_repetitions("a.csv", &stars).unwrap();
+        assert_eq!((found.count, found.example), (2, stars[1]), "0.34 arcsec; the last is 0.1 mag fainter");
+        assert!(
+            found.to_string().contains("2 of the stars of a.csv") && found.to_string().contains("V = 3.00"),
+            "{found}"
+        );
+        stars.truncate(1);
+        stars.push(star(10.0003, 20.0, 3.0));
+        assert_eq!(find_repetitions("a.csv", &stars), None, "1 arcsec apart");
+        assert_eq!(find_repetitions("a.csv", &[]), None);
+        // Double stars with two equal components, such as alf Com.
+        assert_eq!(find_repetitions("bright", &bright_stars(0.0)).map(|found| found.count), Some(3));
     }
 
     #[test]

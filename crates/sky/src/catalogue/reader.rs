@@ -1,4 +1,4 @@
-//! Readers of star catalogues in CSV and JSON files.
+//! Readers of star catalogues in CSV, JSON, VOTable, FITS and Parquet.
 //!
 //! A reader first recognises the source of the file by its set of columns ([`sources`]) and their meaning ([`columns`]): this program's
 //! names, those of HYG, AT-HYG, Gaia archive exports and VizieR, and a plain `magnitude,temperature,x,y,z`. It then converts each row to a
@@ -12,27 +12,36 @@
 
 mod columns;
 mod csv;
+mod fits;
 mod json;
+mod parquet;
 mod row;
 mod rows;
+mod scalar;
 mod sexagesimal;
 mod sources;
+mod table;
+mod votable;
 
 use std::fmt;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use flate2::read::MultiGzDecoder;
 use serde::{Deserialize, Serialize};
 
 use super::StarRecord;
-use super::names::NamedStar;
+use super::motion::StarVelocity;
+use super::names::{NamedStar, NamesOfStar};
 use crate::files;
 
 pub use sources::Source;
 
 pub use csv::{read_csv, read_csv_from};
+pub use fits::read_fits_from;
 pub use json::{read_json, read_json_from};
+pub use parquet::read_parquet_from;
+pub use votable::read_votable_from;
 
 /// Number of rejected rows that [`ReadReport`] keeps with their reason.
 pub const REJECTED_ROWS_KEPT: usize = 10;
@@ -41,17 +50,30 @@ pub const REJECTED_ROWS_KEPT: usize = 10;
 pub const NAMED_STARS_KEPT: usize = 300_000;
 
 /// Formats that [`read_file`] reads.
-pub const FORMATS: &str = "CSV or TSV (also ECSV, or compressed with gzip) or JSON";
+pub const FORMATS: &str =
+    "CSV, TSV, ECSV, JSON, VOTable, a binary table in FITS, or Parquet, each also compressed with gzip";
+
+/// Largest Parquet file inside gzip, bytes: it is held in memory.
+const MOST_GZIP_PARQUET_BYTES: u64 = 1 << 30;
 
 /// Result of reading one file.
 #[derive(Clone, Debug)]
 pub struct CatalogueRead {
     /// The usable stars in the order of the file.
     pub stars: Vec<StarRecord>,
-    /// The named stars among the first [`NAMED_STARS_KEPT`] stars.
-    pub named: Vec<NamedStar>,
+    /// Names among the first [`NAMED_STARS_KEPT`] stars, by increasing index.
+    pub names: Vec<NamesOfStar>,
+    /// Velocities of the stars that move, by increasing index.
+    pub velocities: Vec<StarVelocity>,
     /// Counts of used and rejected rows.
     pub report: ReadReport,
+}
+
+impl CatalogueRead {
+    /// The named stars.
+    pub fn named(&self) -> Vec<NamedStar> {
+        self.names.iter().map(|of| NamedStar::from_file(of.names.clone(), self.stars[of.star as usize])).collect()
+    }
 }
 
 /// Counts of the rows of one file: `rows == used + rejected + repeated`.
@@ -63,6 +85,10 @@ pub struct ReadReport {
     pub source: Source,
     /// Columns that drawing could use and that are not read, with the reason if it is known.
     pub unused: Vec<String>,
+    /// Remarks on the whole file, such as columns that have several values.
+    pub notes: Vec<String>,
+    /// Whether the format has no lines: [`RejectedRow::line`] is then the number of the row.
+    pub without_lines: bool,
     /// Rows (CSV) or entries (JSON) after the header; blank lines and comments do not count.
     pub rows: usize,
     /// Rows that became stars.
@@ -79,6 +105,8 @@ pub struct ReadReport {
     pub hp_taken_as_v: usize,
     /// Used rows with a proper motion or a radial velocity.
     pub moving: usize,
+    /// Used rows beyond the first [`NAMED_STARS_KEPT`] whose names are not kept.
+    pub names_left_out: usize,
     /// Rows that repeat another row of the file in all fields.
     pub repeated: usize,
     /// Used rows with Gaia's G instead of V, because BP-RP is missing.
@@ -92,15 +120,41 @@ pub struct ReadReport {
 /// A row that could not be used.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RejectedRow {
-    /// Line in the file on which the row begins, from 1.
+    /// Line in the file on which the row begins, from 1; in formats without lines the number of the row.
     pub line: usize,
     /// Reason for the rejection.
     pub reason: String,
 }
 
+/// A part of a file, for messages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RowPlace {
+    /// A line, from 1.
+    Line(usize),
+    /// A row of a format without lines, from 1.
+    Row(usize),
+    /// The head of a format without lines.
+    Head,
+}
+
+impl fmt::Display for RowPlace {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(line) => write!(f, "line {line}"),
+            Self::Row(row) => write!(f, "row {row}"),
+            Self::Head => f.write_str("head"),
+        }
+    }
+}
+
 impl ReadReport {
     fn new(file: &str) -> Self {
         Self { file: file.to_owned(), ..Self::default() }
+    }
+
+    /// Place of a row, by its line or number.
+    fn place(&self, line: usize) -> RowPlace {
+        if self.without_lines { RowPlace::Row(line) } else { RowPlace::Line(line) }
     }
 
     /// Counts an unusable row.
@@ -120,28 +174,24 @@ impl ReadReport {
         self.colour_ignored += usize::from(notes.colour_ignored);
         self.g_taken_as_v += usize::from(notes.g_taken_as_v);
         self.hp_taken_as_v += usize::from(notes.hp_taken_as_v);
-        self.moving += usize::from(notes.moves);
+        self.moving += usize::from(notes.velocity.is_some());
     }
 
-    /// Returns the result for a whole file: an error if none of its rows is usable.
-    fn finish(
-        mut self,
-        stars: Vec<StarRecord>,
-        hashes: Vec<u64>,
-        named: Vec<NamedStar>,
-    ) -> Result<CatalogueRead, CatalogueError> {
+    /// An error if the file has no rows, or if none of them is usable.
+    fn check(&self) -> Result<(), CatalogueError> {
+        let file = self.file.clone();
         if self.rows == 0 {
-            return Err(CatalogueError::NoRow { file: self.file });
+            return Err(CatalogueError::NoRow { file });
         }
-        let Some(first) = self.first_rejected.first().filter(|_| stars.is_empty()) else {
-            let rows = stars.len();
-            let stars = rows::without_repetitions(stars, hashes);
-            self.repeated = rows - stars.len();
-            self.used -= self.repeated;
-            return Ok(CatalogueRead { stars, named, report: self });
-        };
-        let (line, reason) = (first.line, first.reason.clone());
-        Err(CatalogueError::NoUsableRow { file: self.file, rejected: self.rejected, line, reason })
+        match self.first_rejected.first().filter(|_| self.used == 0) {
+            Some(first) => Err(CatalogueError::NoUsableRow {
+                file,
+                rejected: self.rejected,
+                place: self.place(first.line),
+                reason: first.reason.clone(),
+            }),
+            None => Ok(()),
+        }
     }
 }
 
@@ -157,6 +207,7 @@ impl fmt::Display for ReadReport {
             (self.g_taken_as_v, "without BP-RP (G taken as V)"),
             (self.hp_taken_as_v, "without V (Hp taken as V)"),
             (self.repeated, "repeated (drawn once)"),
+            (self.names_left_out, "with names that are not kept (only those of the first 300000 stars are)"),
         ] {
             if count > 0 {
                 write!(f, ", {count} {note}")?;
@@ -165,9 +216,12 @@ impl fmt::Display for ReadReport {
         if !self.unused.is_empty() {
             write!(f, "; columns that are not read: {}", self.unused.join(", "))?;
         }
+        for note in &self.notes {
+            write!(f, "; {note}")?;
+        }
         write!(f, "; {} rejected", self.rejected)?;
         for row in &self.first_rejected {
-            write!(f, "\n  line {}: {}", row.line, row.reason)?;
+            write!(f, "\n  {}: {}", self.place(row.line), row.reason)?;
         }
         let more = self.rejected - self.first_rejected.len().min(self.rejected);
         if more > 0 {
@@ -190,12 +244,12 @@ pub enum CatalogueError {
         source: std::io::Error,
     },
     /// Reading failed.
-    #[error("file {file}: reading failed at line {line}: {source}")]
+    #[error("file {file}: reading failed at {place}: {source}")]
     Io {
         /// Name of the file.
         file: String,
-        /// Line that was being read.
-        line: usize,
+        /// Part that was being read.
+        place: RowPlace,
         /// The system's error.
         source: std::io::Error,
     },
@@ -208,24 +262,24 @@ pub enum CatalogueError {
         found: String,
     },
     /// The columns are not those of a star catalogue.
-    #[error("file {file}: line {line}: {reason}; columns found: {found}; {}", columns::NEEDED)]
+    #[error("file {file}: {place}: {reason}; columns found: {found}; {}", columns::NEEDED)]
     Columns {
         /// Name of the file.
         file: String,
-        /// Line of the header.
-        line: usize,
+        /// Place of the header.
+        place: RowPlace,
         /// Description of the missing or contradictory columns.
         reason: String,
         /// The columns, shortened if there are many.
         found: String,
     },
     /// The file cannot be parsed beyond this line.
-    #[error("file {file}: line {line}: {reason}")]
+    #[error("file {file}: {place}: {reason}")]
     Malformed {
         /// Name of the file.
         file: String,
-        /// The line.
-        line: usize,
+        /// The place.
+        place: RowPlace,
         /// Description of the problem.
         reason: String,
     },
@@ -236,14 +290,14 @@ pub enum CatalogueError {
         file: String,
     },
     /// Every row was rejected.
-    #[error("file {file}: no usable row; {rejected} rows rejected, first: line {line}: {reason}")]
+    #[error("file {file}: no usable row; {rejected} rows rejected, first: {place}: {reason}")]
     NoUsableRow {
         /// Name of the file.
         file: String,
         /// Number of rejected rows.
         rejected: usize,
-        /// Line of the first rejected row.
-        line: usize,
+        /// Place of the first rejected row.
+        place: RowPlace,
         /// Reason for its rejection.
         reason: String,
     },
@@ -253,27 +307,38 @@ pub enum CatalogueError {
 /// `years` Julian years after J2000.0.
 ///
 /// # Errors
-/// [`CatalogueError::Format`] for a format other than [`FORMATS`], otherwise as [`read_csv`] and [`read_json`].
+/// [`CatalogueError::Format`] for a format other than [`FORMATS`], otherwise as the reader of the format.
 pub fn read_file(path: &Path, years: f64) -> Result<CatalogueRead, CatalogueError> {
     let name = path.display().to_string();
-    let io_error = |source| CatalogueError::Io { file: name.clone(), line: 1, source };
+    let io_error = |source| CatalogueError::Io { file: name.clone(), place: RowPlace::Head, source };
     let mut file = BufReader::new(open(path)?);
-    let mut source: Box<dyn BufRead> = if file.fill_buf().map_err(io_error)?.starts_with(GZIP) {
-        Box::new(BufReader::new(MultiGzDecoder::new(file)))
-    } else {
-        Box::new(file)
-    };
+    let is_gzip = file.fill_buf().map_err(io_error)?.starts_with(GZIP);
+    let mut source: Box<dyn BufRead> =
+        if is_gzip { Box::new(BufReader::new(MultiGzDecoder::new(file))) } else { Box::new(file) };
     let start = source.fill_buf().map_err(io_error)?;
-    let known = [
-        (&b"SIMPLE  ="[..], "it is a FITS file"),
-        (b"PAR1", "it is a Parquet file"),
-        (b"<", "it is XML, such as a VOTable"),
-        (b"PK\x03\x04", "it is a ZIP archive"),
-        (b"\x89HDF", "it is an HDF5 file"),
-    ];
     let text = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start).trim_ascii_start();
-    if let Some((_, found)) = known.iter().find(|(bytes, _)| text.starts_with(bytes)) {
+    let unknown = [(&b"PK\x03\x04"[..], "it is a ZIP archive"), (b"\x89HDF", "it is an HDF5 file")];
+    if let Some((_, found)) = unknown.iter().find(|(bytes, _)| text.starts_with(bytes)) {
         return Err(CatalogueError::Format { path: path.to_owned(), found: (*found).to_owned() });
+    }
+    if text.starts_with(b"SIMPLE  =") {
+        return read_fits_from(source, &name, years);
+    }
+    if text.starts_with(b"PAR1") {
+        if !is_gzip {
+            return parquet::read(open(path)?, &name, years);
+        }
+        // Parquet begins at its end, so that an expanded file must be in memory.
+        let mut bytes = Vec::new();
+        source.take(MOST_GZIP_PARQUET_BYTES + 1).read_to_end(&mut bytes).map_err(io_error)?;
+        if bytes.len() as u64 > MOST_GZIP_PARQUET_BYTES {
+            let found = format!("it is Parquet of more than {MOST_GZIP_PARQUET_BYTES} bytes inside gzip; expand it");
+            return Err(CatalogueError::Format { path: path.to_owned(), found });
+        }
+        return read_parquet_from(bytes, &name, years);
+    }
+    if text.starts_with(b"<") {
+        return read_votable_from(source, &name, years);
     }
     if start.iter().take(512).any(|byte| *byte == 0) {
         return Err(CatalogueError::Format { path: path.to_owned(), found: "it is not text".to_owned() });
@@ -302,6 +367,8 @@ fn excerpt(text: &str) -> String {
     short
 }
 
+#[cfg(test)]
+mod format_tests;
 #[cfg(test)]
 mod source_tests;
 #[cfg(test)]

@@ -1,7 +1,9 @@
 //! The store: a chunked star set in one file, ready to be drawn.
 //!
 //! Layout, little-endian: a header of 64 bytes ([`Header`]), a description in UTF-8 (padded with zeros to a multiple
-//! of 16 bytes), the table of chunks ([`StoredChunk`], 112 bytes each), the stars ([`PackedStar`], 16 bytes each). A
+//! of 16 bytes), the table of chunks ([`StoredChunk`], 112 bytes each), the stars ([`PackedStar`], 16 bytes each), the velocities of those that
+//! move ([`StoredVelocity`], 16 bytes each), and the names in UTF-8: one line for each named star with its index, its proper name and its
+//! designations, separated by tabs. Version 1, which is still read, has neither velocities nor names. Positions are those of J2000.0. A
 //! CRC-32 (as in PNG and zlib) covers everything from the version to the end. The file is written next to its
 //! destination and renamed, so that a reader never sees a part of it. Lengths in the header are compared with the
 //! file's length before anything is allocated.
@@ -14,6 +16,8 @@ use glam::DVec3;
 
 use super::StarRecord;
 use super::chunks::{Chunk, StarSet};
+use super::motion::StarVelocity;
+use super::names::{NamedStar, NamesOfStar, StarNames};
 use super::packed::{PackedStar, temperature_of_step_k};
 use crate::files;
 use crate::units::magnitude_from_illuminance_lx;
@@ -22,8 +26,8 @@ const _: () = assert!(cfg!(target_endian = "little"), "stores are little-endian 
 
 /// First bytes of every store.
 pub const MAGIC: [u8; 8] = *b"STERSTAR";
-/// Version of the layout.
-pub const VERSION: u32 = 1;
+/// Version of the layout that is written; older ones are read too.
+pub const VERSION: u32 = 2;
 /// Longest description, bytes.
 const LONGEST_DESCRIPTION: usize = 1 << 16;
 
@@ -46,7 +50,7 @@ pub enum StoreError {
         path: PathBuf,
     },
     /// The store has another version.
-    #[error("{}: store version {found}, this program reads version {VERSION}; import the catalogue again", path.display())]
+    #[error("{}: store version {found}, this program reads versions 1 to {VERSION}; import the catalogue again", path.display())]
     Version {
         /// The file.
         path: PathBuf,
@@ -73,7 +77,17 @@ struct Header {
     chunk_count: u64,
     star_count: u64,
     description_bytes: u64,
-    reserved: [u8; 24],
+    velocity_count: u64,
+    names_bytes: u64,
+    reserved: [u8; 8],
+}
+
+/// A [`StarVelocity`] as stored in the file.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct StoredVelocity {
+    star: u32,
+    velocity: [f32; 3],
 }
 
 /// A [`Chunk`] as stored in the file.
@@ -136,8 +150,73 @@ impl From<&StoredChunk> for Chunk {
 pub struct Store {
     /// Source of the stars, as text for people.
     pub description: String,
-    /// The stars.
+    /// The stars at J2000.0.
     pub stars: StarSet,
+    /// Velocities of the stars that move; indices are those of `stars.stars`.
+    pub velocities: Vec<StarVelocity>,
+    /// Names of stars.
+    pub names: Vec<NamesOfStar>,
+}
+
+impl Store {
+    /// A store of records at J2000.0. Velocities and names have the indices of the records.
+    pub fn from_records(
+        description: String,
+        records: Vec<StarRecord>,
+        mut velocities: Vec<StarVelocity>,
+        mut names: Vec<NamesOfStar>,
+    ) -> Self {
+        let (stars, order) = StarSet::from_records_with_order(records);
+        let mut place = vec![0_u32; order.len()];
+        for (index, record) in order.into_iter().enumerate() {
+            place[record as usize] = index as u32;
+        }
+        velocities.iter_mut().for_each(|velocity| velocity.star = place[velocity.star as usize]);
+        velocities.sort_unstable_by_key(|velocity| velocity.star);
+        names.iter_mut().for_each(|names| names.star = place[names.star as usize]);
+        names.sort_unstable_by_key(|names| names.star);
+        Self { description, stars, velocities, names }
+    }
+
+    /// The stars in the order of the store, `years` Julian years after J2000.0. Light and colour are those of [`records_of`].
+    pub fn records(&self, years: f64) -> Vec<StarRecord> {
+        let mut records = records_of(&self.stars);
+        for velocity in &self.velocities {
+            velocity.apply(&mut records[velocity.star as usize], years);
+        }
+        records
+    }
+
+    /// The named stars among `records`, which are in the order of the store.
+    pub fn named(&self, records: &[StarRecord]) -> Vec<NamedStar> {
+        self.names.iter().map(|of| NamedStar::from_file(of.names.clone(), records[of.star as usize])).collect()
+    }
+}
+
+/// Names as lines of text; tabs and line breaks in names become blanks.
+fn lines_of_names(names: &[NamesOfStar]) -> Vec<u8> {
+    let mut text = String::new();
+    for NamesOfStar { star, names } in names {
+        text.push_str(&star.to_string());
+        for name in [&names.name].into_iter().chain(&names.designations) {
+            text.push('\t');
+            text.extend(name.chars().map(|c| if c.is_control() { ' ' } else { c }));
+        }
+        text.push('\n');
+    }
+    text.into_bytes()
+}
+
+/// Inverse of [`lines_of_names`]; the error describes the damage.
+fn names_of_lines(text: &[u8], stars: usize) -> Result<Vec<NamesOfStar>, String> {
+    let text = std::str::from_utf8(text).map_err(|_| "its names are not UTF-8".to_owned())?;
+    let entry = |line: &str| {
+        let mut fields = line.split('\t');
+        let star = fields.next()?.parse().ok().filter(|star: &u32| (*star as usize) < stars)?;
+        let name = fields.next()?.to_owned();
+        Some(NamesOfStar { star, names: StarNames { name, designations: fields.map(str::to_owned).collect() } })
+    };
+    text.lines().map(|line| entry(line).ok_or_else(|| "a line of its names is not valid".to_owned())).collect()
 }
 
 /// Returns whether the file begins with the magic bytes of a store; false for a file shorter than those.
@@ -158,6 +237,7 @@ pub fn write(path: &Path, store: &Store) -> Result<(), StoreError> {
             format!("its description has {} bytes and must have at most {LONGEST_DESCRIPTION}", description.len());
         return Err(StoreError::Damaged { path: path.to_owned(), problem });
     }
+    let names = lines_of_names(&store.names);
     let mut header = Header {
         magic: MAGIC,
         crc32: 0,
@@ -165,11 +245,21 @@ pub fn write(path: &Path, store: &Store) -> Result<(), StoreError> {
         chunk_count: store.stars.chunks.len() as u64,
         star_count: store.stars.stars.len() as u64,
         description_bytes: description.len() as u64,
-        reserved: [0; 24],
+        velocity_count: store.velocities.len() as u64,
+        names_bytes: names.len() as u64,
+        reserved: [0; 8],
     };
     description.resize(description.len().next_multiple_of(16), 0);
     let chunks: Vec<StoredChunk> = store.stars.chunks.iter().map(StoredChunk::from).collect();
-    let parts: [&[u8]; 3] = [&description, bytemuck::cast_slice(&chunks), bytemuck::cast_slice(&store.stars.stars)];
+    let velocities: Vec<StoredVelocity> =
+        store.velocities.iter().map(|v| StoredVelocity { star: v.star, velocity: v.velocity }).collect();
+    let parts: [&[u8]; 5] = [
+        &description,
+        bytemuck::cast_slice(&chunks),
+        bytemuck::cast_slice(&store.stars.stars),
+        bytemuck::cast_slice(&velocities),
+        &names,
+    ];
     header.crc32 = checksum(&header, parts);
 
     let mut file = BufWriter::new(files::beside(path).map_err(io_error)?);
@@ -181,7 +271,7 @@ pub fn write(path: &Path, store: &Store) -> Result<(), StoreError> {
     files::publish(file, path).map_err(io_error)
 }
 
-fn checksum(header: &Header, parts: [&[u8]; 3]) -> u32 {
+fn checksum(header: &Header, parts: [&[u8]; 5]) -> u32 {
     let mut hasher = crc32fast::Hasher::new();
     hasher.update(&bytemuck::bytes_of(header)[12..]);
     for part in parts {
@@ -190,26 +280,55 @@ fn checksum(header: &Header, parts: [&[u8]; 3]) -> u32 {
     hasher.finalize()
 }
 
+/// Contents of a header, for reports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StoreHeader {
+    /// Version of the layout of the file.
+    pub version: u32,
+    /// Number of stars that move.
+    pub velocities: u64,
+}
+
+/// Reads the header of a store; checks its magic and version only.
+///
+/// # Errors
+/// The file cannot be read, or is not a store of a known version.
+pub fn read_header(path: &Path) -> Result<StoreHeader, StoreError> {
+    let mut file = files::open_regular(path).map_err(|source| StoreError::Io { path: path.to_owned(), source })?;
+    let header = header_of(path, &mut file)?;
+    Ok(StoreHeader { version: header.version, velocities: header.velocity_count })
+}
+
+/// Reads the header at the start of a file. In version 1 the counts of later versions are 0.
+fn header_of(path: &Path, file: &mut std::fs::File) -> Result<Header, StoreError> {
+    let mut start = Vec::with_capacity(size_of::<Header>());
+    let read = file.take(size_of::<Header>() as u64).read_to_end(&mut start);
+    read.map_err(|source| StoreError::Io { path: path.to_owned(), source })?;
+    if !start.starts_with(&MAGIC) {
+        return Err(StoreError::NotAStore { path: path.to_owned() });
+    }
+    if start.len() < size_of::<Header>() {
+        let problem = format!("its {} bytes are fewer than those of a header", start.len());
+        return Err(StoreError::Damaged { path: path.to_owned(), problem });
+    }
+    let header: Header = bytemuck::pod_read_unaligned(&start);
+    if !(1..=VERSION).contains(&header.version) {
+        return Err(StoreError::Version { path: path.to_owned(), found: header.version });
+    }
+    if header.version == 1 && header.velocity_count + header.names_bytes > 0 {
+        let problem = "a store of version 1 has neither velocities nor names".to_owned();
+        return Err(StoreError::Damaged { path: path.to_owned(), problem });
+    }
+    Ok(header)
+}
+
 /// Reads a store and checks its magic, version, length and checksum, and that the chunks cover the stars.
 pub fn read(path: &Path) -> Result<Store, StoreError> {
     let io_error = |source| StoreError::Io { path: path.to_owned(), source };
     let damaged = |problem: String| StoreError::Damaged { path: path.to_owned(), problem };
     let mut file = files::open_regular(path).map_err(io_error)?;
     let length = file.metadata().map_err(io_error)?.len();
-
-    // Header.
-    let mut start = Vec::with_capacity(size_of::<Header>());
-    Read::by_ref(&mut file).take(size_of::<Header>() as u64).read_to_end(&mut start).map_err(io_error)?;
-    if !start.starts_with(&MAGIC) {
-        return Err(StoreError::NotAStore { path: path.to_owned() });
-    }
-    if start.len() < size_of::<Header>() {
-        return Err(damaged(format!("its {length} bytes are fewer than those of a header")));
-    }
-    let header: Header = bytemuck::pod_read_unaligned(&start);
-    if header.version != VERSION {
-        return Err(StoreError::Version { path: path.to_owned(), found: header.version });
-    }
+    let header = header_of(path, &mut file)?;
 
     // The lengths in the header must match the file's length, so that a damaged header cannot cause a huge
     // allocation.
@@ -217,12 +336,14 @@ pub fn read(path: &Path) -> Result<Store, StoreError> {
     let expected = description_bytes.and_then(|description| {
         let chunks = header.chunk_count.checked_mul(size_of::<StoredChunk>() as u64)?;
         let stars = header.star_count.checked_mul(size_of::<PackedStar>() as u64)?;
-        (size_of::<Header>() as u64).checked_add(description)?.checked_add(chunks)?.checked_add(stars)
+        let velocities = header.velocity_count.checked_mul(size_of::<StoredVelocity>() as u64)?;
+        let parts = [description, chunks, stars, velocities, header.names_bytes];
+        parts.into_iter().try_fold(size_of::<Header>() as u64, u64::checked_add)
     });
     if expected != Some(length) || header.star_count > u64::from(u32::MAX) {
         return Err(damaged(format!(
-            "{length} bytes do not match {} chunks with {} stars: truncated or altered",
-            header.chunk_count, header.star_count
+            "{length} bytes do not match {} chunks with {} stars, {} velocities and {} bytes of names: truncated or altered",
+            header.chunk_count, header.star_count, header.velocity_count, header.names_bytes
         )));
     }
     // Contents and their checksum.
@@ -232,7 +353,18 @@ pub fn read(path: &Path) -> Result<Store, StoreError> {
     file.read_exact(&mut description).map_err(io_error)?;
     file.read_exact(bytemuck::cast_slice_mut(&mut chunks)).map_err(io_error)?;
     file.read_exact(bytemuck::cast_slice_mut(&mut stars)).map_err(io_error)?;
-    let found = checksum(&header, [&description, bytemuck::cast_slice(&chunks), bytemuck::cast_slice(&stars)]);
+    let mut velocities = vec![StoredVelocity::zeroed(); header.velocity_count as usize];
+    let mut names = vec![0; header.names_bytes as usize];
+    file.read_exact(bytemuck::cast_slice_mut(&mut velocities)).map_err(io_error)?;
+    file.read_exact(&mut names).map_err(io_error)?;
+    let parts: [&[u8]; 5] = [
+        &description,
+        bytemuck::cast_slice(&chunks),
+        bytemuck::cast_slice(&stars),
+        bytemuck::cast_slice(&velocities),
+        &names,
+    ];
+    let found = checksum(&header, parts);
     if found != header.crc32 {
         return Err(damaged(format!("its checksum is {found:08x}, its header has {:08x}", header.crc32)));
     }
@@ -252,7 +384,14 @@ pub fn read(path: &Path) -> Result<Store, StoreError> {
     if next as usize != stars.len() {
         return Err(damaged(format!("its chunks cover {next} of {} stars", stars.len())));
     }
-    Ok(Store { description, stars: StarSet::new(chunks, stars) })
+    let is_valid =
+        |v: &StoredVelocity| (v.star as usize) < stars.len() && v.velocity.iter().all(|axis| axis.is_finite());
+    if let Some(index) = velocities.iter().position(|velocity| !is_valid(velocity)) {
+        return Err(damaged(format!("velocity {index} is not that of a star")));
+    }
+    let velocities = velocities.iter().map(|v| StarVelocity { star: v.star, velocity: v.velocity }).collect();
+    let names = names_of_lines(&names, stars.len()).map_err(damaged)?;
+    Ok(Store { description, stars: StarSet::new(chunks, stars), velocities, names })
 }
 
 /// Converts the stars of a set back to records, to combine them with other catalogues. Light and colour are those of
@@ -293,9 +432,96 @@ mod tests {
 
     fn written(folder: &tempfile::TempDir) -> (PathBuf, Store) {
         let path = folder.path().join("set.stars");
-        let store = Store { description: "a spiral, öäü".to_owned(), stars: StarSet::from_records(records(3000)) };
+        let velocity = |star: u32| StarVelocity { star, velocity: [1e-6 * star as f32, -1e-5, 2e-5] };
+        let names = |star: u32| {
+            let designations = vec![format!("HIP {star}"), "öäü".to_owned()];
+            NamesOfStar {
+                star,
+                names: StarNames { name: if star == 7 { "Seven\tof 9" } else { "" }.to_owned(), designations },
+            }
+        };
+        let velocities = (0..3000).step_by(7).map(velocity).collect();
+        let names = (0..3000).step_by(501).chain([7]).map(names).collect();
+        let store = Store::from_records("a spiral, öäü".to_owned(), records(3000), velocities, names);
         write(&path, &store).unwrap();
         (path, store)
+    }
+
+    /// Changes a file without damaging its checksum.
+    fn altered(path: &Path, change: impl FnOnce(&mut Vec<u8>)) {
+        let mut bytes = std::fs::read(path).unwrap();
+        change(&mut bytes);
+        let sum = crc32fast::hash(&bytes[12..]);
+        bytes[8..12].copy_from_slice(&sum.to_le_bytes());
+        std::fs::write(path, bytes).unwrap();
+    }
+
+    #[test]
+    fn velocities_and_names_stay_with_their_stars() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = read(&written(&folder).0).unwrap();
+        let originals = records(3000);
+        let now = store.records(0.0);
+        let named = store.named(&now);
+        assert_eq!(named.len(), 7);
+        for star in &named {
+            let number: usize = star.designation.trim_start_matches("HIP ").parse().unwrap();
+            let original = originals[number].position;
+            assert!((star.star.position - original).length() < 1e-6 * original.length(), "{star:?}");
+            assert_eq!(star.name, if number == 7 { "Seven of 9" } else { "" });
+            assert_eq!(star.others, ["öäü"]);
+        }
+        let later = store.records(1000.0);
+        let moved: Vec<usize> = (0..3000).filter(|&i| now[i].position != later[i].position).collect();
+        assert_eq!(moved.len(), 429);
+        for (number, original) in originals.iter().enumerate().step_by(7 * 25) {
+            let place = original.position + DVec3::new(1e-3 * number as f64, -1e-2, 2e-2);
+            let expected = if original.distance_known { place } else { place.normalize() };
+            let nearest = later.iter().map(|star| (star.position - expected).length()).fold(f64::INFINITY, f64::min);
+            assert!(nearest < 1e-6 * expected.length(), "{number}: {nearest}");
+        }
+    }
+
+    #[test]
+    fn version_1_is_read_and_unknown_versions_are_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, store) = written(&folder);
+        assert_eq!(read_header(&path).unwrap(), StoreHeader { version: 2, velocities: 429 });
+        let end = 64 + 16 + 112 * store.stars.chunks.len() + 16 * 3000;
+        altered(&path, |bytes| {
+            bytes[12] = 1;
+            bytes[40..56].fill(0);
+            bytes.truncate(end);
+        });
+        let old = read(&path).unwrap();
+        assert_eq!((old.stars.stars, old.velocities.len(), old.names.len()), (store.stars.stars, 0, 0));
+        assert_eq!(read_header(&path).unwrap(), StoreHeader { version: 1, velocities: 0 });
+        altered(&path, |bytes| bytes[48] = 1);
+        assert!(read(&path).unwrap_err().to_string().contains("neither velocities nor names"));
+        for version in [0, 3] {
+            altered(&path, |bytes| bytes[12] = version);
+            assert!(read(&path).unwrap_err().to_string().contains("reads versions 1 to 2"));
+        }
+    }
+
+    #[test]
+    fn velocities_and_names_of_missing_stars_are_damage() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, store) = written(&folder);
+        let whole = std::fs::read(&path).unwrap();
+        let velocities = 64 + 16 + 112 * store.stars.chunks.len() + 16 * 3000;
+        let names = velocities + 16 * store.velocities.len();
+        for (place, with, part) in [
+            (velocities, &[0xff, 0xff, 0, 0][..], "velocity 0 is not that of a star"),
+            (velocities + 4, &f32::NAN.to_le_bytes(), "velocity 0 is not that of a star"),
+            (names, b"99999", "a line of its names"),
+            (names, b"\xff", "not UTF-8"),
+        ] {
+            std::fs::write(&path, &whole).unwrap();
+            altered(&path, |bytes| bytes[place..place + with.len()].copy_from_slice(with));
+            let error = read(&path).unwrap_err().to_string();
+            assert!(error.contains(part), "{error}");
+        }
     }
 
     #[test]
@@ -345,7 +571,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (path, _) = written(&folder);
         let mut bytes = std::fs::read(&path).unwrap();
-        bytes[16..40].fill(0xff);
+        bytes[16..56].fill(0xff);
         std::fs::write(&path, &bytes).unwrap();
         assert!(matches!(read(&path), Err(StoreError::Damaged { .. })));
     }

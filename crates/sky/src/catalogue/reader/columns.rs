@@ -131,12 +131,19 @@ pub(super) struct NameColumns {
 /// Finds columns by their names.
 struct Finder<'a> {
     names: &'a [String],
+    /// Unit of each column, in lower case; empty if the file gives none.
+    units: Vec<String>,
     used: Vec<usize>,
 }
 
 impl Finder<'_> {
     fn has(&self, name: &str) -> bool {
         self.names.iter().any(|known| known == name)
+    }
+
+    /// Unit of a column, in lower case, if the file gives one.
+    fn unit(&self, column: usize) -> Option<&str> {
+        self.units.get(column).map(String::as_str).filter(|unit| !unit.is_empty())
     }
 
     /// The first of these columns that exists; an error if it exists twice.
@@ -165,6 +172,191 @@ impl Finder<'_> {
             _ => None,
         })
     }
+
+    /// Columns that drawing could use and that no role has taken.
+    fn left(&self) -> impl Iterator<Item = String> {
+        let is_useful = |name: &str| {
+            USEFUL.iter().any(|start| name.starts_with(start)) && !AUXILIARY.iter().any(|part| name.contains(part))
+        };
+        let is_left = move |(index, name): &(usize, &String)| !self.used.contains(index) && is_useful(name);
+        self.names.iter().enumerate().filter(is_left).map(|(_, name)| name.clone())
+    }
+}
+
+/// Columns of brightness.
+struct Brightness {
+    v_mag: Option<usize>,
+    g_mag: Option<usize>,
+    tycho_mag: Option<[usize; 2]>,
+    hp_mag: Option<usize>,
+    abs_mag: Option<usize>,
+}
+
+impl Brightness {
+    /// `has_position`: the file has x, y and z; `has_distance`: it has a parallax or a distance.
+    fn find(finder: &mut Finder<'_>, source: Source, has_position: bool, has_distance: bool) -> Result<Self, String> {
+        let v_mag = finder.find(if source.is_hyg() { &["mag"] } else { &["v_mag", "vmag", "mag", "flux_v"] })?;
+        let g_mag = if source.is_gaia() { finder.find(&["phot_g_mean_mag", "gmag"])? } else { None };
+        let tycho_mag = finder.pair(&["btmag", "bt_mag"], &["vtmag", "vt_mag"])?;
+        let hp_mag = finder.find(&["hpmag"])?;
+        let mut abs_mag = finder.find(&["abs_mag", "absmag"])?;
+        let has_apparent = [v_mag, g_mag, hp_mag].iter().any(Option::is_some) || tycho_mag.is_some();
+        // `magnitude` alone is ambiguous; with x, y, z and without any other brightness it is the absolute magnitude.
+        if abs_mag.is_none() && !has_apparent && has_position {
+            abs_mag = finder.find(&["magnitude"])?;
+        }
+        // Without any brightness, or a distance for an absolute magnitude, the file is unusable.
+        if !has_apparent {
+            if abs_mag.is_none() {
+                return Err("no brightness".into());
+            }
+            if !has_distance && !has_position {
+                return Err("an absolute magnitude, but no distance".into());
+            }
+        }
+        Ok(Self { v_mag, g_mag, tycho_mag, hp_mag, abs_mag })
+    }
+}
+
+/// Columns of distance.
+struct Distance {
+    parallax_mas: Option<usize>,
+    distance_pc: Option<usize>,
+}
+
+impl Distance {
+    /// `unused` gets the columns that look like a distance and are none.
+    fn find(finder: &mut Finder<'_>, source: Source, unused: &mut Vec<String>) -> Result<Self, String> {
+        let parallax_mas = finder.find(&["parallax_mas", "parallax", "plx", "plx_value"])?;
+        let distance_pc = match source {
+            Source::Gaia | Source::Gaia2 => {
+                // A cone search adds this column.
+                if finder.find(&["dist"])?.is_some() {
+                    unused.push("dist: the angle from the centre of a cone search, degrees".to_owned());
+                }
+                finder.find(&["distance_pc"])?
+            }
+            _ => finder.find(if source.is_hyg() { &["dist", "distance"] } else { &["distance_pc", "dist"] })?,
+        };
+        for (column, allowed) in [(parallax_mas, "mas"), (distance_pc, "pc")] {
+            if let Some((column, unit)) = column.and_then(|column| Some((column, finder.unit(column)?)))
+                && unit != allowed
+            {
+                return Err(format!("{} is in {unit}; it must be in {allowed}", finder.names[column]));
+            }
+        }
+        Ok(Self { parallax_mas, distance_pc })
+    }
+
+    fn is_known(&self) -> bool {
+        self.parallax_mas.is_some() || self.distance_pc.is_some()
+    }
+}
+
+/// Checks the unit of a declination that the file states: radians beside a right ascension in radians, else degrees.
+fn check_dec_unit(finder: &Finder<'_>, dec: usize, ra_unit: RaUnit) -> Result<(), String> {
+    let Some(unit) = finder.unit(dec) else { return Ok(()) };
+    let is_radians = matches!(unit, "rad" | "radian" | "radians");
+    let is_degrees = matches!(unit, "deg" | "degree" | "degrees" | "\u{b0}" | "\"d:m:s\"");
+    match ra_unit {
+        RaUnit::Radians if is_radians => Ok(()),
+        RaUnit::Degrees | RaUnit::Hours | RaUnit::Unknown if is_degrees => Ok(()),
+        RaUnit::Radians => Err(format!("{} is in {unit}, but the right ascension in radians", finder.names[dec])),
+        _ => Err(format!("{} is in {unit}; it must be in degrees", finder.names[dec])),
+    }
+}
+
+/// Unit of a right ascension that the file states.
+fn stated_ra_unit(finder: &Finder<'_>, ra: usize) -> Result<Option<RaUnit>, String> {
+    Ok(match finder.unit(ra) {
+        None => None,
+        Some("rad" | "radian" | "radians") => Some(RaUnit::Radians),
+        Some("h" | "hr" | "hour" | "hours" | "hourangle" | "\"h:m:s\"") => Some(RaUnit::Hours),
+        Some("deg" | "degree" | "degrees" | "\u{b0}" | "\"d:m:s\"") => Some(RaUnit::Degrees),
+        Some(unit) => {
+            return Err(format!("{} is in {unit}; it must be in degrees, radians or hours", finder.names[ra]));
+        }
+    })
+}
+
+/// Right ascension and declination, and the epoch of both if their names give it.
+fn equatorial(
+    finder: &mut Finder<'_>,
+    source: Source,
+    has_parallax: bool,
+) -> Result<Option<(Direction, Option<f64>)>, String> {
+    for (ra_name, dec_name, epoch) in DEGREES {
+        if let (Some(ra), Some(dec)) = (finder.find(&[ra_name])?, finder.find(&[dec_name])?) {
+            let unit = match stated_ra_unit(finder, ra)? {
+                Some(unit) => unit,
+                // The table of the Hipparcos reduction is in radians, VizieR's answers are in degrees.
+                None if *ra_name == "rarad" => {
+                    return Err("rarad may be radians or degrees: name it ra_deg, or keep the line of units".into());
+                }
+                None => RaUnit::Degrees,
+            };
+            check_dec_unit(finder, dec, unit)?;
+            return Ok(Some((Direction::Equatorial { ra, dec, unit }, *epoch)));
+        }
+    }
+    let columns = (finder.find(&["ra", "ra_deg"])?, finder.find(&["dec", "dec_deg", "de"])?);
+    let (Some(ra), Some(dec)) = columns else { return Ok(None) };
+    let like_gaia = source.is_gaia() || has_parallax;
+    let unit = match (stated_ra_unit(finder, ra)?, source.is_hyg(), like_gaia) {
+        (Some(unit), ..) => unit,
+        _ if finder.has("ra_deg") => RaUnit::Degrees,
+        (None, true, false) => RaUnit::Hours,
+        (None, false, true) => RaUnit::Degrees,
+        _ => RaUnit::Unknown,
+    };
+    check_dec_unit(finder, dec, unit)?;
+    Ok(Some((Direction::Equatorial { ra, dec, unit }, None)))
+}
+
+/// Columns of motion.
+struct Motion {
+    pm_ra: Option<usize>,
+    pm_dec: Option<usize>,
+    pm_unit_mas: f64,
+    radial_velocity_km_s: Option<usize>,
+}
+
+impl Motion {
+    fn find(finder: &mut Finder<'_>) -> Result<Self, String> {
+        let pm_ra = finder.find(&["pm_ra_mas_yr", "pmra", "pm_ra", "pm_ra_cosdec", "pm_racosdec"])?;
+        let pm_dec = finder.find(&["pm_dec_mas_yr", "pmdec", "pm_dec", "pmde"])?;
+        let unit = pm_ra.and_then(|column| finder.unit(column)).map(|unit| unit.replace(' ', ""));
+        let pm_unit_mas = match unit.as_deref() {
+            None | Some("mas/yr" | "mas/a" | "mas.yr-1" | "mas*yr-1" | "masyr-1" | "mas.yr**-1" | "masyr**-1") => 1.0,
+            Some("arcsec/yr" | "arcsec/a" | "arcsec.yr-1" | "arcsecyr-1" | "arcsec.yr**-1") => 1000.0,
+            Some(unit) => return Err(format!("the proper motion is in {unit}; it must be in mas/yr or arcsec/yr")),
+        };
+        let radial = ["radial_velocity_km_s", "radial_velocity", "rv", "radvel", "rv_value", "rvel"];
+        let radial_velocity_km_s = finder.find(&radial)?;
+        let unit = radial_velocity_km_s.and_then(|column| finder.unit(column)).map(|unit| unit.replace(' ', ""));
+        if let Some(unit) = unit
+            && !["km/s", "km.s-1", "km*s-1", "kms-1", "km.s**-1", "kms**-1"].contains(&unit.as_str())
+        {
+            return Err(format!("the radial velocity is in {unit}; it must be in km/s"));
+        }
+        Ok(Self { pm_ra, pm_dec, pm_unit_mas, radial_velocity_km_s })
+    }
+}
+
+impl NameColumns {
+    fn find(finder: &mut Finder<'_>) -> Result<Self, String> {
+        Ok(Self {
+            name: finder.find(&["proper", "propername", "name"])?,
+            bayer_flamsteed: finder.find(&["bf", "bayerflamsteed"])?,
+            bayer: finder.find(&["bayer"])?,
+            flamsteed: finder.find(&["flam"])?,
+            constellation: finder.find(&["con"])?,
+            hip: finder.find(&["hip"])?,
+            hd: finder.find(&["hd"])?,
+            hr: finder.find(&["hr"])?,
+            gaia: finder.find(&["source_id", "source", "gaia"])?,
+        })
+    }
 }
 
 /// Name of a column without byte order mark, mark of a comment, quotation marks, blanks and case.
@@ -177,132 +369,36 @@ impl Columns {
     /// contradictory column.
     pub fn recognise<S: AsRef<str>>(header: &[S], units: Option<&[S]>) -> Result<Self, String> {
         let names: Vec<String> = header.iter().map(|name| normalised(name.as_ref())).collect();
+        let units = units.unwrap_or_default().iter().map(|unit| unit.as_ref().trim().to_lowercase()).collect();
         let source = Source::recognise(&names);
-        let unit_of = |column: usize| -> Option<String> {
-            let unit = units?.get(column)?.as_ref().trim().to_lowercase();
-            (!unit.is_empty()).then_some(unit)
-        };
-        let mut finder = Finder { names: &names, used: Vec::new() };
+        let mut finder = Finder { names: &names, units, used: Vec::new() };
+        let mut unused = Vec::new();
 
-        // Position, brightness and distance.
+        // If a file has both angles and x, y, z, angles are the measured values; but without a distance, x, y and z hold more.
         let cartesian = match finder.xyz(["x", "y", "z"])? {
             None => finder.xyz(["x0", "y0", "z0"])?,
             found => found,
         };
-        let v_mag = finder.find(if source.is_hyg() { &["mag"] } else { &["v_mag", "vmag", "mag", "flux_v"] })?;
-        let g_mag = if source.is_gaia() { finder.find(&["phot_g_mean_mag", "gmag"])? } else { None };
-        let tycho_mag = finder.pair(&["btmag", "bt_mag"], &["vtmag", "vt_mag"])?;
-        let hp_mag = finder.find(&["hpmag"])?;
-        let parallax_mas = finder.find(&["parallax_mas", "parallax", "plx", "plx_value"])?;
-        let mut unused = Vec::new();
-        let distance_pc = match source {
-            Source::Gaia | Source::Gaia2 => {
-                // A cone search adds this column.
-                if finder.find(&["dist"])?.is_some() {
-                    unused.push("dist: the angle from the centre of a cone search, degrees".to_owned());
-                }
-                finder.find(&["distance_pc"])?
-            }
-            _ => finder.find(if source.is_hyg() { &["dist", "distance"] } else { &["distance_pc", "dist"] })?,
-        };
-        for (column, allowed) in [(parallax_mas, "mas"), (distance_pc, "pc")] {
-            if let Some((column, unit)) = column.and_then(|column| Some((column, unit_of(column)?)))
-                && unit != allowed
-            {
-                return Err(format!("{} is in {unit}; it must be in {allowed}", names[column]));
-            }
-        }
-
-        // Right ascension and declination, their unit and their epoch.
-        let is_degrees =
-            |column: usize| unit_of(column).is_none_or(|unit| unit.starts_with("deg") || unit == "\"d:m:s\"");
-        let mut equatorial = None;
-        for (ra, dec, epoch) in DEGREES {
-            if let (Some(ra_column), Some(dec_column)) = (finder.find(&[ra])?, finder.find(&[dec])?) {
-                let unit = match unit_of(ra_column) {
-                    Some(unit) if unit == "rad" => RaUnit::Radians,
-                    Some(unit) if unit.contains('h') => RaUnit::Hours,
-                    // The table of the Hipparcos reduction is in radians, VizieR's answers are in degrees.
-                    None if *ra == "rarad" => {
-                        return Err("rarad may be radians or degrees: name it ra_deg, or keep the line of units".into());
-                    }
-                    _ => RaUnit::Degrees,
-                };
-                equatorial = Some((Direction::Equatorial { ra: ra_column, dec: dec_column, unit }, *epoch));
-                break;
-            }
-        }
-        if equatorial.is_none() {
-            let columns = (finder.find(&["ra", "ra_deg"])?, finder.find(&["dec", "dec_deg", "de"])?);
-            if let (Some(ra), Some(dec)) = columns {
-                let says_degrees = finder.has("ra_deg") || (unit_of(ra).is_some() && is_degrees(ra));
-                let like_gaia = source.is_gaia() || parallax_mas.is_some();
-                let unit = match (source.is_hyg(), like_gaia) {
-                    _ if says_degrees => RaUnit::Degrees,
-                    (true, false) => RaUnit::Hours,
-                    (false, true) => RaUnit::Degrees,
-                    _ => RaUnit::Unknown,
-                };
-                equatorial = Some((Direction::Equatorial { ra, dec, unit }, None));
-            }
-        }
-        // If a file has both, angles are the measured values; but without a distance, x, y and z hold more.
-        let has_distance = parallax_mas.is_some() || distance_pc.is_some();
+        let distance = Distance::find(&mut finder, source, &mut unused)?;
+        let equatorial = equatorial(&mut finder, source, distance.parallax_mas.is_some())?;
         let (direction, epoch) = match (equatorial, cartesian) {
             (Some(angles), None) => angles,
-            (Some(angles), Some(_)) if has_distance => angles,
+            (Some(angles), Some(_)) if distance.is_known() => angles,
             (_, Some(position)) => (Direction::Cartesian(position), None),
             (None, None) => return Err("no direction".into()),
         };
+        let Brightness { v_mag, g_mag, tycho_mag, hp_mag, abs_mag } =
+            Brightness::find(&mut finder, source, cartesian.is_some(), distance.is_known())?;
+        let Motion { pm_ra, pm_dec, pm_unit_mas, radial_velocity_km_s } = Motion::find(&mut finder)?;
 
-        // `magnitude` alone is ambiguous; with x, y, z and without any other brightness it is the absolute magnitude.
-        let mut abs_mag = finder.find(&["abs_mag", "absmag"])?;
-        let has_apparent = [v_mag, g_mag, hp_mag].iter().any(Option::is_some) || tycho_mag.is_some();
-        if abs_mag.is_none() && !has_apparent && cartesian.is_some() {
-            abs_mag = finder.find(&["magnitude"])?;
-        }
-        // Without any brightness, or a distance for an absolute magnitude, the file is unusable.
-        if !has_apparent {
-            if abs_mag.is_none() {
-                return Err("no brightness".into());
-            }
-            if !has_distance && cartesian.is_none() {
-                return Err("an absolute magnitude, but no distance".into());
-            }
-        }
-
-        // Motion, colour and names.
-        let pm_ra = finder.find(&["pm_ra_mas_yr", "pmra", "pm_ra", "pm_ra_cosdec", "pm_racosdec"])?;
-        let pm_dec = finder.find(&["pm_dec_mas_yr", "pmdec", "pm_dec", "pmde"])?;
-        let pm_unit_mas = match pm_ra.and_then(unit_of).map(|unit| unit.replace(' ', "")).as_deref() {
-            None | Some("mas/yr" | "mas/a" | "mas.yr-1" | "mas*yr-1" | "masyr-1" | "mas.yr**-1") => 1.0,
-            Some("arcsec/yr" | "arcsec/a" | "arcsec.yr-1" | "arcsecyr-1" | "arcsec.yr**-1") => 1000.0,
-            Some(unit) => return Err(format!("the proper motion is in {unit}; it must be in mas/yr or arcsec/yr")),
-        };
         let teff_k = finder.find(&["teff_k", "teff_gspphot", "teff_val", "teff", "temperature"])?;
         let bp_rp = finder.find(&["bp_rp", "bp-rp"])?;
         let bp_and_rp = finder.pair(&["phot_bp_mean_mag", "bpmag"], &["phot_rp_mean_mag", "rpmag"])?;
         let b_v = finder.find(&["b_v", "b-v", "ci", "colorindex"])?;
-        let radial = ["radial_velocity_km_s", "radial_velocity", "rv", "radvel", "rv_value", "rvel"];
-        let radial_velocity_km_s = finder.find(&radial)?;
         let ref_epoch = finder.find(&["ref_epoch"])?;
-        let name_columns = NameColumns {
-            name: finder.find(&["proper", "propername", "name"])?,
-            bayer_flamsteed: finder.find(&["bf", "bayerflamsteed"])?,
-            bayer: finder.find(&["bayer"])?,
-            flamsteed: finder.find(&["flam"])?,
-            constellation: finder.find(&["con"])?,
-            hip: finder.find(&["hip"])?,
-            hd: finder.find(&["hd"])?,
-            hr: finder.find(&["hr"])?,
-            gaia: finder.find(&["source_id", "source", "gaia"])?,
-        };
-        let used = finder.used;
-        let is_useful = |name: &str| {
-            USEFUL.iter().any(|start| name.starts_with(start)) && !AUXILIARY.iter().any(|part| name.contains(part))
-        };
-        let left = names.iter().enumerate().filter(|(index, name)| !used.contains(index) && is_useful(name));
-        unused.extend(left.map(|(_, name)| name.clone()));
+        let name_columns = NameColumns::find(&mut finder)?;
+        unused.extend(finder.left());
+        let has_placeholder = source.is_hyg() || finder.has("dist");
         Ok(Self {
             source,
             direction,
@@ -315,8 +411,8 @@ impl Columns {
             bp_rp,
             bp_and_rp,
             b_v,
-            parallax_mas,
-            distance_pc,
+            parallax_mas: distance.parallax_mas,
+            distance_pc: distance.distance_pc,
             pm_ra,
             pm_dec,
             pm_unit_mas,
@@ -324,14 +420,15 @@ impl Columns {
             names: name_columns,
             ref_epoch,
             epoch: epoch.unwrap_or(source.epoch()),
-            unknown_from_pc: if source.is_hyg() || names.iter().any(|name| name == "dist") {
-                HYG_UNKNOWN_DISTANCE_PC
-            } else {
-                f64::INFINITY
-            },
+            unknown_from_pc: if has_placeholder { HYG_UNKNOWN_DISTANCE_PC } else { f64::INFINITY },
             unused,
             header: names,
         })
+    }
+
+    /// The same columns with other names in messages.
+    pub fn called(self, names: &[String]) -> Self {
+        Self { header: names.iter().map(|name| normalised(name)).collect(), ..self }
     }
 
     /// Name of a column, in lower case, for messages.

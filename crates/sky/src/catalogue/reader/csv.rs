@@ -22,7 +22,7 @@ use ::csv::{ByteRecord, ErrorKind, Reader, ReaderBuilder, StringRecord, Terminat
 
 use super::columns::{self, Columns};
 use super::rows::Rows;
-use super::{CatalogueError, CatalogueRead};
+use super::{CatalogueError, CatalogueRead, RowPlace};
 
 /// Most bytes of comments before the head that are kept, to look for a head, units and the mark of ECSV.
 const COMMENTS_LIMIT: usize = 1 << 16;
@@ -79,7 +79,7 @@ pub fn read_csv_from(source: impl Read, file: &str, years: f64) -> Result<Catalo
         let columns = if is_closed { Columns::recognise(&names, units) } else { Err(UNCLOSED.to_owned()) };
         columns.map_err(|reason| CatalogueError::Columns {
             file: file.to_owned(),
-            line: head_line,
+            place: RowPlace::Line(head_line),
             reason,
             found: columns::listing(&names),
         })
@@ -138,10 +138,14 @@ fn read_row<R: Read>(
     let is_row = reader.read_byte_record(record).map_err(|error| match error.into_kind() {
         ErrorKind::Io(source) => source.downcast::<CatalogueError>().unwrap_or_else(|source| CatalogueError::Io {
             file: file.to_owned(),
-            line,
+            place: RowPlace::Line(line),
             source,
         }),
-        kind => CatalogueError::Malformed { file: file.to_owned(), line, reason: format!("not CSV: {kind:?}") },
+        kind => CatalogueError::Malformed {
+            file: file.to_owned(),
+            place: RowPlace::Line(line),
+            reason: format!("not CSV: {kind:?}"),
+        },
     })?;
     Ok(is_row.then(|| reader.get_mut().end_row()))
 }
@@ -229,10 +233,16 @@ impl<'f, R: Read> Lines<'f, R> {
                 Ok(0) => return Ok(false),
                 Ok(n) if n > LINE_LIMIT => {
                     let reason = format!("a line of more than {LINE_LIMIT} bytes: not a star catalogue in CSV");
-                    return Err(CatalogueError::Malformed { file: self.file.to_owned(), line, reason });
+                    return Err(CatalogueError::Malformed {
+                        file: self.file.to_owned(),
+                        place: RowPlace::Line(line),
+                        reason,
+                    });
                 }
                 Ok(_) => self.number = line,
-                Err(source) => return Err(CatalogueError::Io { file: self.file.to_owned(), line, source }),
+                Err(source) => {
+                    return Err(CatalogueError::Io { file: self.file.to_owned(), place: RowPlace::Line(line), source });
+                }
             }
             if line == 1 && self.bytes.starts_with(BYTE_ORDER_MARK) {
                 self.bytes.drain(..BYTE_ORDER_MARK.len());

@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::columns::{self, Columns};
 use super::rows::Rows;
-use super::{CatalogueError, CatalogueRead};
+use super::{CatalogueError, CatalogueRead, RowPlace};
 
 /// Largest document, bytes: it is held in memory and needs several times as much there.
 const MOST_BYTES: u64 = 1 << 30;
@@ -31,9 +31,17 @@ pub fn read_json_from(source: impl Read, file: &str, years: f64) -> Result<Catal
     let mut bytes = Vec::new();
     // One byte more than the limit shows that the document exceeds it.
     let mut source = source.take(MOST_BYTES + 1);
-    source.read_to_end(&mut bytes).map_err(|source| CatalogueError::Io { file: file.to_owned(), line: 1, source })?;
+    source.read_to_end(&mut bytes).map_err(|source| CatalogueError::Io {
+        file: file.to_owned(),
+        place: RowPlace::Line(1),
+        source,
+    })?;
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
-    let malformed = |line: usize, reason: String| CatalogueError::Malformed { file: file.to_owned(), line, reason };
+    let malformed = |line: usize, reason: String| CatalogueError::Malformed {
+        file: file.to_owned(),
+        place: RowPlace::Line(line),
+        reason,
+    };
     if bytes.len() as u64 > MOST_BYTES {
         let reason = format!("a JSON catalogue must have at most {MOST_BYTES} bytes; CSV has no limit");
         return Err(malformed(1, reason));
@@ -66,7 +74,7 @@ pub fn read_json_from(source: impl Read, file: &str, years: f64) -> Result<Catal
     }
     let columns = Columns::recognise(&names, None).map_err(|reason| CatalogueError::Columns {
         file: file.to_owned(),
-        line: line_of(0),
+        place: RowPlace::Line(line_of(0)),
         reason,
         found: columns::listing(&names),
     })?;

@@ -50,7 +50,7 @@ const MOST_KM_S: f64 = 1e5;
 const EPOCHS: RangeInclusive<f64> = 1800.0..=2200.0;
 
 /// Notes on how a star was derived, for the report.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Notes {
     pub without_distance: bool,
     pub without_colour: bool,
@@ -58,7 +58,8 @@ pub(super) struct Notes {
     pub colour_ignored: bool,
     pub g_taken_as_v: bool,
     pub hp_taken_as_v: bool,
-    pub moves: bool,
+    /// Velocity of the star, as in [`StarVelocity`](super::super::motion::StarVelocity); `None` if it has none.
+    pub velocity: Option<[f32; 3]>,
 }
 
 /// Reason why a row did not become a star.
@@ -344,7 +345,6 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         if motion == StarMotion::default() {
             return Ok(direction * distance_pc.unwrap_or(1.0));
         }
-        notes.moves = true;
         let from_year = match (self.finite(*ref_epoch)?, self.text(*ref_epoch)) {
             (Some(year), Some((column, text))) if !EPOCHS.contains(&year) => {
                 return Err(self.refuse(column, text, "is outside 1800 to 2200"));
@@ -355,6 +355,12 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         if place.length() < NEAREST_PC {
             return Err(Refusal::Row(too_near(place.length())));
         }
+        let mut velocity = motion.velocity(direction, distance_pc);
+        if distance_pc.is_none() {
+            // Relative to the star's unit vector at the epoch.
+            velocity /= (direction + velocity * (years + columns::J2000_EPOCH - from_year)).length();
+        }
+        notes.velocity = Some(velocity.as_vec3().to_array());
         Ok(place)
     }
 
@@ -410,6 +416,14 @@ fn temperature_of_colour_k(bp_rp: Option<f64>, b_v: Option<f64>, notes: &mut Not
             f64::from(SOLAR_TEMPERATURE_K)
         }
     }
+}
+
+/// Whether a column of names has a value in this row.
+pub(super) fn has_names<'a>(columns: &Columns, field: impl Fn(usize) -> &'a str) -> bool {
+    let row = Row { columns, field };
+    let NameColumns { name, bayer_flamsteed, bayer, flamsteed, hip, hd, hr, gaia, .. } = columns.names;
+    let gaia = gaia.filter(|_| columns.source.is_gaia());
+    [name, bayer_flamsteed, bayer, flamsteed, hip, hd, hr, gaia].into_iter().any(|column| row.text(column).is_some())
 }
 
 /// The names and numbers in a row; `None` if it has none.

@@ -8,7 +8,8 @@ use super::columns::Columns;
 use super::row::{self, Refusal};
 use super::{CatalogueError, CatalogueRead, NAMED_STARS_KEPT, ReadReport};
 use crate::catalogue::StarRecord;
-use crate::catalogue::names::NamedStar;
+use crate::catalogue::motion::StarVelocity;
+use crate::catalogue::names::NamesOfStar;
 
 /// Stars, names and report of the rows that were read so far.
 pub(super) struct Rows {
@@ -16,7 +17,8 @@ pub(super) struct Rows {
     stars: Vec<StarRecord>,
     /// Hash of all fields of each star's row.
     hashes: Vec<u64>,
-    named: Vec<NamedStar>,
+    names: Vec<NamesOfStar>,
+    velocities: Vec<StarVelocity>,
     years: f64,
 }
 
@@ -26,7 +28,23 @@ impl Rows {
         let mut report = ReadReport::new(file);
         report.source = columns.source;
         report.unused.clone_from(&columns.unused);
-        Self { report, stars: Vec::new(), hashes: Vec::new(), named: Vec::new(), years }
+        Self { report, stars: Vec::new(), hashes: Vec::new(), names: Vec::new(), velocities: Vec::new(), years }
+    }
+
+    /// The same for a format without lines.
+    pub fn without_lines(mut self) -> Self {
+        self.report.without_lines = true;
+        self
+    }
+
+    /// Number of rows that were added.
+    pub fn count(&self) -> usize {
+        self.report.rows
+    }
+
+    /// Adds a remark on the whole file to the report.
+    pub fn note(&mut self, note: String) {
+        self.report.notes.push(note);
     }
 
     /// Adds a row, or the reason why its fields cannot be read. `place` begins the reason in the report.
@@ -44,23 +62,27 @@ impl Rows {
             let (star, notes) = row::star(columns, &field, self.years)?;
             let mut hasher = DefaultHasher::new();
             (0..columns.len()).for_each(|column| field(column).trim().hash(&mut hasher));
-            if self.stars.len() < NAMED_STARS_KEPT
-                && let Some(names) = row::names(columns, &field)
-            {
-                self.named.push(NamedStar::from_file(names, star));
+            if self.stars.len() >= NAMED_STARS_KEPT {
+                self.report.names_left_out += usize::from(row::has_names(columns, &field));
+            } else if let Some(names) = row::names(columns, &field) {
+                self.names.push(NamesOfStar { star: self.stars.len() as u32, names });
             }
             Ok((star, notes, hasher.finish()))
         });
         match star {
             Ok((star, notes, hash)) => {
                 self.report.count(notes);
+                if let Some(velocity) = notes.velocity {
+                    self.velocities.push(StarVelocity { star: self.stars.len() as u32, velocity });
+                }
                 self.stars.push(star);
                 self.hashes.push(hash);
             }
             Err(Refusal::Row(reason)) => self.report.reject(line, format!("{place}{reason}")),
             Err(Refusal::File(reason)) => {
                 let reason = format!("{place}{reason}");
-                return Err(CatalogueError::Malformed { file: self.report.file.clone(), line, reason });
+                let place = self.report.place(line);
+                return Err(CatalogueError::Malformed { file: self.report.file.clone(), place, reason });
             }
         }
         Ok(())
@@ -68,13 +90,34 @@ impl Rows {
 
     /// The result for the whole file; an error if none of its rows is usable.
     pub fn finish(self) -> Result<CatalogueRead, CatalogueError> {
-        self.report.finish(self.stars, self.hashes, self.named)
+        let Self { mut report, mut stars, hashes, mut names, mut velocities, .. } = self;
+        report.check()?;
+        // Rows that repeat another one are left out, and the indices of the others move up.
+        let is_repeated = repetitions(&stars, &hashes);
+        report.repeated = is_repeated.iter().filter(|repeated| **repeated).count();
+        report.used -= report.repeated;
+        if report.repeated > 0 {
+            let mut kept = 0;
+            let mut index = |repeated: &bool| {
+                kept += u32::from(!repeated);
+                (!repeated).then(|| kept - 1)
+            };
+            let indices: Vec<Option<u32>> = is_repeated.iter().map(&mut index).collect();
+            let index = |star: u32| indices.get(star as usize).copied().flatten();
+            velocities =
+                velocities.into_iter().filter_map(|v| Some(StarVelocity { star: index(v.star)?, ..v })).collect();
+            report.moving = velocities.len();
+            names = names.into_iter().filter_map(|of| Some(NamesOfStar { star: index(of.star)?, ..of })).collect();
+            let mut repeated = is_repeated.into_iter();
+            stars.retain(|_| !repeated.next().unwrap_or(false));
+        }
+        Ok(CatalogueRead { stars, names, velocities, report })
     }
 }
 
-/// The stars without those whose row repeats an earlier one in all its fields, by the hashes of the rows. Rows with the same place and
-/// brightness but different numbers are a double star.
-pub(super) fn without_repetitions(mut stars: Vec<StarRecord>, hashes: Vec<u64>) -> Vec<StarRecord> {
+/// For each star whether its row repeats an earlier one in all its fields, by the hashes of the rows. Rows with the same place and
+/// brightness but different numbers may be a double star.
+fn repetitions(stars: &[StarRecord], hashes: &[u64]) -> Vec<bool> {
     let mut order: Vec<u32> = (0..stars.len() as u32).collect();
     order.par_sort_unstable_by_key(|&index| (hashes[index as usize], index));
     let mut is_repeated = vec![false; stars.len()];
@@ -82,7 +125,5 @@ pub(super) fn without_repetitions(mut stars: Vec<StarRecord>, hashes: Vec<u64>) 
         let [first, second] = [pair[0] as usize, pair[1] as usize];
         is_repeated[second] = hashes[first] == hashes[second] && stars[first] == stars[second];
     }
-    let mut repeated = is_repeated.into_iter();
-    stars.retain(|_| !repeated.next().unwrap_or(false));
-    stars
+    is_repeated
 }

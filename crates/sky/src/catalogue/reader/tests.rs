@@ -478,7 +478,7 @@ fn a_million_broken_rows_end_in_one_error() {
 fn an_endless_line_is_refused_early() {
     let source = Repeated { header: b"ra_deg,dec_deg,v_mag\n", row: b"7", position: 0, end: usize::MAX };
     let error = read_csv_from(source, "zeros.csv", 0.0).unwrap_err();
-    assert!(matches!(&error, CatalogueError::Malformed { line: 2, .. }), "{error}");
+    assert!(matches!(&error, CatalogueError::Malformed { place: RowPlace::Line(2), .. }), "{error}");
 }
 
 #[test]

@@ -6,111 +6,46 @@
 //! skipped. Angles of pixels: PIXELSCL and PIXSCALE in arcseconds, CDELT1/2 and CD1_1 .. CD2_2 in CUNIT1, degrees if
 //! it is missing.
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use super::PsfError;
 use super::read::{Plane, checked_size};
+use crate::fits::{BLOCK, Header};
 
 /// Header entries that give the angle of a pixel.
 pub const SCALES: &str = "PIXELSCL, PIXSCALE, CDELT1 and CDELT2, or CD1_1 to CD2_2";
 
 const ALLOWED: &str = "a FITS file with an image of two axes and BITPIX 8, 16, 32, 64, -32 or -64";
 
-const BLOCK: usize = 2880;
-const CARD: usize = 80;
-
 /// Largest relative difference between height and width of a pixel.
 const SQUARE_WITHIN: f64 = 0.01;
 
-/// A header: keywords and their values as text, strings without quotes.
-struct Header(HashMap<String, String>);
-
-impl Header {
-    fn number(&self, key: &str) -> Option<f64> {
-        // FORTRAN's D for an exponent is accepted.
-        self.0.get(key)?.replace(['D', 'd'], "E").parse().ok()
+/// Angle of a pixel in arcseconds, if the header has it.
+fn pixel_arcsec(header: &Header) -> Result<Option<f64>, String> {
+    if let Some(scale) = header.number("PIXELSCL").or_else(|| header.number("PIXSCALE")) {
+        return Ok(Some(scale));
     }
-
-    fn count(&self, key: &str) -> Option<usize> {
-        self.0.get(key)?.parse().ok()
-    }
-
-    /// Reads the cards from `start` to END; returns the header and the start of its data.
-    fn read(bytes: &[u8], start: usize) -> Result<(Self, usize), String> {
-        let mut entries = HashMap::new();
-        for (index, card) in bytes[start..].chunks_exact(CARD).enumerate() {
-            let card = std::str::from_utf8(card)
-                .ok()
-                .filter(|card| card.is_ascii())
-                .ok_or_else(|| format!("card {} of the header at byte {start} is not ASCII", index + 1))?;
-            let key = card[..8].trim_end();
-            if key == "END" {
-                return Ok((Self(entries), start + ((index + 1) * CARD).next_multiple_of(BLOCK)));
-            }
-            if let Some(value) = card[8..].strip_prefix("= ") {
-                entries.insert(key.to_owned(), value_of(value));
-            }
-        }
-        Err(format!("the header at byte {start} has no END"))
-    }
-
-    /// Sizes of the axes.
-    fn axes(&self) -> Result<Vec<usize>, String> {
-        let count =
-            self.count("NAXIS").filter(|n| *n <= 999).ok_or("NAXIS is missing or not a number from 0 to 999")?;
-        let axis = |i: usize| {
-            let key = format!("NAXIS{i}");
-            self.count(&key).ok_or_else(|| format!("{key} is missing or not a whole number"))
-        };
-        (1..=count).map(axis).collect()
-    }
-
-    /// Angle of a pixel in arcseconds, if the header has it.
-    fn pixel_arcsec(&self) -> Result<Option<f64>, String> {
-        if let Some(scale) = self.number("PIXELSCL").or_else(|| self.number("PIXSCALE")) {
-            return Ok(Some(scale));
-        }
-        let unit_arcsec = match self.0.get("CUNIT1").map(|unit| unit.to_ascii_lowercase()).as_deref() {
-            None | Some("" | "deg" | "degree" | "degrees") => 3600.0,
-            Some("arcsec" | "arcseconds") => 1.0,
-            Some("arcmin") => 60.0,
-            Some("rad" | "radian") => 1.0 / super::ARCSECOND_RAD,
-            Some("mas") => 1e-3,
-            Some(other) => return Err(format!("CUNIT1 is `{other}`, not deg, arcmin, arcsec, mas or rad")),
-        };
-        let entry = |key: &str| self.number(key).unwrap_or(0.0);
-        let has_matrix = self.number("CD1_1").is_some() || self.number("CD1_2").is_some();
-        let sides = if has_matrix {
-            [entry("CD1_1").hypot(entry("CD2_1")), entry("CD1_2").hypot(entry("CD2_2"))]
-        } else if let (Some(x), Some(y)) = (self.number("CDELT1"), self.number("CDELT2")) {
-            [x.abs(), y.abs()]
-        } else {
-            return Ok(None);
-        };
-        if (sides[0] - sides[1]).abs() > SQUARE_WITHIN * sides[0] {
-            return Err(format!("pixels are {} by {}, not square", sides[0], sides[1]));
-        }
-        Ok(Some((sides[0] * sides[1]).sqrt() * unit_arcsec))
-    }
-}
-
-/// A card's value without its comment; for a string, the text between the quotes.
-fn value_of(text: &str) -> String {
-    let text = text.trim_start();
-    let Some(string) = text.strip_prefix('\'') else {
-        return text.split('/').next().unwrap_or_default().trim().to_owned();
+    let unit_arcsec = match header.0.get("CUNIT1").map(|unit| unit.to_ascii_lowercase()).as_deref() {
+        None | Some("" | "deg" | "degree" | "degrees") => 3600.0,
+        Some("arcsec" | "arcseconds") => 1.0,
+        Some("arcmin") => 60.0,
+        Some("rad" | "radian") => 1.0 / super::ARCSECOND_RAD,
+        Some("mas") => 1e-3,
+        Some(other) => return Err(format!("CUNIT1 is `{other}`, not deg, arcmin, arcsec, mas or rad")),
     };
-    // A quote inside a string is doubled.
-    let mut value = String::new();
-    let mut rest = string.chars().peekable();
-    while let Some(c) = rest.next() {
-        if c == '\'' && rest.next_if_eq(&'\'').is_none() {
-            break;
-        }
-        value.push(c);
+    let entry = |key: &str| header.number(key).unwrap_or(0.0);
+    let has_matrix = header.number("CD1_1").is_some() || header.number("CD1_2").is_some();
+    let sides = if has_matrix {
+        [entry("CD1_1").hypot(entry("CD2_1")), entry("CD1_2").hypot(entry("CD2_2"))]
+    } else if let (Some(x), Some(y)) = (header.number("CDELT1"), header.number("CDELT2")) {
+        [x.abs(), y.abs()]
+    } else {
+        return Ok(None);
+    };
+    if (sides[0] - sides[1]).abs() > SQUARE_WITHIN * sides[0] {
+        return Err(format!("pixels are {} by {}, not square", sides[0], sides[1]));
     }
-    value.trim_end().to_owned()
+    Ok(Some((sides[0] * sides[1]).sqrt() * unit_arcsec))
 }
 
 /// Verifies DATASUM and CHECKSUM (FITS Standard 4.0, 4.4.2.7 and appendix J) if they are present. `unit` has the
@@ -171,16 +106,7 @@ fn find_image(bytes: &[u8]) -> Result<Plane, String> {
             return image(&header, bitpix, axes[0], axes[1], bytes.get(data..).unwrap_or_default());
         }
         seen.push(format!("{kind} with axes {axes:?}"));
-        let elements = axes.iter().try_fold(usize::from(!axes.is_empty()), |all, axis| all.checked_mul(*axis));
-        let extra = header.count("PCOUNT").unwrap_or(0);
-        let length = elements
-            .and_then(|n| n.checked_add(extra))
-            .and_then(|n| n.checked_mul(header.count("GCOUNT").unwrap_or(1)))
-            .and_then(|n| n.checked_mul(bitpix.unsigned_abs() as usize / 8))
-            .and_then(|n| n.checked_next_multiple_of(BLOCK))
-            .and_then(|n| n.checked_add(data))
-            .ok_or_else(|| format!("the axes {axes:?} are too large"))?;
-        start = length;
+        start = header.data_bytes()?.checked_add(data).ok_or_else(|| format!("the axes {axes:?} are too large"))?;
     }
     Err(format!("no image of two axes ({})", seen.join("; ")))
 }
@@ -221,5 +147,5 @@ fn image(header: &Header, bitpix: i64, width: usize, height: usize, data: &[u8])
             [value; 3]
         })
         .collect();
-    Ok(Plane { width, height, values, pixel_arcsec: header.pixel_arcsec()?, covered: 1.0 })
+    Ok(Plane { width, height, values, pixel_arcsec: pixel_arcsec(header)?, covered: 1.0 })
 }
