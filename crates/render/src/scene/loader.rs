@@ -371,7 +371,7 @@ mod tests {
                 let (expected, found) = (place(&expected), place(&found));
                 assert!((expected - found).length() < 1e-6 * expected.length(), "{name} {years}: {expected} {found}");
             }
-            let places = |set: &StarSet| set.iter().map(|(position, ..)| position).sum::<crate::glam::DVec3>();
+            let places = |set: &StarSet| set.iter().map(|(position, ..)| position).sum::<glam::DVec3>();
             assert!((places(&expected) - places(&found)).length() < 1e-4, "{years}");
         }
         // A store of stores keeps them, and a store without motions is not read again for another time.
