@@ -123,7 +123,7 @@ fn write(sources: &[StarSource], out: &Path) -> Result<(), CliError> {
             ))?;
         }
         if rows.repeated > 0 {
-            results::line(format!("not stored: {} rows that repeat another one", rows.repeated))?;
+            results::line(format!("not stored: repeated rows: {}", rows.repeated))?;
         }
     }
     results::line(format!("stored: {} motions, names of {} stars", store.velocities.len(), store.names.len()))?;
