@@ -32,11 +32,23 @@ pub(crate) fn stand_back() {
 /// wait for it.
 pub(crate) fn on_own_cores<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     static POOL: OnceLock<Option<ThreadPool>> = OnceLock::new();
-    let pool = POOL.get_or_init(|| {
-        let name = |number| format!("background-{number}");
-        let pool = ThreadPoolBuilder::new().thread_name(name).start_handler(|_| stand_back()).build();
+    in_pool(&POOL, "background", work)
+}
+
+/// Runs the encoding of a frame in a low-priority thread pool of its own. In the pool of long work, it would wait until a
+/// thread has finished a part of that work, a second or more.
+pub(crate) fn beside_long_work<T: Send>(encoding: impl FnOnce() -> T + Send) -> T {
+    static POOL: OnceLock<Option<ThreadPool>> = OnceLock::new();
+    in_pool(&POOL, "encoding", encoding)
+}
+
+/// Runs work in a pool that is started on first use.
+fn in_pool<T: Send>(pool: &OnceLock<Option<ThreadPool>>, name: &'static str, work: impl FnOnce() -> T + Send) -> T {
+    let pool = pool.get_or_init(|| {
+        let thread_name = move |number| format!("{name}-{number}");
+        let pool = ThreadPoolBuilder::new().thread_name(thread_name).start_handler(|_| stand_back()).build();
         pool.inspect_err(|error| {
-            tracing::warn!("cannot start the background thread pool; long work shares the threads of frames: {error}")
+            tracing::warn!("cannot start the thread pool `{name}`; its work shares the threads of frames: {error}")
         })
         .ok()
     });

@@ -200,8 +200,8 @@ impl ImageRequest {
             let _entered = span.enter();
             threads::stand_back();
             let images = rendered.images_of(view);
-            // Encodings in bands use the background thread pool.
-            threads::on_own_cores(|| images.map(|image| encoded(form, image)).collect())
+            // Encodings in bands use a thread pool of their own.
+            threads::beside_long_work(|| images.map(|image| encoded(form, image)).collect())
         };
         let images: Images = task::spawn_blocking(encoding).await.map_err(|error| not_encoded(&error))?;
         self.encoders.note(images.as_deref().unwrap_or_default(), begun);
