@@ -315,7 +315,7 @@ fn header_of(path: &Path, file: &mut std::fs::File) -> Result<Header, StoreError
     if !(1..=VERSION).contains(&header.version) {
         return Err(StoreError::Version { path: path.to_owned(), found: header.version });
     }
-    if header.version == 1 && header.velocity_count + header.names_bytes > 0 {
+    if header.version == 1 && (header.velocity_count > 0 || header.names_bytes > 0) {
         let problem = "a store of version 1 has neither velocities nor names".to_owned();
         return Err(StoreError::Damaged { path: path.to_owned(), problem });
     }
@@ -496,8 +496,10 @@ mod tests {
         let old = read(&path).unwrap();
         assert_eq!((old.stars.stars, old.velocities.len(), old.names.len()), (store.stars.stars, 0, 0));
         assert_eq!(read_header(&path).unwrap(), StoreHeader { version: 1, velocities: 0 });
-        altered(&path, |bytes| bytes[48] = 1);
-        assert!(read(&path).unwrap_err().to_string().contains("neither velocities nor names"));
+        for counts in [1u128 << 64, 1, u128::MAX] {
+            altered(&path, |bytes| bytes[40..56].copy_from_slice(&counts.to_le_bytes()));
+            assert!(read(&path).unwrap_err().to_string().contains("neither velocities nor names"));
+        }
         for version in [0, 3] {
             altered(&path, |bytes| bytes[12] = version);
             assert!(read(&path).unwrap_err().to_string().contains("reads versions 1 to 2"));
