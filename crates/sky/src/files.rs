@@ -4,7 +4,7 @@
 use std::{
     cell::RefCell,
     fs::{self, File},
-    io::{self, Read, Write},
+    io::{self, BufRead, BufReader, Read, Write},
     path::{Path, PathBuf},
 };
 
@@ -13,6 +13,7 @@ use exr::{
     meta::MetaData,
     prelude::{AnyChannels, FlatSamples, Image, Layer, ReadChannels, ReadLayers},
 };
+use flate2::read::MultiGzDecoder;
 use tempfile::NamedTempFile;
 
 thread_local! {
@@ -49,6 +50,16 @@ pub fn open_regular(path: &Path) -> io::Result<File> {
     is_regular(&file.metadata()?)?;
     OPENED.with_borrow_mut(|opened| opened.iter_mut().for_each(|opened| opened.push(path.to_owned())));
     Ok(file)
+}
+
+/// First bytes of a file compressed with gzip.
+const GZIP: &[u8] = b"\x1f\x8b";
+
+/// Returns the content of a file, and whether its first bytes are those of gzip: it is then expanded while it is read.
+pub fn expanded(file: File) -> io::Result<(Box<dyn BufRead>, bool)> {
+    let mut file = BufReader::new(file);
+    let is_gzip = file.fill_buf()?.starts_with(GZIP);
+    Ok(if is_gzip { (Box::new(BufReader::new(MultiGzDecoder::new(file))), true) } else { (Box::new(file), false) })
 }
 
 /// Reads a regular file of at most `most_bytes`.

@@ -6,12 +6,11 @@
 
 use std::{
     f64::consts::PI,
-    io::{self, BufRead, BufReader, Read},
+    io::{self, Read},
     path::{Path, PathBuf},
 };
 
 use cdshealpix::nested::{self, bilinear_interpolation, n_hash};
-use flate2::read::MultiGzDecoder;
 
 use super::diffuse::DiffuseSky;
 use crate::{
@@ -158,9 +157,7 @@ struct Cells {
 fn read_cells(path: &Path) -> Result<Cells, LightMapError> {
     let io_error = |source| LightMapError::Io { path: path.to_owned(), source };
     let kind = |problem: String| LightMapError::Kind { path: path.to_owned(), problem };
-    let mut file = BufReader::new(files::open_regular(path).map_err(io_error)?);
-    let is_gzip = file.fill_buf().map_err(io_error)?.starts_with(b"\x1f\x8b");
-    let mut source: Box<dyn Read> = if is_gzip { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
+    let (mut source, _) = files::open_regular(path).and_then(files::expanded).map_err(io_error)?;
     while let Some(header) = Header::next(&mut source).map_err(io_error)? {
         let header = header.map_err(kind)?;
         let length = header.data_bytes().map_err(kind)?;
@@ -169,7 +166,7 @@ fn read_cells(path: &Path) -> Result<Cells, LightMapError> {
             && header.count("NSIDE").or(header.count("ORDER")).is_some();
         if is_map {
             let layout = Layout::new(&header).map_err(kind)?;
-            return layout.read(&mut BufReader::new(source), path);
+            return layout.read(&mut source, path);
         }
         io::copy(&mut source.by_ref().take(length as u64), &mut io::sink()).map_err(io_error)?;
     }

@@ -24,10 +24,9 @@ mod table;
 mod votable;
 
 use std::fmt;
-use std::io::{BufRead, BufReader, Read};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use flate2::read::MultiGzDecoder;
 use serde::{Deserialize, Serialize};
 
 use super::StarRecord;
@@ -311,10 +310,7 @@ pub enum CatalogueError {
 pub fn read_file(path: &Path, years: f64) -> Result<CatalogueRead, CatalogueError> {
     let name = path.display().to_string();
     let io_error = |source| CatalogueError::Io { file: name.clone(), place: RowPlace::Head, source };
-    let mut file = BufReader::new(open(path)?);
-    let is_gzip = file.fill_buf().map_err(io_error)?.starts_with(GZIP);
-    let mut source: Box<dyn BufRead> =
-        if is_gzip { Box::new(BufReader::new(MultiGzDecoder::new(file))) } else { Box::new(file) };
+    let (mut source, is_gzip) = files::expanded(open(path)?).map_err(io_error)?;
     let start = source.fill_buf().map_err(io_error)?;
     let text = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start).trim_ascii_start();
     let unknown = [(&b"PK\x03\x04"[..], "it is a ZIP archive"), (b"\x89HDF", "it is an HDF5 file")];
@@ -348,9 +344,6 @@ pub fn read_file(path: &Path, years: f64) -> Result<CatalogueRead, CatalogueErro
         _ => read_csv_from(source, &name, years),
     }
 }
-
-/// First bytes of a file compressed with gzip.
-const GZIP: &[u8] = b"\x1f\x8b";
 
 /// Opens `path` for reading.
 fn open(path: &Path) -> Result<std::fs::File, CatalogueError> {

@@ -41,7 +41,7 @@ fn fill([a, b, c]: [[f64; 2]; 3], side: usize, covered: &mut [bool]) {
 
 /// The first pixel whose centre is not before a position. `f64::ceil` is a call into the C library on processors of the
 /// baseline, and this is called for every row.
-fn first_centre(position: f64) -> usize {
+pub(crate) fn first_centre(position: f64) -> usize {
     let beyond = position - 0.5;
     let below = beyond as usize;
     below.saturating_add(usize::from((below as f64) < beyond))

@@ -18,7 +18,7 @@ use crate::{
         bounds::BORDER_PX,
         tiles::{AtlasLayout, AtlasTile},
     },
-    scene::asteroids::{Mesh, Shape},
+    scene::asteroids::{Mesh, Shape, silhouette::first_centre},
 };
 
 /// Samples along the side of a texel.
@@ -204,12 +204,8 @@ impl<'a> TileBaker<'a> {
 }
 
 /// The first sample, at `index + 0.5`, that is not before a position.
-///
-/// `f32::ceil` is a call into the C library on processors of the baseline, and this is called for every row.
 fn first_sample(position: f32) -> usize {
-    let beyond = position - 0.5;
-    let below = beyond as usize;
-    below.saturating_add(usize::from((below as f32) < beyond))
+    first_centre(f64::from(position))
 }
 
 /// The smallest and the largest x at which the edges of a triangle cross a row. `y` is between its lowest and its highest
