@@ -1,12 +1,13 @@
 // Evaluates the projection of one viewport at given points, to compare f32 on the adapter with f64.
 
+#import constants/frame_lists
 #import constants/workgroups
 #import shared/projection
 #import shared/viewport
 #import structs/ProbeInput
 #import structs/ProbeOutput
 
-@group(0) @binding(0) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(0) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
 @group(0) @binding(1) var<storage, read> inputs: array<ProbeInput>;
 @group(0) @binding(2) var<storage, read_write> outputs: array<ProbeOutput>;
 

@@ -4,6 +4,7 @@
 
 #import air/scattered
 #import constants/air
+#import constants/frame_lists
 #import constants/workgroups
 #import shared/air_mass
 #import shared/cover
@@ -13,8 +14,8 @@
 #import shared/viewport
 
 @group(0) @binding(0) var<uniform> parameters: AirParameters;
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
+@group(0) @binding(2) var<uniform> tiles: array<Tile, MAX_TILES>;
 @group(0) @binding(3) var<storage, read_write> geometry: array<vec4<u32>>;
 // Sine of the horizon's altitude at evenly spaced azimuths, from north through east.
 @group(0) @binding(4) var<storage, read> horizon: array<f32>;
@@ -23,7 +24,7 @@
 // Picture of the ground, all levels, the finest first: crates/render/src/scene/landscape.rs.
 @group(0) @binding(6) var<storage, read> landscape: array<u32>;
 // Light added by the air, at the points of a grid over each picture.
-@group(0) @binding(7) var<storage, read> point_grids: array<PointGrid>;
+@group(0) @binding(7) var<uniform> point_grids: array<PointGrid, MAX_VIEWPORTS>;
 @group(0) @binding(8) var<storage, read> grid_points: array<vec4<f32>>;
 
 // Distance from the horizon, as a sine, within which a pixel's share of ground is computed; pixels are at most this

@@ -1,14 +1,15 @@
 // Evaluates the light added by the air at the points of a grid over each picture, and the sines of their altitudes.
 
 #import air/scattered
+#import constants/frame_lists
 #import constants/workgroups
 #import shared/point_grid
 #import shared/projection
 #import shared/viewport
 
 @group(0) @binding(0) var<uniform> parameters: AirParameters;
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
-@group(0) @binding(2) var<storage, read> point_grids: array<PointGrid>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
+@group(0) @binding(2) var<uniform> point_grids: array<PointGrid, MAX_VIEWPORTS>;
 @group(0) @binding(3) var<storage, read> sky: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> grid_points: array<vec4<f32>>;
 

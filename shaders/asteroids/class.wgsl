@@ -2,6 +2,7 @@
 // crates/render/src/plan/asteroids/classes.rs and views.rs in f32.
 
 #import asteroids/instance
+#import asteroids/shape
 #import constants/asteroid_classes
 #import constants/faces
 #import shared/projection
@@ -60,12 +61,12 @@ fn pixel_at(view: AsteroidView, place: f32) -> f32 {
     let x = place * f32(TABLE_STEPS);
     let i = min(u32(x), TABLE_STEPS - 1u);
     let f = x - f32(i);
-    return tables[view.first_entry + i].x * (1.0 - f) + tables[view.first_entry + i + 1u].x * f;
+    return asteroid_tables[view.first_entry + i].x * (1.0 - f) + asteroid_tables[view.first_entry + i + 1u].x * f;
 }
 
 fn bend_beside(view: AsteroidView, place: f32) -> f32 {
     let i = min(u32(clamp(place, 0.0, 1.0) * f32(TABLE_STEPS)), TABLE_STEPS - 1u);
-    return max(tables[view.first_entry + i].y, tables[view.first_entry + i + 1u].y);
+    return max(asteroid_tables[view.first_entry + i].y, asteroid_tables[view.first_entry + i + 1u].y);
 }
 
 // Whether the image of an asteroid's edges, `edge` mean radii long, departs from straight lines by more than half a
@@ -86,7 +87,7 @@ fn impostor_start(view: AsteroidView, bound: f32, per_pixel: f32) -> f32 {
     return max(max(disparity, view.impostor_linear * bound * per_pixel), bound * pow(per_pixel, view.impostor_exponent));
 }
 
-// Classes of an asteroid whose `levels` meshes have their errors in `lods` from `first_kind` on.
+// Classes of an asteroid.
 fn classes_of(view: AsteroidView, shape: AsteroidShape, radius: f32, distance: f32, pixel: f32) -> Classes {
     var classes = Classes(0u, 1.0, CLASS_NONE);
     if view.finest_only != 0u {
@@ -98,7 +99,7 @@ fn classes_of(view: AsteroidView, shape: AsteroidShape, radius: f32, distance: f
     let meshes_until = select(unit, reach, uses_impostor);
     var end = 0.0;
     for (var level = 1u; level < shape.levels; level++) {
-        let start = max(2.0 * lods[shape.first_kind + level].x * unit, end);
+        let start = max(2.0 * asteroid_tables[shape.first_level + level].x * unit, end);
         let stop = start * (1.0 + BAND);
         if stop > meshes_until || distance < start {
             break;

@@ -11,22 +11,21 @@
 #import constants/asteroid_culling
 #import constants/asteroid_instances
 #import constants/asteroid_lists
+#import constants/frame_lists
 #import structs/AsteroidLink
 
 @group(0) @binding(0) var<uniform> parameters: AsteroidCullParameters;
-@group(0) @binding(1) var<storage, read> views: array<AsteroidView>;
-@group(0) @binding(2) var<storage, read> tables: array<vec2<f32>>;
-@group(0) @binding(3) var<storage, read> planes: array<AsteroidPlane>;
+@group(0) @binding(1) var<uniform> views: array<AsteroidView, MAX_VIEWPORTS>;
+// Tables of pictures and shapes.
+@group(0) @binding(2) var<storage, read> asteroid_tables: array<vec2<f32>>;
+@group(0) @binding(3) var<uniform> planes: array<AsteroidPlane, MAX_PLANES>;
 @group(0) @binding(4) var<storage, read> links: array<AsteroidLink>;
 @group(0) @binding(5) var<storage, read> items: array<AsteroidItem>;
 @group(0) @binding(6) var<storage, read_write> counts: array<u32>;
 @group(1) @binding(0) var<storage, read> instances: array<u32>;
-@group(1) @binding(1) var<storage, read> fields: array<AsteroidField>;
-@group(1) @binding(2) var<storage, read> shapes: array<AsteroidShape>;
-// Error and longest edge of every mesh, mean radii.
-@group(1) @binding(3) var<storage, read> lods: array<vec2<f32>>;
-@group(1) @binding(4) var<storage, read_write> entries: array<AsteroidEntry>;
-@group(1) @binding(5) var<storage, read> bases: array<u32>;
+@group(1) @binding(1) var<uniform> fields: array<AsteroidField, MAX_FIELDS>;
+@group(1) @binding(2) var<storage, read_write> entries: array<AsteroidEntry>;
+@group(1) @binding(3) var<storage, read> bases: array<u32>;
 
 override WORKGROUP: u32;
 // Whether this is the second run.
@@ -74,7 +73,7 @@ fn edge_of(class_number: u32, shape: AsteroidShape) -> f32 {
     if class_number >= CLASS_IMPOSTOR {
         return 2.0 * shape.bound;
     }
-    return lods[shape.first_kind + class_number].y;
+    return asteroid_tables[shape.first_level + class_number].y;
 }
 
 // Centre of an asteroid relative to the eye, view axes.
@@ -90,7 +89,7 @@ fn find_lists(
     index: u32, item: AsteroidItem, field: AsteroidField, view: AsteroidView, plane: AsteroidPlane, link: AsteroidLink, all: bool) -> ListMembership {
     var found = ListMembership(false, NOWHERE, WHOLE, false);
     let radius_and_shape = instances[INSTANCE_WORDS * (item.first + index) + 3u];
-    let shape = shapes[shape_of(field, radius_and_shape)];
+    let shape = asteroid_shape(shape_of(field, radius_and_shape));
     let radius = radius_of(field, radius_and_shape);
     let middle = middle_of(index, item, field, view);
     let bound = shape.bound * radius;
@@ -157,7 +156,7 @@ fn cull(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
             var found = ListMembership(false, NOWHERE, WHOLE, false);
             if follows {
                 let radius_and_shape = instances[INSTANCE_WORDS * (item.first + i) + 3u];
-                let bound = shapes[shape_of(field, radius_and_shape)].bound * radius_of(field, radius_and_shape);
+                let bound = bound_of_shape(shape_of(field, radius_and_shape)) * radius_of(field, radius_and_shape);
                 found.seen = touches(view, middle_of(i, item, field, view), bound);
                 if found.seen {
                     found.kinds = class_kinds[i];

@@ -2,9 +2,10 @@
 // a list.
 
 #import asteroids/lists
+#import constants/frame_lists
 
 @group(0) @binding(0) var<uniform> parameters: AsteroidCullParameters;
-@group(0) @binding(1) var<storage, read> planes: array<AsteroidPlane>;
+@group(0) @binding(1) var<uniform> planes: array<AsteroidPlane, MAX_PLANES>;
 @group(0) @binding(2) var<storage, read_write> counts: array<u32>;
 @group(0) @binding(3) var<storage, read_write> totals: array<u32>;
 

@@ -1,10 +1,9 @@
-// Groups, fields and shapes of asteroids, and the unpacking of an instance. An instance is six words: PackedAsteroid in
+// Groups and fields of asteroids, and the unpacking of an instance. An instance is six words: PackedAsteroid in
 // crates/render/src/scene/asteroids/mod.rs.
 
 #import constants/asteroid_instances
 #import structs/AsteroidField
 #import structs/AsteroidItem
-#import structs/AsteroidShape
 
 // Rotates a vector from the field's axes to world axes.
 fn world_from_field(field: AsteroidField, v: vec3<f32>) -> vec3<f32> {

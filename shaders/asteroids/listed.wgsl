@@ -6,8 +6,10 @@
 
 #import asteroids/instance
 #import asteroids/lists
+#import asteroids/shape
 #import constants/asteroid_instances
 #import constants/asteroid_lists
+#import constants/frame_lists
 #import constants/projections
 #import shared/math
 #import shared/projection
@@ -18,11 +20,12 @@
 @group(0) @binding(0) var<uniform> asteroid_target: AsteroidTarget;
 @group(0) @binding(1) var<uniform> bucket: AsteroidBucket;
 @group(0) @binding(2) var<storage, read> items: array<AsteroidItem>;
-@group(0) @binding(3) var<storage, read> fields: array<AsteroidField>;
+@group(0) @binding(3) var<uniform> fields: array<AsteroidField, MAX_FIELDS>;
 @group(0) @binding(4) var<storage, read> instances: array<u32>;
 @group(0) @binding(5) var<storage, read> entries: array<AsteroidEntry>;
 @group(0) @binding(6) var<storage, read> bases: array<u32>;
-@group(0) @binding(7) var<storage, read> shapes: array<AsteroidShape>;
+// Tables of pictures and shapes.
+@group(0) @binding(7) var<storage, read> asteroid_tables: array<vec2<f32>>;
 
 // Asteroid in view axes.
 struct Asteroid {

@@ -1,7 +1,8 @@
 // Total light of an asteroid: the phase functions of crates/sky/src/photometry/reflection.rs, and projected areas from a table.
-// The importer binds `areas`.
+// An area is stored beside the next one.
 
 #import asteroids/instance
+#import asteroids/shape
 #import constants/asteroid_points
 #import constants/reflection
 #import shared/math
@@ -31,14 +32,16 @@ fn phase_function(law: u32, phase: f32) -> f32 {
 }
 
 // Projected area of a shape towards a direction in its axes (unit vector), in units of pi mean radii squared.
-fn area_towards(shape: u32, direction: vec3<f32>) -> f32 {
+fn area_towards(shape: AsteroidShape, direction: vec3<f32>) -> f32 {
     let flat = direction.xy / (abs(direction.x) + abs(direction.y) + abs(direction.z));
     let folded = (1.0 - abs(flat.yx)) * select(vec2(-1.0), vec2(1.0), flat >= vec2(0.0));
     let position = clamp((select(flat, folded, direction.z < 0.0) * 0.5 + 0.5) * f32(AREA_NODES - 1u), vec2(0.0), vec2(f32(AREA_NODES - 1u)));
     let node = min(vec2<u32>(position), vec2(AREA_NODES - 2u));
     let f = position - vec2<f32>(node);
-    let first = shape * AREA_NODES * AREA_NODES + node.y * AREA_NODES + node.x;
-    let upper = areas[first] * (1.0 - f.x) + areas[first + 1u] * f.x;
-    let lower = areas[first + AREA_NODES] * (1.0 - f.x) + areas[first + AREA_NODES + 1u] * f.x;
+    let first = shape.first_area + node.y * AREA_NODES + node.x;
+    let above = asteroid_tables[first];
+    let below = asteroid_tables[first + AREA_NODES];
+    let upper = above.x * (1.0 - f.x) + above.y * f.x;
+    let lower = below.x * (1.0 - f.x) + below.y * f.x;
     return upper * (1.0 - f.y) + lower * f.y;
 }

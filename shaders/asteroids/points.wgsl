@@ -8,6 +8,7 @@
 #import asteroids/phase
 #import constants/asteroid_instances
 #import constants/asteroid_points
+#import constants/frame_lists
 #import constants/rec709
 #import shared/math
 #import shared/occlusion
@@ -17,20 +18,15 @@
 #import structs/AsteroidPointParameters
 
 @group(0) @binding(0) var<uniform> parameters: AsteroidPointParameters;
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
+@group(0) @binding(2) var<uniform> tiles: array<Tile, MAX_TILES>;
 @group(0) @binding(3) var<storage, read_write> counters: array<atomic<u32>>;
 @group(0) @binding(5) var<storage, read> items: array<AsteroidItem>;
 @group(1) @binding(0) var<storage, read> instances: array<u32>;
-@group(1) @binding(1) var<storage, read> fields: array<AsteroidField>;
-@group(1) @binding(2) var<storage, read> shapes: array<AsteroidShape>;
-@group(1) @binding(3) var<storage, read> lods: array<vec2<f32>>;
-@group(1) @binding(4) var<storage, read> views: array<AsteroidView>;
-@group(1) @binding(5) var<storage, read> tables: array<vec2<f32>>;
-// Projected areas divided by pi, shape by shape.
-@group(1) @binding(6) var<storage, read> areas: array<f32>;
-// Visible points per viewport; from MAX_VIEWPORTS on, visible asteroids of point-only groups.
-@group(1) @binding(7) var<storage, read_write> drawn_points: array<atomic<u32>>;
+@group(1) @binding(1) var<uniform> fields: array<AsteroidField, MAX_FIELDS>;
+@group(1) @binding(2) var<uniform> views: array<AsteroidView, MAX_VIEWPORTS>;
+// Tables of pictures and shapes.
+@group(1) @binding(3) var<storage, read> asteroid_tables: array<vec2<f32>>;
 
 override WORKGROUP: u32;
 
@@ -64,14 +60,14 @@ fn splat_asteroids(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
             let direction = view_from_camera(view, place_of(item, field, offset));
             let distance = length(direction);
             let radius_and_shape = instances[word + 3u];
-            let shape_index = shape_of(field, radius_and_shape);
+            let shape = asteroid_shape(shape_of(field, radius_and_shape));
             let radius = radius_of(field, radius_and_shape);
-            if !(distance > 0.0) || !touches(view, direction, shapes[shape_index].bound * radius) {
+            if !(distance > 0.0) || !touches(view, direction, shape.bound * radius) {
                 continue;
             }
             let projected = pixel_from_direction(viewport, direction);
             let pixel_rad = pixel_at(view, table_place(view, direction, distance));
-            let classes = classes_of(view, shapes[shape_index], radius, distance, pixel_rad);
+            let classes = classes_of(view, shape, radius, distance, pixel_rad);
             if classes.current != CLASS_POINT {
                 continue;
             }
@@ -94,7 +90,7 @@ fn splat_asteroids(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
             let sine = length(cross(world, item.sun));
             let size_over_distance = radius / distance;
             let full = size_over_distance * size_over_distance * phase_function(field.law, precise_atan2(sine, cosine))
-                * area_towards(shape_index, in_shape) * classes.share;
+                * area_towards(shape, in_shape) * classes.share;
             let light = field.albedo * item.illuminance * full;
             let illuminance = dot(light, LUMINANCE_WEIGHTS);
             if !(illuminance > 0.0) {
@@ -102,7 +98,7 @@ fn splat_asteroids(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
             }
             // Its own mesh or impostor, with which it shares its light, does not hide it; distances of pixels are
             // rounded down.
-            let foremost = (distance - shapes[shape_index].bound * radius) * 0.9999;
+            let foremost = (distance - shape.bound * radius) * 0.9999;
             let visible = visible_share(tile, viewport, direction, projected.xy, foremost);
             if visible > 0.0 {
                 let scale = illuminance * visible * parameters.units_per_lx;
@@ -111,9 +107,10 @@ fn splat_asteroids(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
             }
         }
         if drawn > 0u {
-            atomicAdd(&drawn_points[tile.viewport], drawn);
+            // Visible points per viewport; from MAX_VIEWPORTS on, visible asteroids of point-only groups.
+            atomicAdd(&counters[parameters.first_drawn + tile.viewport], drawn);
             if (item.flags & ITEM_HOLDS_SHAPES) == 0u {
-                atomicAdd(&drawn_points[MAX_VIEWPORTS + tile.viewport], drawn);
+                atomicAdd(&counters[parameters.first_drawn + MAX_VIEWPORTS + tile.viewport], drawn);
             }
         }
     }

@@ -3,6 +3,7 @@
 //
 // One invocation takes one point and splats it into all tiles that may show it.
 
+#import constants/frame_lists
 #import constants/rec709
 #import constants/units
 #import constants/workgroups
@@ -14,8 +15,8 @@
 #import structs/PointParameters
 
 @group(0) @binding(0) var<uniform> parameters: PointParameters;
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
+@group(0) @binding(2) var<uniform> tiles: array<Tile, MAX_TILES>;
 @group(0) @binding(3) var<storage, read_write> counters: array<atomic<u32>>;
 @group(1) @binding(0) var<storage, read> points: array<Point>;
 

@@ -2,6 +2,7 @@
 // of the cell to the right and below is too rough for interpolation between its points.
 
 #import constants/diffuse
+#import constants/frame_lists
 #import constants/workgroups
 #import shared/air_mass
 #import shared/diffuse_light
@@ -12,8 +13,8 @@
 #import structs/DiffusePointParameters
 
 @group(0) @binding(0) var<uniform> parameters: DiffusePointParameters;
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
-@group(0) @binding(2) var<storage, read> point_grids: array<PointGrid>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
+@group(0) @binding(2) var<uniform> point_grids: array<PointGrid, MAX_VIEWPORTS>;
 @group(0) @binding(3) var<storage, read> diffuse_texels: array<u32>;
 // Roughness per block of texels: crates/sky/src/catalogue/diffuse.rs.
 @group(0) @binding(4) var<storage, read> roughness: array<f32>;

@@ -3,10 +3,10 @@
 #import shared/pixel_grid
 
 @group(0) @binding(3) var<storage, read_write> pixels: array<vec2<u32>>;
-@group(0) @binding(5) var<storage, read> bright_pixels: array<vec2<u32>>;
+// Low words of the brightest stars, then their high words.
+@group(0) @binding(5) var<storage, read> bright_words: array<vec2<u32>>;
 @group(0) @binding(7) var<storage, read_write> high_words: array<vec2<u32>>;
 @group(0) @binding(8) var<storage, read> counters: array<u32>;
-@group(0) @binding(9) var<storage, read> bright_high_words: array<vec2<u32>>;
 
 fn units_of(words: vec4<u32>) -> vec3<f32> {
     let carries = vec3(words.w & 0x7ffu, (words.w >> 11u) & 0x7ffu, words.w >> 22u);
@@ -25,7 +25,7 @@ fn sums(pixel: u32, high: bool) -> vec3<f32> {
 }
 
 fn bright_sums(pixel: u32) -> vec3<f32> {
-    return units_of(vec4(bright_pixels[pixel], bright_high_words[pixel]));
+    return units_of(vec4(bright_words[pixel], bright_words[parameters.first_bright_high + pixel]));
 }
 
 fn store_luminance(pixel: u32, luminance: vec4<f32>) {

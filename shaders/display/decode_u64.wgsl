@@ -4,10 +4,10 @@
 #import shared/pixel_grid
 
 @group(0) @binding(3) var<storage, read_write> pixels: array<vec2<u32>>;
-@group(0) @binding(5) var<storage, read> bright_pixels: array<vec2<u32>>;
+// Low words of the brightest stars, then their high words.
+@group(0) @binding(5) var<storage, read> bright_words: array<vec2<u32>>;
 @group(0) @binding(7) var<storage, read_write> high_words: array<vec2<u32>>;
 @group(0) @binding(8) var<storage, read> counters: array<u32>;
-@group(0) @binding(9) var<storage, read> bright_high_words: array<vec2<u32>>;
 
 fn fields(word: vec2<u32>) -> vec3<f32> {
     // Converted as signed integers, for which CPUs have a single instruction.
@@ -32,7 +32,7 @@ fn sums(pixel: u32, high: bool) -> vec3<f32> {
 }
 
 fn bright_sums(pixel: u32) -> vec3<f32> {
-    return fields(bright_pixels[pixel]) + 2097152.0 * fields(bright_high_words[pixel]);
+    return fields(bright_words[pixel]) + 2097152.0 * fields(bright_words[parameters.first_bright_high + pixel]);
 }
 
 fn store_luminance(pixel: u32, luminance: vec4<f32>) {

@@ -3,43 +3,40 @@
 // replace the sums; if the exposure is known, the display image is written too. The pixel's illuminance (luminance
 // times solid angle) is summed for the exposure.
 
+#import constants/frame_lists
 #import constants/pixel_grid
 #import constants/rec709
 #import decode = display/decode_u32 | display/decode_u64
 #import display/encode
+#import faint = display/faint_map | display/faint_map_off
 #import shared/air_mass
 #import shared/cover
 #import shared/diffuse_light
 #import shared/pixel_grid
 #import shared/projection
 #import shared/refraction
-#import shared/sky_map
 #import shared/point_grid
 #import shared/viewport
+#import shown = display/shown | display/shown_off
 #import structs/ResolveParameters
 
 @group(0) @binding(0) var<uniform> parameters: ResolveParameters;
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
+@group(0) @binding(2) var<uniform> tiles: array<Tile, MAX_TILES>;
 @group(0) @binding(4) var<storage, read_write> partial_sums: array<vec2<f32>>;
-@group(0) @binding(6) var<storage, read_write> display: array<u32>;
 
 // Surfaces of bodies and asteroids: see shared/cover.wgsl.
 @group(0) @binding(10) var<storage, read> geometry: array<vec4<u32>>;
 
 // Smooth part of scattered light.
-@group(0) @binding(11) var<storage, read> point_grids: array<PointGrid>;
+@group(0) @binding(11) var<uniform> point_grids: array<PointGrid, MAX_VIEWPORTS>;
+// Points of all grids. Those of diffuse light, after extinction, also say whether the cell to the right and below is
+// rough: shaders/diffuse/points.wgsl.
 @group(0) @binding(12) var<storage, read> grid_points: array<vec4<f32>>;
-
-// Map of faint light.
-@group(0) @binding(13) var<storage, read> sky_texels: array<u32>;
 
 // Diffuse light.
 @group(0) @binding(14) var<storage, read> diffuse_texels: array<u32>;
-// Diffuse light after extinction at the points of grids, and whether the cell to the right and below is rough:
-// shaders/diffuse/points.wgsl.
-@group(0) @binding(15) var<storage, read> diffuse_grids: array<PointGrid>;
-@group(0) @binding(16) var<storage, read> diffuse_points: array<vec4<f32>>;
+@group(0) @binding(15) var<uniform> diffuse_grids: array<PointGrid, MAX_VIEWPORTS>;
 
 override WRITE_HDR: bool = true;
 override WRITE_DISPLAY: bool = false;
@@ -68,13 +65,13 @@ fn diffuse_cell(grid: PointGrid, x: u32, above: f32) -> DiffuseCell {
     let left = x / grid.spacing;
     let share = (f32(x - left * grid.spacing) + 0.5) / f32(grid.spacing);
     let first = grid.first + u32(above) * grid.columns + left;
-    let corner = diffuse_points[first];
+    let corner = grid_points[first];
     let below = first + grid.columns;
     return DiffuseCell(
         above,
         corner.w > 0.0,
-        mix(corner.xyz, diffuse_points[first + 1u].xyz, share),
-        mix(diffuse_points[below].xyz, diffuse_points[below + 1u].xyz, share));
+        mix(corner.xyz, grid_points[first + 1u].xyz, share),
+        mix(grid_points[below].xyz, grid_points[below + 1u].xyz, share));
 }
 
 @compute @workgroup_size(COLUMNS)
@@ -156,7 +153,7 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
                 let direction = picture_direction(arriving);
                 var behind = vec3(0.0);
                 if HAS_SKY {
-                    behind += sky_luminance(parameters.sky, direction);
+                    behind += faint_light(direction);
                 }
                 if reads_diffuse {
                     behind += diffuse_luminance(parameters.diffuse, arriving, direction);
@@ -174,7 +171,7 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             if lit {
                 word = display_word(luminance.xyz, parameters.display_per_cd_m2, parameters.shown, x, image_row);
             }
-            display[index] = word;
+            show(index, word);
         }
     }
     // Sums are integers times a unit, so no pixel is non-finite or excluded.

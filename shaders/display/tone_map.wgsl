@@ -1,6 +1,7 @@
 // The tone-mapping pass: converts luminance to 8-bit display values. It runs if the exposure is not known in advance;
 // otherwise the resolve pass writes the display image. The f64 twin is crates/sky/src/photometry/tone_map.rs.
 
+#import constants/frame_lists
 #import constants/pixel_grid
 #import display/encode
 #import shared/pixel_grid
@@ -9,8 +10,8 @@
 #import structs/ToneMapParameters
 
 @group(0) @binding(0) var<uniform> parameters: ToneMapParameters;
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
+@group(0) @binding(2) var<uniform> tiles: array<Tile, MAX_TILES>;
 // R and G of all pixels in cd/m^2, then B and the solid angle.
 @group(0) @binding(3) var<storage, read> luminances: array<vec2<f32>>;
 @group(0) @binding(4) var<storage, read> exposure: Exposure;

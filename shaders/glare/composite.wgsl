@@ -2,6 +2,7 @@
 // is added. The picture is read and written in place after the resolve pass; its illuminance is summed again for the
 // exposure. The chosen source provides the light scattered towards eight pixels of a column.
 
+#import constants/frame_lists
 #import constants/glare_composite
 #import constants/pixel_grid
 #import constants/rec709
@@ -12,8 +13,8 @@
 #import structs/GlareParameters
 
 @group(0) @binding(0) var<uniform> parameters: GlareParameters;
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
+@group(0) @binding(2) var<uniform> tiles: array<Tile, MAX_TILES>;
 // R and G of all pixels in cd/m^2, then B and the solid angle.
 @group(0) @binding(3) var<storage, read_write> pixels: array<vec2<f32>>;
 @group(0) @binding(4) var<storage, read_write> partial_sums: array<vec2<f32>>;

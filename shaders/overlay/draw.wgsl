@@ -3,6 +3,7 @@
 // is blended in linear light. Bodies and asteroids hide items behind them in proportion to their coverage of the pixel.
 // The f64 twin is crates/render/src/reference/overlay/draw.rs.
 
+#import constants/frame_lists
 #import constants/overlay
 #import shared/cover
 #import shared/projection
@@ -15,8 +16,8 @@
 const NO_STROKE: u32 = 0xffffffffu;
 
 @group(0) @binding(0) var<uniform> parameters: OverlayParameters;
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
+@group(0) @binding(2) var<uniform> tiles: array<Tile, MAX_TILES>;
 @group(0) @binding(3) var<storage, read_write> display: array<u32>;
 @group(0) @binding(4) var<storage, read> geometry: array<vec4<u32>>;
 @group(0) @binding(5) var<storage, read> items: array<OverlayItem>;

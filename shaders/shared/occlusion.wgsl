@@ -1,5 +1,6 @@
 // Occlusion of points of light by bodies and asteroids.
 
+#import constants/frame_lists
 #import shared/cover
 #import shared/ellipsoid
 #import shared/splat
@@ -7,8 +8,8 @@
 
 @group(2) @binding(0) var<storage, read> geometry: array<vec4<u32>>;
 @group(2) @binding(1) var<storage, read> view_bodies: array<ViewBody>;
-// First body and number of bodies of each viewport.
-@group(2) @binding(2) var<storage, read> body_runs: array<vec2<u32>>;
+// First body and number of bodies of each viewport; two words are unused.
+@group(2) @binding(2) var<uniform> body_runs: array<vec4<u32>, MAX_VIEWPORTS>;
 
 // Whether the scene has surfaces in addition to stars.
 override HAS_GEOMETRY: bool = false;
@@ -36,7 +37,7 @@ fn visible_share(tile: Tile, viewport: Viewport, direction: vec3<f32>, pixel: ve
         }
     }
     if (word & COVER_LIMB) != 0u {
-        let run = body_runs[tile.viewport];
+        let run = body_runs[tile.viewport].xy;
         for (var i = run.x; i < run.x + run.y; i++) {
             var body = view_bodies[i];
             if viewport.viewing_circle_m != 0.0 {

@@ -5,7 +5,7 @@
 #import constants/tabulated
 #import shared/math
 #import shared/viewport
-#import tables = shared/tables_one | shared/tables_two
+#import tables = shared/tables_buffer | shared/tables_texture
 
 // Direction at a node, and solid angle of its pixel in sr, 0 outside the picture. All 0 if the node has no direction.
 fn tabulated_node(viewport: Viewport, node: vec2<i32>) -> vec4<f32> {

@@ -1,12 +1,13 @@
 // Stores a picture of the sky as texels of the map of faint light.
 
+#import constants/frame_lists
 #import constants/pixel_grid
 #import shared/sky_texel
 #import shared/viewport
 #import structs/PackParameters
 
 @group(0) @binding(0) var<uniform> parameters: PackParameters;
-@group(0) @binding(1) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(1) var<uniform> tiles: array<Tile, MAX_TILES>;
 // R and G of all pixels in cd/m^2, then B and the solid angle.
 @group(0) @binding(2) var<storage, read> pixels: array<vec2<f32>>;
 @group(0) @binding(3) var<storage, read_write> texels: array<u32>;

@@ -2,6 +2,7 @@
 // each pixel to where the exposure and tone-mapping passes read them, and sums its illuminance. The chosen source
 // provides the luminance of a pixel.
 
+#import constants/frame_lists
 #import constants/pixel_grid
 #import constants/rec709
 #import luminance = stars/luminance_*
@@ -11,8 +12,8 @@
 #import structs/LuminanceParameters
 
 @group(0) @binding(0) var<uniform> parameters: LuminanceParameters;
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
+@group(0) @binding(2) var<uniform> tiles: array<Tile, MAX_TILES>;
 // R and G of all pixels in cd/m^2, then B and the solid angle.
 @group(0) @binding(3) var<storage, read_write> pixels: array<vec2<f32>>;
 @group(0) @binding(4) var<storage, read_write> partial_sums: array<vec2<f32>>;

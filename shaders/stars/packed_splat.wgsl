@@ -2,12 +2,13 @@
 // compare-exchange until no other thread has interfered.
 
 #import constants/counters
+#import constants/frame_lists
 #import shared/projection
 #import shared/viewport
 #import stars/triangle_solid_angle
 
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
+@group(0) @binding(2) var<uniform> tiles: array<Tile, MAX_TILES>;
 @group(0) @binding(3) var<storage, read_write> counters: array<atomic<u32>>;
 @group(0) @binding(4) var<storage, read_write> packed: array<atomic<u32>>;
 

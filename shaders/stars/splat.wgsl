@@ -4,6 +4,7 @@
 // crates/render/src/reference/stars/splat.rs.
 
 #import constants/counters
+#import constants/frame_lists
 #import constants/rec709
 #import constants/star_light
 #import constants/units
@@ -18,8 +19,8 @@
 #import structs/StarParameters
 
 @group(0) @binding(0) var<uniform> parameters: StarParameters;
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
+@group(0) @binding(2) var<uniform> tiles: array<Tile, MAX_TILES>;
 @group(0) @binding(3) var<storage, read_write> counters: array<atomic<u32>>;
 @group(0) @binding(5) var<storage, read> colours: array<vec4<f32>>;
 @group(1) @binding(0) var<storage, read> stars: array<Star>;

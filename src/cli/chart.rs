@@ -31,11 +31,11 @@ pub struct ChartArguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &ChartArguments, adapter: Option<String>) -> Result<(), CliError> {
+pub fn run(arguments: &ChartArguments, options: &GpuOptions) -> Result<(), CliError> {
     // Create the folder first: a folder that cannot be created is an error before the long work.
     std::fs::create_dir_all(&arguments.out)
         .map_err(|source| chart::ChartError::Write { path: arguments.out.clone(), source })?;
-    let gpu = Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?;
+    let gpu = Gpu::open(options)?;
     let discrete = gpu.report().device_type == "DiscreteGpu";
     let about = About::now(gpu.report(), &command());
     let mut renderer = Renderer::new(gpu);

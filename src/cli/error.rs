@@ -225,7 +225,7 @@ impl CliError {
 
 fn gpu_exit_code(error: &GpuError) -> u8 {
     match error {
-        GpuError::NoAdapter(_) | GpuError::Device { .. } | GpuError::Adopt(_) => NO_ADAPTER,
+        GpuError::NoAdapter(_) | GpuError::Unusable(_) | GpuError::Device { .. } | GpuError::Adopt(_) => NO_ADAPTER,
         GpuError::Lost(_) | GpuError::Refused(_) | GpuError::Readback(_) => FAILED,
     }
 }

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::{CliError, results};
 use crate::{
-    gpu::{AdapterReport, Gpu, GpuOptions},
+    gpu::{AdapterReport, Gpu, GpuOptions, Need},
     render::{SHADER_FOLDER_VARIABLE, checked_shader_folder},
 };
 
@@ -23,16 +23,21 @@ pub struct InfoArguments {
 struct Report<'a> {
     #[serde(flatten)]
     adapter: &'a AdapterReport,
+    /// What all passes need of the adapter, and what it offers.
+    needs: &'a [Need],
     /// Folder of the shaders, if they are not those built into the program.
     #[serde(skip_serializing_if = "Option::is_none")]
     shaders: Option<String>,
 }
 
 /// Runs the command.
-pub fn run(arguments: &InfoArguments, adapter: Option<String>) -> Result<(), CliError> {
-    let gpu = Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?;
-    let report =
-        Report { adapter: gpu.report(), shaders: checked_shader_folder()?.map(|folder| folder.display().to_string()) };
+pub fn run(arguments: &InfoArguments, options: &GpuOptions) -> Result<(), CliError> {
+    let gpu = Gpu::open(options)?;
+    let report = Report {
+        adapter: gpu.report(),
+        needs: gpu.needs(),
+        shaders: checked_shader_folder()?.map(|folder| folder.display().to_string()),
+    };
     if arguments.json {
         return results::line(serde_json::to_string_pretty(&report).map_err(CliError::Json)?);
     }

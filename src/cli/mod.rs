@@ -33,7 +33,10 @@ use clap::{Parser, Subcommand};
 pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
 pub use projectors::with_joined_eye;
 
-use crate::render::{SHADER_FOLDER_VARIABLE, checked_shader_folder};
+use crate::{
+    gpu::{GpuOptions, RestrictionError},
+    render::{SHADER_FOLDER_VARIABLE, checked_shader_folder},
+};
 
 /// Locks a mutex whose holders never panic, so that poisoned data is still consistent.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -67,6 +70,10 @@ pub struct Cli {
     /// Graphics adapter to use: part of its name, case-insensitive.
     #[arg(long, global = true, value_name = "NAME")]
     pub adapter: Option<String>,
+    /// Restrict the adapter, to test what others get: a list of webgpu (the default limits of WebGPU), no-64-bit-atomics,
+    /// no-float-blending, no-timestamps, storage-buffers=N, binding-mib=N.
+    #[arg(long, global = true, value_name = "LIST", value_parser = restrictions)]
+    pub adapter_limits: Option<GpuOptions>,
     /// Log messages on standard error: a level (error, warn, info, debug, trace) or filters per module.
     /// Default: the environment variable STERADIAN_LOG, otherwise info.
     #[arg(long, global = true, value_name = "FILTER")]
@@ -74,6 +81,10 @@ pub struct Cli {
     /// Command to run.
     #[command(subcommand)]
     pub command: Command,
+}
+
+fn restrictions(text: &str) -> Result<GpuOptions, RestrictionError> {
+    GpuOptions::default().restricted(text)
 }
 
 /// The subcommands.
@@ -113,19 +124,20 @@ pub fn run(arguments: Cli) -> Result<(), CliError> {
     if let Some(folder) = checked_shader_folder()? {
         tracing::warn!("shaders are read from {} ({SHADER_FOLDER_VARIABLE})", folder.display());
     }
+    let gpu = GpuOptions { adapter: arguments.adapter, ..arguments.adapter_limits.unwrap_or_default() };
     match arguments.command {
-        Command::Render(command) => render::run(command, arguments.adapter),
-        Command::Film(command) => film::run(command, arguments.adapter),
-        Command::Serve(command) => serve::run(command, arguments.adapter),
-        Command::Show(command) => show::run(command, arguments.adapter),
-        Command::Verify(command) => verify::run(command, arguments.adapter),
-        Command::Info(command) => info::run(&command, arguments.adapter),
-        Command::Chart(command) => chart::run(&command, arguments.adapter),
+        Command::Render(command) => render::run(command, &gpu),
+        Command::Film(command) => film::run(command, &gpu),
+        Command::Serve(command) => serve::run(command, &gpu),
+        Command::Show(command) => show::run(command, &gpu),
+        Command::Verify(command) => verify::run(command, &gpu),
+        Command::Info(command) => info::run(&command, &gpu),
+        Command::Chart(command) => chart::run(&command, &gpu),
         Command::Dome(command) => dome::run(&command),
         Command::Projectors(command) => projectors::run(&command),
         Command::Catalogue(command) => catalogue::run(command),
         Command::Psf(command) => psf::run(&command),
         Command::Token(command) => token::run(&command),
-        Command::Xr(command) => xr::run(command, arguments.adapter),
+        Command::Xr(command) => xr::run(command, &gpu),
     }
 }

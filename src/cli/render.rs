@@ -66,7 +66,7 @@ pub struct RenderArguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), CliError> {
+pub fn run(arguments: RenderArguments, options: &GpuOptions) -> Result<(), CliError> {
     // Check everything that can be refused before loading the stars, which takes longest.
     let recorded = arguments.from.as_deref().map(read_manifest).transpose()?;
     let inputs = match (&recorded, &arguments.config, &arguments.from) {
@@ -90,7 +90,7 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
         );
     }
     // Open the adapter and check that it can draw the views.
-    let gpu = Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?;
+    let gpu = Gpu::open(options)?;
     let mut renderer = Renderer::new(gpu);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
 

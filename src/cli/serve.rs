@@ -52,7 +52,7 @@ pub struct ServeArguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), CliError> {
+pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliError> {
     let config = load_config(&arguments)?;
     // The clock starts when the configuration is read.
     let clock = config.clock();
@@ -70,7 +70,7 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
     if let Some(path) = &state {
         service::check_state(path).map_err(|error| CliError::Serve(error.into()))?;
     }
-    let renderer = Renderer::new(Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?);
+    let renderer = Renderer::new(Gpu::open(options)?);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(CliError::Runtime)?;
     block_on_and_leave(runtime, async {

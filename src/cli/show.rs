@@ -58,7 +58,7 @@ pub struct ShowArguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: ShowArguments, adapter: Option<String>) -> Result<(), CliError> {
+pub fn run(arguments: ShowArguments, options: &GpuOptions) -> Result<(), CliError> {
     if arguments.monitors {
         for monitor in windows::monitors()? {
             results::line(monitor)?;
@@ -78,7 +78,7 @@ pub fn run(arguments: ShowArguments, adapter: Option<String>) -> Result<(), CliE
     }
     // Check everything that can be refused before loading the stars, which takes longest.
     windows::check_display()?;
-    let mut renderer = Renderer::new(Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?);
+    let mut renderer = Renderer::new(Gpu::open(options)?);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
     let ended = ended_by_signal().map_err(CliError::Runtime)?;
     let LoadedScene { stars, objects, prepared, .. } = load::scene(&config, &groups, &mut renderer)?;

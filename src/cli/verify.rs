@@ -41,11 +41,11 @@ struct Report<'a> {
 }
 
 /// Runs the command.
-pub fn run(arguments: VerifyArguments, adapter: Option<String>) -> Result<(), CliError> {
+pub fn run(arguments: VerifyArguments, options: &GpuOptions) -> Result<(), CliError> {
     let checks =
         verify::select(arguments.filter.as_deref()).map_err(|error| CliError::Usage(format!("--filter: {error}")))?;
     let settings = Config::from_text("", "default configuration", Path::new(""), &arguments.set)?.render_settings();
-    let mut renderer = Renderer::new(Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?);
+    let mut renderer = Renderer::new(Gpu::open(options)?);
     let mut done = Vec::with_capacity(checks.len());
     for (index, check) in checks.iter().enumerate() {
         tracing::info!("{} ({} of {}): {}", check.name, index + 1, checks.len(), check.proves);

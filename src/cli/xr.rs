@@ -1,5 +1,6 @@
 //! `xr`: drives a headset without a daemon.
 
+use crate::gpu::GpuOptions;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -38,8 +39,8 @@ pub struct XrArguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: XrArguments, adapter: Option<String>) -> Result<(), CliError> {
-    if let Some(adapter) = adapter {
+pub fn run(arguments: XrArguments, gpu: &GpuOptions) -> Result<(), CliError> {
+    if let Some(adapter) = &gpu.adapter {
         return Err(CliError::Usage(format!("--adapter {adapter}: the headset's runtime chooses the adapter")));
     }
     let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;

@@ -14,6 +14,8 @@ mod kernels;
 mod layering;
 mod overlay;
 mod psf;
+mod shader_limits;
+mod shader_translation;
 mod shaders;
 mod sky;
 mod stars;

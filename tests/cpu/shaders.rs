@@ -289,10 +289,17 @@ fn shaders_of_rigs_without_tables_do_not_contain_table_code() {
     }
     assert!(with_tables > 20, "{with_tables}");
     // Shaders without that choice are made without tables.
-    let resolve = || Shader::new("display/resolve").with("decode", "display/decode_u32");
+    let resolve = || {
+        Shader::new("display/resolve")
+            .with("decode", "display/decode_u32")
+            .with("faint", "display/faint_map")
+            .with("shown", "display/shown")
+    };
     let text = |shader: Shader| shader.text().unwrap();
     assert_eq!(text(resolve()), text(resolve().with("tabulated", "shared/tabulated_off")));
-    assert!(knows_tables(&text(resolve().with("tabulated", "shared/tabulated").with("tables", "shared/tables_one"))));
+    assert!(knows_tables(&text(
+        resolve().with("tabulated", "shared/tabulated").with("tables", "shared/tables_buffer")
+    )));
 }
 
 #[test]

@@ -355,19 +355,23 @@ fn views_that_tables_do_not_support_are_refused_by_name() {
     wide.stars.pixel_gaussian.sigma_px = 6.0;
     let error = refusal(&window, &wide);
     assert!(error.contains("view `window`") && error.contains("reach"), "{error}");
-    let options = GpuOptions { binding_limit_bytes: Some(64 << 10), ..GpuOptions::default() };
-    let mut small = common::renderer_with(&options);
-    let error = small.render(FrameRequest::new(&sky, &window)).unwrap_err().to_string();
-    assert!(error.contains("view `window`") && error.contains("of at most 65536"), "{error}");
 }
 
 /// Six tables of half a megabyte with bindings of less than two megabytes: each view shows its star at the position that
 /// its own table has for it.
 #[test]
-fn tables_too_large_for_one_binding_use_several() {
+fn tables_too_large_for_a_binding_are_in_a_texture() {
     let limit_bytes = 7 << 18;
-    let options = GpuOptions { binding_limit_bytes: Some(limit_bytes), ..GpuOptions::default() };
-    let mut renderer = common::renderer_with(&options);
+    draw_from_six_tables(&GpuOptions { binding_limit_bytes: Some(limit_bytes), ..GpuOptions::default() }, limit_bytes);
+}
+
+#[test]
+fn tables_are_in_a_texture_if_there_are_few_bindings() {
+    draw_from_six_tables(&GpuOptions { storage_buffers: Some(8), ..GpuOptions::default() }, 0);
+}
+
+fn draw_from_six_tables(options: &GpuOptions, limit_bytes: u64) {
+    let mut renderer = common::renderer_with(options);
     let tables: Vec<Arc<TabulatedMapping>> = (0..6)
         .map(|index| table(Perspective::symmetric([150 + 4 * index, 150], 0.5 + 0.1 * f64::from(index)).unwrap()))
         .collect();

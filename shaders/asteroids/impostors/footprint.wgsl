@@ -49,7 +49,7 @@ fn footprint_of(slot: u32) -> Footprint {
     let asteroid = load_asteroid(slot);
     let viewport = asteroid_target.viewport;
     let on_plane = viewport.kind <= KIND_CUBE_FACE;
-    let radius = asteroid.radius * shapes[asteroid.first_shape + asteroid.shape].bound;
+    let radius = asteroid.radius * bound_of_shape(asteroid.first_shape + asteroid.shape);
     let centre = asteroid.centre / radius;
     let distance = length(centre);
     let square = facing_square(centre, asteroid.view_from_shape, true);

@@ -14,7 +14,6 @@
 
 override WORKGROUP: u32;
 
-const MOST_THREADS: u32 = 64u;
 const NO_SAMPLE: u32 = 4294967295u;
 
 // Flag: the entry owns a sample, according to the results so far.
@@ -22,11 +21,11 @@ const OWN: u32 = 1u;
 // Flag: the entry's tile is read with parallax.
 const NEEDS_PARALLAX: u32 = 2u;
 
-var<workgroup> footprints: array<Footprint, MOST_THREADS>;
-var<workgroup> indices: array<u32, MOST_THREADS>;
+var<workgroup> footprints: array<Footprint, SPLAT_THREADS>;
+var<workgroup> indices: array<u32, SPLAT_THREADS>;
 var<workgroup> taken: atomic<u32>;
 // Whether each footprint has its OWN sample.
-var<workgroup> findings: array<atomic<u32>, MOST_THREADS>;
+var<workgroup> findings: array<atomic<u32>, SPLAT_THREADS>;
 
 @compute @workgroup_size(WORKGROUP)
 fn splat_impostors(

@@ -2,13 +2,14 @@
 // mean of two by two pixels; pixels outside round pictures are black. One dispatch per tile writes the texels whose
 // upper pixels are in the tile; the lower ones may be in the next tile.
 
+#import constants/frame_lists
 #import constants/workgroups
 #import glare/pyramid/scale
 #import shared/viewport
 #import structs/GlareBaseParameters
 
 @group(0) @binding(0) var<uniform> parameters: GlareBaseParameters;
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
 @group(0) @binding(2) var<storage, read> upper_pixels: array<vec2<f32>>;
 @group(0) @binding(3) var<storage, read> lower_pixels: array<vec2<f32>>;
 @group(0) @binding(4) var<storage, read> maximum: array<u32>;

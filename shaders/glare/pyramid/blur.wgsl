@@ -2,6 +2,7 @@
 // axis reads the previous level, where a bilinear lookup between four texels is their mean; the second axis reads the
 // result of the first. The chosen taps define the positions.
 
+#import constants/frame_lists
 #import constants/workgroups
 #import glare/pyramid/scale
 #import shared/viewport
@@ -9,7 +10,7 @@
 #import structs/GlareBlurParameters
 
 @group(0) @binding(0) var<uniform> parameters: GlareBlurParameters;
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
 @group(0) @binding(2) var wider: texture_2d<f32>;
 @group(0) @binding(3) var bilinear: sampler;
 @group(0) @binding(4) var blurred: texture_storage_2d<rgba16float, write>;

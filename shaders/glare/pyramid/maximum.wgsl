@@ -1,14 +1,15 @@
 // Finds the brightest channel in the pictures of a batch, as the bits of the number. The bits of non-negative numbers
 // are ordered like the numbers, so the maximum does not depend on the order of the threads.
 
+#import constants/frame_lists
 #import constants/pixel_grid
 #import shared/pixel_grid
 #import shared/viewport
 #import structs/GlareMaximumParameters
 
 @group(0) @binding(0) var<uniform> parameters: GlareMaximumParameters;
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
+@group(0) @binding(2) var<uniform> tiles: array<Tile, MAX_TILES>;
 @group(0) @binding(3) var<storage, read> pixels: array<vec2<f32>>;
 @group(0) @binding(4) var<storage, read_write> maximum: array<atomic<u32>>;
 

@@ -2,6 +2,7 @@
 // surfaces, and adds the light scattered by bodies. This is done per pixel as in shaders/glare/composite.wgsl, since
 // the veil of a bright body is too curved for the grid of points used for the rest.
 
+#import constants/frame_lists
 #import constants/glare_composite
 #import constants/pixel_grid
 #import glare/light8
@@ -11,12 +12,12 @@
 #import structs/ObjectGlareParameters
 
 @group(0) @binding(0) var<uniform> parameters: ObjectGlareParameters;
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
+@group(0) @binding(2) var<uniform> tiles: array<Tile, MAX_TILES>;
 // See shared/cover.wgsl.
 @group(0) @binding(3) var<storage, read_write> geometry: array<vec4<u32>>;
 @group(1) @binding(0) var<uniform> sky: SkyCubeParameters;
-@group(1) @binding(1) var<storage, read> views: array<GlareView>;
+@group(1) @binding(1) var<uniform> views: array<GlareView, MAX_VIEWPORTS>;
 @group(1) @binding(2) var<storage, read> near: array<GlareNear>;
 @group(1) @binding(3) var<storage, read> kernel_table: array<f32>;
 

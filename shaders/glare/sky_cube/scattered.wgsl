@@ -1,6 +1,7 @@
 // Light scattered towards pixels by the method `sky_cube`: from the map of the sky, from the sources of the view's own
 // eye, and from the sprites that reach the pixel's block.
 
+#import constants/frame_lists
 #import constants/glare_sprites
 #import glare/light8
 #import glare/sky_cube/cells
@@ -13,15 +14,15 @@
 #import shared/viewport
 
 @group(1) @binding(0) var<uniform> sky: SkyCubeParameters;
-@group(1) @binding(1) var<storage, read> views: array<GlareView>;
+@group(1) @binding(1) var<uniform> views: array<GlareView, MAX_VIEWPORTS>;
 @group(1) @binding(2) var<storage, read> map: array<vec4<f32>>;
 @group(1) @binding(3) var<storage, read> near: array<GlareNear>;
 @group(1) @binding(4) var<storage, read> sprites: array<GlareSprite>;
-@group(1) @binding(5) var<storage, read> regions: array<GlareSpriteCell>;
-@group(1) @binding(6) var<storage, read> sprite_cells: array<GlareSpriteCell>;
-@group(1) @binding(7) var<storage, read> lists: array<u32>;
-@group(1) @binding(8) var<storage, read> square_lists: array<u32>;
-@group(1) @binding(9) var<storage, read> kernel_table: array<f32>;
+// Regions, then the cells of all regions.
+@group(1) @binding(5) var<storage, read> sprite_cells: array<GlareSpriteCell>;
+// Sprites of each square of blocks, then of each block.
+@group(1) @binding(6) var<storage, read> lists: array<u32>;
+@group(1) @binding(7) var<storage, read> kernel_table: array<f32>;
 
 // Light of the map for eight pixels of a column.
 fn column_from_map(view: GlareView, viewport: Viewport, top: vec2<f32>, directions: array<Directions4, 2>) -> Light8 {
@@ -67,7 +68,7 @@ fn add_from_sky(light: ptr<function, Light8>, view: GlareView, directions: array
     // Pixels beyond a rim have no direction; their chord is 1, which is large enough.
     let chord = sqrt(max(max(last.x, last.y), max(last.z, last.w)));
     for (var r = 0u; r < sky.regions; r++) {
-        let region = regions[r];
+        let region = sprite_cells[r];
         if length(region.direction - first) > chord + region.reach {
             continue;
         }
@@ -93,14 +94,14 @@ fn scattered_towards(viewport: Viewport, tile: Tile, position: vec3<u32>) -> Lig
     var light = column_from_map(view, viewport, top, directions);
     add_near(&light, view, directions);
     let block = vec3(position.xy / BLOCK_SIDE, position.z);
-    let list = ((block.z * sky.rows + block.y) * sky.columns + block.x) * sky.list_words;
+    let list = list_of_block(sky, block);
     let squares = square_grid(sky);
     let square = ((block.z * squares.y + block.y / SQUARE_BLOCKS) * squares.x + block.x / SQUARE_BLOCKS) * sky.square_words;
     // If the block's list is incomplete, use the list of its square; if that is incomplete too, search all sprites.
     var count = lists[list];
     let from_square = count >= sky.list_words;
     if from_square {
-        count = square_lists[square];
+        count = lists[square];
     }
     let from_sky = from_square && count >= sky.square_words;
     if from_sky {
@@ -109,7 +110,7 @@ fn scattered_towards(viewport: Viewport, tile: Tile, position: vec3<u32>) -> Lig
     for (var i = 1u; i <= count; i++) {
         var index = lists[list + select(i, 0u, from_square)];
         if from_square {
-            index = square_lists[square + i];
+            index = lists[square + i];
         }
         add_sprite(&light, view, sprites[index], directions);
     }

@@ -1,6 +1,7 @@
 // Evaluates the smooth part of scattered light at the points of a grid over each picture: the map of the sky, and the
 // part of the eye's own sources that the map's kernel covers.
 
+#import constants/frame_lists
 #import constants/workgroups
 #import glare/sky_cube/cells
 #import glare/sky_cube/kernel
@@ -12,9 +13,9 @@
 
 @group(0) @binding(0) var<uniform> parameters: VeilParameters;
 @group(0) @binding(1) var<uniform> sky: SkyCubeParameters;
-@group(0) @binding(2) var<storage, read> viewports: array<Viewport>;
-@group(0) @binding(3) var<storage, read> point_grids: array<PointGrid>;
-@group(0) @binding(4) var<storage, read> views: array<GlareView>;
+@group(0) @binding(2) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
+@group(0) @binding(3) var<uniform> point_grids: array<PointGrid, MAX_VIEWPORTS>;
+@group(0) @binding(4) var<uniform> views: array<GlareView, MAX_VIEWPORTS>;
 @group(0) @binding(5) var<storage, read> map: array<vec4<f32>>;
 // Sources of all viewports, one viewport after the other.
 @group(0) @binding(6) var<storage, read> near: array<GlareSprite>;

@@ -2,6 +2,7 @@
 // and one tile, four pixels of a row at a time. Sources are sorted by reach, so that invocations of a workgroup have
 // similar amounts of work.
 
+#import constants/frame_lists
 #import constants/rec709
 #import constants/veil
 #import glare/sky_cube/kernel
@@ -13,11 +14,11 @@
 #import structs/VeilSplatParameters
 
 @group(0) @binding(0) var<uniform> parameters: VeilSplatParameters;
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
+@group(0) @binding(2) var<uniform> tiles: array<Tile, MAX_TILES>;
 @group(0) @binding(3) var<storage, read_write> counters: array<atomic<u32>>;
 @group(1) @binding(0) var<uniform> sky: SkyCubeParameters;
-@group(1) @binding(1) var<storage, read> views: array<GlareView>;
+@group(1) @binding(1) var<uniform> views: array<GlareView, MAX_VIEWPORTS>;
 @group(1) @binding(2) var<storage, read> sprites: array<GlareSprite>;
 @group(1) @binding(3) var<storage, read> kernel_table: array<f32>;
 

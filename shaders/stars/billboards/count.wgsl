@@ -2,13 +2,14 @@
 // therefore cannot count.
 
 #import constants/counters
+#import constants/frame_lists
 #import constants/workgroups
 #import shared/projection
 #import shared/viewport
 #import stars/catalogue_star
 
 @group(0) @binding(0) var<uniform> parameters: CatalogueParameters;
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
 @group(0) @binding(2) var<storage, read_write> counters: array<atomic<u32>>;
 @group(1) @binding(0) var<storage, read> stars: array<CatalogueStar>;
 

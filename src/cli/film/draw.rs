@@ -111,7 +111,7 @@ struct Film {
 }
 
 /// Runs the command.
-pub fn run(arguments: DrawArguments, adapter: Option<String>) -> Result<(), CliError> {
+pub fn run(arguments: DrawArguments, gpu: &GpuOptions) -> Result<(), CliError> {
     // Check everything that can be refused before loading the stars, which takes longest.
     let inputs = Inputs::load(&arguments.config, &arguments.set)?;
     let path = FilmPath::load(&arguments.path)?;
@@ -136,7 +136,7 @@ pub fn run(arguments: DrawArguments, adapter: Option<String>) -> Result<(), CliE
     });
     let video = video.transpose()?;
 
-    let gpu = Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?;
+    let gpu = Gpu::open(gpu)?;
     let mut renderer = Renderer::new(gpu);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &film.inputs.config.origin))?;
     let record = film.record(&rig, &renderer)?;

@@ -3,6 +3,7 @@
 mod draw;
 mod record;
 
+use crate::gpu::GpuOptions;
 use clap::{Args, Subcommand};
 
 use super::CliError;
@@ -50,10 +51,10 @@ fn within(text: &str, [least, most]: [f64; 2]) -> Result<f64, String> {
 }
 
 /// Runs the command.
-pub fn run(arguments: FilmArguments, adapter: Option<String>) -> Result<(), CliError> {
+pub fn run(arguments: FilmArguments, options: &GpuOptions) -> Result<(), CliError> {
     match (arguments.command, arguments.draw) {
         (Some(FilmCommand::Record(arguments)), _) => record::run(&arguments),
-        (None, Some(arguments)) => draw::run(arguments, adapter),
+        (None, Some(arguments)) => draw::run(arguments, options),
         // The parser requires all of these if there is no subcommand, so it reports their absence first.
         (None, None) => Err(CliError::Usage("film needs --config, --path, --frames and --out".to_owned())),
     }

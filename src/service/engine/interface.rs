@@ -3,7 +3,7 @@
 use std::{sync::Arc, time::Duration};
 
 use crate::{
-    gpu::{AdapterReport, Gpu, GpuError, GpuOptions},
+    gpu::{AdapterReport, Gpu, GpuError},
     plan::{
         Limits,
         settings::{AsteroidSettings, RenderSettings},
@@ -139,7 +139,7 @@ impl Engine for Renderer {
     }
 
     fn beside(&self) -> OpenBeside {
-        let options = GpuOptions { adapter: Some(self.adapter().adapter.clone()), ..GpuOptions::default() };
+        let options = self.gpu_options().clone();
         let baked = self.baked_impostors().clone();
         Box::new(move || {
             let gpu = Gpu::open(&options).map_err(EngineError::new)?;

@@ -121,11 +121,7 @@ fn different_pixels(one: &FrameImage, other: &FrameImage) -> Result<f64, CheckEr
 fn strips(context: &mut Context<'_>, scene: &SceneSnapshot) -> Result<f64, CheckError> {
     let rig = rig([("flat", flat(128, 90.0)), ("dome", fisheye(128, FisheyeMapping::Equidistant, 180.0))])?;
     let whole = context.render(scene, &rig)?;
-    let options = GpuOptions {
-        adapter: Some(context.renderer.adapter().adapter.clone()),
-        binding_limit_bytes: Some(STRIP_BYTES),
-        ..GpuOptions::default()
-    };
+    let options = GpuOptions { binding_limit_bytes: Some(STRIP_BYTES), ..context.renderer.gpu_options().clone() };
     let mut renderer = Renderer::new(Gpu::open(&options)?);
     let cut = renderer.render(FrameRequest::new(scene, &rig).settings(&context.settings).wanted(Wanted::hdr()))?;
     let mut different = 0.0;

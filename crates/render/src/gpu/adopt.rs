@@ -8,7 +8,10 @@ use std::ffi::CStr;
 use ash::vk::{self, Handle};
 use wgpu::hal::{self, api::Vulkan};
 
-use super::{Gpu, GpuError, GpuOptions, device::Selection};
+use super::{
+    Gpu, GpuError, GpuOptions,
+    adapter::{Selection, Skipped},
+};
 
 /// Newest version of Vulkan that is requested: the one that wgpu itself requests.
 pub const NEWEST_API_VERSION: u32 = vk::API_VERSION_1_3;
@@ -99,7 +102,8 @@ impl Gpu {
         // SAFETY: this instance, which is valid, exposed the adapter.
         let adapter =
             unsafe { wgpu::Instance::from_hal::<Vulkan>(hal_instance).create_adapter_from_hal::<Vulkan>(exposed) };
-        let selection = Selection::new(&adapter, options);
+        let selection = Selection::new(&adapter, options)
+            .map_err(|lacks| GpuError::Unusable(vec![Skipped { adapter: adapter.get_info().name, lacks }]))?;
         let descriptor = selection.descriptor();
 
         // SAFETY: the physical device belongs to this instance.

@@ -1,6 +1,7 @@
 //! Bind groups of passes, and the sizes of dispatches.
 
-use super::{Gpu, LayoutOf};
+use super::{Gpu, LayoutOf, storage_buffer};
+use crate::plan::tables::{TABLE_COLUMNS, TableForm, table_rows};
 
 /// Returns a bind group of a compute pipeline.
 pub(crate) fn bind_buffers(
@@ -32,33 +33,94 @@ pub(crate) fn dispatch_rows(gpu: &Gpu, workgroups: u32) -> [u32; 2] {
 /// The last bind group that every adapter supports. The other bind groups of passes count from 0.
 const TABLES_GROUP: u32 = 3;
 
-impl Gpu {
-    /// Number of buffers of tables that all passes share. Shaders that read tables declare the same number.
-    pub(crate) fn table_buffers(&self) -> usize {
-        self.tables.len()
+/// Tables that passes bind in addition to their own buffers.
+#[derive(Clone, Default)]
+pub(crate) enum Tables {
+    /// No tables.
+    #[default]
+    None,
+    /// In a storage buffer.
+    Buffer(wgpu::Buffer),
+    /// In a texture of four words per texel, with [`TABLE_COLUMNS`] texels in a row.
+    Texture(wgpu::TextureView),
+}
+
+impl Tables {
+    /// Uploads groups of words.
+    pub(crate) fn new(gpu: &Gpu, form: TableForm, groups: &[[u32; 4]]) -> Self {
+        match form {
+            TableForm::None => Self::None,
+            TableForm::Buffer => Self::Buffer(storage_buffer(gpu, "mapping tables", groups)),
+            TableForm::Texture => Self::Texture(table_texture(gpu, groups)),
+        }
     }
 
-    /// Sets the tables that passes read from now on. Pipelines for a different number of buffers become unusable.
-    pub(crate) fn set_tables(&mut self, tables: Vec<wgpu::Buffer>) {
+    pub(crate) fn form(&self) -> TableForm {
+        match self {
+            Self::None => TableForm::None,
+            Self::Buffer(_) => TableForm::Buffer,
+            Self::Texture(_) => TableForm::Texture,
+        }
+    }
+}
+
+fn table_texture(gpu: &Gpu, groups: &[[u32; 4]]) -> wgpu::TextureView {
+    let size = wgpu::Extent3d { width: TABLE_COLUMNS, height: table_rows(groups.len()), depth_or_array_layers: 1 };
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("mapping tables"),
+        size,
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::Rgba32Uint,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    // All full rows, then the last one.
+    let full = groups.len() / TABLE_COLUMNS as usize;
+    let (rows, last) = groups.split_at(full * TABLE_COLUMNS as usize);
+    for (row, height, part) in [(0, full as u32, rows), (full as u32, 1, last)] {
+        if part.is_empty() {
+            continue;
+        }
+        let width = part.len() as u32 / height;
+        let mut target = texture.as_image_copy();
+        target.origin.y = row;
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(16 * width), rows_per_image: None };
+        let extent = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
+        gpu.queue.write_texture(target, bytemuck::cast_slice(part), layout, extent);
+    }
+    texture.create_view(&wgpu::TextureViewDescriptor::default())
+}
+
+impl Gpu {
+    /// Where the tables are that all passes share. Shaders that read tables declare them in the same form.
+    pub(crate) fn table_form(&self) -> TableForm {
+        self.tables.form()
+    }
+
+    /// Sets the tables that passes read from now on. Pipelines for another form become unusable.
+    pub(crate) fn set_tables(&mut self, tables: Tables) {
         self.tables = tables;
     }
 
     /// Binds the tables, if any, for a pipeline whose shader reads them.
     pub(crate) fn bind_tables(&self, pass: &mut wgpu::ComputePass<'_>, pipeline: &wgpu::ComputePipeline) {
-        if !self.tables.is_empty() {
-            self.bind_as_tables(pass, pipeline, &self.tables);
-        }
+        self.bind_as_tables(pass, pipeline, &self.tables);
     }
 
-    /// Binds the given buffers as tables.
+    /// Binds the given tables.
     pub(crate) fn bind_as_tables(
         &self,
         pass: &mut wgpu::ComputePass<'_>,
         pipeline: &wgpu::ComputePipeline,
-        tables: &[wgpu::Buffer],
+        tables: &Tables,
     ) {
-        let tables: Vec<&wgpu::Buffer> = tables.iter().collect();
-        let group = bind_in_order(self, pipeline, TABLES_GROUP, &tables);
-        pass.set_bind_group(TABLES_GROUP, &group, &[]);
+        let resource = match tables {
+            Tables::None => return,
+            Tables::Buffer(buffer) => buffer.as_entire_binding(),
+            Tables::Texture(view) => wgpu::BindingResource::TextureView(view),
+        };
+        pass.set_bind_group(TABLES_GROUP, &bind_buffers(self, pipeline, TABLES_GROUP, &[(0, resource)]), &[]);
     }
 }

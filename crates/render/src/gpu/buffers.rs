@@ -14,6 +14,13 @@ pub(crate) fn uniform_buffer<T: NoUninit>(gpu: &Gpu, label: &str, data: &T) -> w
     filled_buffer(gpu, label, std::slice::from_ref(data), wgpu::BufferUsages::UNIFORM)
 }
 
+/// Creates a uniform buffer for a list that shaders declare with `capacity` items. It begins with `items`; the rest is zero.
+pub(crate) fn uniform_list<T: NoUninit>(gpu: &Gpu, label: &str, items: &[T], capacity: usize) -> wgpu::Buffer {
+    let mut bytes = bytemuck::cast_slice::<T, u8>(items).to_vec();
+    bytes.resize(capacity * size_of::<T>(), 0);
+    filled_buffer(gpu, label, &bytes, wgpu::BufferUsages::UNIFORM)
+}
+
 /// Creates a buffer for `usage` filled with `data`.
 pub(crate) fn filled_buffer<T: NoUninit>(
     gpu: &Gpu,
@@ -73,6 +80,13 @@ impl GrowingBuffer {
         let buffer = self.with_room(gpu, bytes.len() as u64);
         gpu.queue.write_buffer(buffer, 0, bytes);
         buffer
+    }
+
+    /// Fills the start of a list that shaders declare with `capacity` items, and returns the buffer.
+    pub(crate) fn upload_list<T: NoUninit>(&mut self, gpu: &Gpu, items: &[T], capacity: usize) -> &wgpu::Buffer {
+        debug_assert!(items.len() <= capacity, "{}: {} items, {capacity} fit", self.label, items.len());
+        self.with_room(gpu, (capacity * size_of::<T>()) as u64);
+        self.upload(gpu, items)
     }
 
     /// The buffer, if it was created.

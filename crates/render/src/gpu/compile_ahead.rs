@@ -8,18 +8,25 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use wgpu::naga;
 
-use super::{ShaderSource, device::Selection};
+use super::{ShaderSource, adapter::Selection};
 
 /// Size of every buffer, bytes; larger if a structure of the shader needs it.
 const LEAST_BUFFER_BYTES: u64 = 1 << 16;
 
-/// A buffer binding of a compute shader.
+/// A binding of a compute shader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct BufferBinding {
+struct Binding {
     group: u32,
     binding: u32,
-    uniform: bool,
-    bytes: u64,
+    kind: BindingKind,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum BindingKind {
+    /// A buffer with its usage and size.
+    Buffer { usage: wgpu::BufferUsages, bytes: u64 },
+    /// Tables of projections: [`super::Tables::Texture`].
+    Table,
 }
 
 /// Why a shader is not compiled ahead, so that the first frame compiles it.
@@ -29,7 +36,7 @@ enum SkipReason {
     Device(#[from] wgpu::RequestDeviceError),
     #[error("it cannot be read: {0}")]
     Parse(String),
-    #[error("it has a binding that is not a buffer")]
+    #[error("it has a binding that is neither a buffer nor a table of projections")]
     Binding,
     #[error("{0}")]
     Driver(String),
@@ -83,8 +90,8 @@ impl CompileAhead {
     }
 }
 
-/// Returns the buffers that an entry point uses: those in the layout that a pipeline derives from it.
-fn bindings(source: &ShaderSource) -> Result<Vec<BufferBinding>, SkipReason> {
+/// Returns the bindings that an entry point uses: those in the layout that a pipeline derives from it.
+fn bindings(source: &ShaderSource) -> Result<Vec<Binding>, SkipReason> {
     let module = naga::front::wgsl::parse_str(&source.text).map_err(|error| SkipReason::Parse(error.to_string()))?;
     let mut validator =
         naga::valid::Validator::new(naga::valid::ValidationFlags::empty(), naga::valid::Capabilities::all());
@@ -95,16 +102,26 @@ fn bindings(source: &ShaderSource) -> Result<Vec<BufferBinding>, SkipReason> {
     let bound = used.filter_map(|(_, variable)| variable.binding.map(|binding| (binding, variable)));
     bound
         .map(|(binding, variable)| {
-            let uniform = match variable.space {
-                naga::AddressSpace::Uniform => true,
-                naga::AddressSpace::Storage { .. } => false,
+            let inner = &module.types[variable.ty].inner;
+            let bytes = || u64::from(inner.size(module.to_ctx())).max(LEAST_BUFFER_BYTES).next_multiple_of(16);
+            let kind = match (variable.space, inner) {
+                (naga::AddressSpace::Uniform, _) => {
+                    BindingKind::Buffer { usage: wgpu::BufferUsages::UNIFORM, bytes: bytes() }
+                }
+                (naga::AddressSpace::Storage { .. }, _) => {
+                    BindingKind::Buffer { usage: wgpu::BufferUsages::STORAGE, bytes: bytes() }
+                }
+                (_, naga::TypeInner::Image { class, .. }) if is_table(*class) => BindingKind::Table,
                 _ => return Err(SkipReason::Binding),
             };
-            let size = u64::from(module.types[variable.ty].inner.size(module.to_ctx()));
-            let bytes = size.max(LEAST_BUFFER_BYTES).next_multiple_of(16);
-            Ok(BufferBinding { group: binding.group, binding: binding.binding, uniform, bytes })
+            Ok(Binding { group: binding.group, binding: binding.binding, kind })
         })
         .collect()
+}
+
+/// Whether a texture has unsigned integers, as only tables of projections have.
+fn is_table(class: naga::ImageClass) -> bool {
+    matches!(class, naga::ImageClass::Sampled { kind: naga::ScalarKind::Uint, multi: false })
 }
 
 /// Creates the pipeline on a device and dispatches zero workgroups, for which the driver compiles it.
@@ -123,13 +140,13 @@ fn dispatch_nothing(
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&pipeline);
         for of_group in bindings.chunk_by(|a, b| a.group == b.group) {
-            let buffers: Vec<wgpu::Buffer> = of_group.iter().map(|binding| buffer(device, binding)).collect();
+            let resources: Vec<Resource> = of_group.iter().map(|binding| Resource::new(device, binding.kind)).collect();
             let entries: Vec<_> = of_group
                 .iter()
-                .zip(&buffers)
-                .map(|(binding, buffer)| wgpu::BindGroupEntry {
+                .zip(&resources)
+                .map(|(binding, resource)| wgpu::BindGroupEntry {
                     binding: binding.binding,
-                    resource: buffer.as_entire_binding(),
+                    resource: resource.as_binding(),
                 })
                 .collect();
             let group = of_group[0].group;
@@ -147,14 +164,44 @@ fn dispatch_nothing(
     device.poll(wait).map(|_| ()).map_err(|error| SkipReason::Driver(error.to_string()))
 }
 
-fn buffer(device: &wgpu::Device, binding: &BufferBinding) -> wgpu::Buffer {
-    let usage = if binding.uniform { wgpu::BufferUsages::UNIFORM } else { wgpu::BufferUsages::STORAGE };
-    device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some("compile ahead"),
-        size: binding.bytes,
-        usage,
-        mapped_at_creation: false,
-    })
+/// A resource for a binding.
+enum Resource {
+    Buffer(wgpu::Buffer),
+    Table(wgpu::TextureView),
+}
+
+impl Resource {
+    fn new(device: &wgpu::Device, kind: BindingKind) -> Self {
+        let label = Some("compile ahead");
+        match kind {
+            BindingKind::Buffer { usage, bytes } => Self::Buffer(device.create_buffer(&wgpu::BufferDescriptor {
+                label,
+                size: bytes,
+                usage,
+                mapped_at_creation: false,
+            })),
+            BindingKind::Table => {
+                let texture = device.create_texture(&wgpu::TextureDescriptor {
+                    label,
+                    size: wgpu::Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
+                    mip_level_count: 1,
+                    sample_count: 1,
+                    dimension: wgpu::TextureDimension::D2,
+                    format: wgpu::TextureFormat::Rgba32Uint,
+                    usage: wgpu::TextureUsages::TEXTURE_BINDING,
+                    view_formats: &[],
+                });
+                Self::Table(texture.create_view(&wgpu::TextureViewDescriptor::default()))
+            }
+        }
+    }
+
+    fn as_binding(&self) -> wgpu::BindingResource<'_> {
+        match self {
+            Self::Buffer(buffer) => buffer.as_entire_binding(),
+            Self::Table(view) => wgpu::BindingResource::TextureView(view),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -178,8 +225,9 @@ mod tests {
     }
 
     #[test]
-    fn only_buffers_that_an_entry_point_uses_are_bound() {
-        let binding = |group, binding, bytes| BufferBinding { group, binding, uniform: false, bytes };
+    fn only_what_an_entry_point_uses_is_bound() {
+        let usage = wgpu::BufferUsages::STORAGE;
+        let binding = |group, binding, bytes| Binding { group, binding, kind: BindingKind::Buffer { usage, bytes } };
         let expected = [binding(0, 2, 16 * 8193), binding(2, 1, LEAST_BUFFER_BYTES)];
         assert_eq!(bindings(&source(DOUBLES)).unwrap(), expected);
     }
@@ -190,11 +238,15 @@ mod tests {
         let Some(ahead) = &gpu.compile_ahead else { return assert!(!gpu.software, "software drivers compile ahead") };
         let (device, queue) = ahead.open().unwrap();
         dispatch_nothing(&device, &queue, &source(DOUBLES), &[("WIDTH", 8.0)]).unwrap();
+        let table = "@group(0) @binding(0) var table: texture_2d<u32>;
+            @group(0) @binding(1) var<storage, read_write> values: array<u32>;
+            @compute @workgroup_size(1) fn double() { values[0] = textureLoad(table, vec2(0), 0).x; }";
+        dispatch_nothing(&device, &queue, &source(table), &[]).unwrap();
         let sampled = "@group(0) @binding(0) var picture: texture_2d<f32>;
             @group(0) @binding(1) var<storage, read_write> values: array<f32>;
             @compute @workgroup_size(1) fn double() { values[0] = textureLoad(picture, vec2(0), 0).x; }";
         let wrong = [
-            (source(sampled), "not a buffer"),
+            (source(sampled), "neither a buffer nor a table"),
             (source("fn double() {"), "cannot be read"),
             (source("@compute @workgroup_size(1) fn other() {}"), "entry point"),
         ];

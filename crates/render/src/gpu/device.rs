@@ -1,33 +1,21 @@
-//! Chooses and opens an adapter, reports its features and the fallbacks in use, and explains why no adapter was found.
+//! Chooses and opens an adapter, and waits for its work.
 
 use std::{
-    fmt,
     panic::{self, AssertUnwindSafe},
     sync::{Arc, Mutex, PoisonError},
     time::Duration,
 };
 
-use serde::Serialize;
-
 use super::{
+    Tables,
+    adapter::{
+        AdapterReport, FAINT_MAP_FROM, FUSED_DISPLAY_FROM, GpuOptions, Need, Selection, Skipped, TABLES_FROM,
+        explain_no_adapter, unusable,
+    },
     compile_ahead::CompileAhead,
     frame_pool::{Counters, FramePool},
 };
 use crate::plan::Limits;
-
-/// Which adapter to open, and how.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct GpuOptions {
-    /// Part of the adapter's name, case-insensitive; `None`: the fastest kind of adapter.
-    pub adapter: Option<String>,
-    /// Sums in 32-bit words even if the adapter has 64-bit atomics, to test that path.
-    pub force_u32_accumulator: bool,
-    /// Blends 16-bit floats even if the adapter blends 32-bit floats, to test that path.
-    pub force_half_blending: bool,
-    /// Binds at most this many bytes of stars or pixels at once, even if the adapter supports more, to test strips, batches and segments
-    /// on small images.
-    pub binding_limit_bytes: Option<u64>,
-}
 
 /// Why an adapter could not be opened or failed later.
 #[derive(Debug, thiserror::Error)]
@@ -35,6 +23,9 @@ pub enum GpuError {
     /// No adapter, or none with the given name, was found.
     #[error("{0}")]
     NoAdapter(String),
+    /// The adapter with the given name, or every adapter, lacks something that all passes need.
+    #[error("{}", unusable(.0))]
+    Unusable(Vec<Skipped>),
     /// The driver refused the device.
     #[error("adapter `{adapter}`: cannot open the device: {source}")]
     Device {
@@ -57,109 +48,8 @@ pub enum GpuError {
     Readback(#[from] wgpu::MapRangeError),
 }
 
-/// Report of `steradian info` on the adapter in use.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct AdapterReport {
-    /// Name of the adapter.
-    pub adapter: String,
-    /// Driver and its version.
-    pub driver: String,
-    /// Graphics interface.
-    pub backend: String,
-    /// Kind of device.
-    pub device_type: String,
-    /// Optional features that are used.
-    pub features: Vec<String>,
-    /// Relevant limits and their values.
-    pub limits: Vec<(String, u64)>,
-    /// Replacements for missing features.
-    pub fallbacks: Vec<String>,
-}
-
-impl fmt::Display for AdapterReport {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "adapter    {}", self.adapter)?;
-        writeln!(f, "driver     {}", self.driver)?;
-        writeln!(f, "backend    {}", self.backend)?;
-        writeln!(f, "type       {}", self.device_type)?;
-        writeln!(f, "features   {}", self.features.join(", "))?;
-        for (name, value) in &self.limits {
-            writeln!(f, "limit      {name} = {value}")?;
-        }
-        if self.fallbacks.is_empty() {
-            write!(f, "fallbacks  none")
-        } else {
-            write!(f, "fallbacks  {}", self.fallbacks.join("; "))
-        }
-    }
-}
-
-/// The features and limits in use of an adapter, and the fallbacks for missing ones.
-#[derive(Clone)]
-pub(super) struct Selection {
-    pub(super) features: wgpu::Features,
-    pub(super) limits: wgpu::Limits,
-    wide_accumulator: bool,
-    timestamps: bool,
-    blend_format: wgpu::TextureFormat,
-    fallbacks: Vec<String>,
-}
-
-impl Selection {
-    pub(super) fn new(adapter: &wgpu::Adapter, options: &GpuOptions) -> Self {
-        let offered = adapter.features();
-        let u64_features = wgpu::Features::SHADER_INT64 | wgpu::Features::SHADER_INT64_ATOMIC_ALL_OPS;
-        let mut features = wgpu::Features::empty();
-        let mut fallbacks = Vec::new();
-        let wide_accumulator = offered.contains(u64_features) && !options.force_u32_accumulator;
-        if wide_accumulator {
-            features |= u64_features;
-        } else if options.force_u32_accumulator {
-            fallbacks.push("sums in 32-bit words with carries (requested)".to_owned());
-        } else {
-            fallbacks.push("no 64-bit atomics: sums in 32-bit words with carries".to_owned());
-        }
-        let timestamps = offered.contains(wgpu::Features::TIMESTAMP_QUERY);
-        if timestamps {
-            features |= wgpu::Features::TIMESTAMP_QUERY;
-        } else {
-            fallbacks.push("no timestamps: GPU times are not measured".to_owned());
-        }
-
-        let blends_floats = offered.contains(wgpu::Features::FLOAT32_BLENDABLE) && !options.force_half_blending;
-        let blend_format = if blends_floats {
-            features |= wgpu::Features::FLOAT32_BLENDABLE;
-            wgpu::TextureFormat::Rgba32Float
-        } else {
-            let why = if options.force_half_blending { "requested" } else { "no blending of 32-bit floats" };
-            fallbacks.push(format!("methods that blend sum in 16-bit floats, up to 65504 cd/m^2 ({why})"));
-            wgpu::TextureFormat::Rgba16Float
-        };
-
-        // Only the limits that determine the size of a batch are raised above the defaults.
-        let available = adapter.limits();
-        let limits = wgpu::Limits {
-            max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,
-            max_buffer_size: available.max_buffer_size,
-            max_texture_dimension_2d: available.max_texture_dimension_2d,
-            // The resolve pass binds nine storage buffers, the pass over pixels of `sky_cube` thirteen.
-            max_storage_buffers_per_shader_stage: available.max_storage_buffers_per_shader_stage,
-            ..Default::default()
-        };
-        let limits = limits.or_worse_values_from(&available);
-        Self { features, limits, wide_accumulator, timestamps, blend_format, fallbacks }
-    }
-
-    /// Descriptor for the request of the device.
-    pub(super) fn descriptor(&self) -> wgpu::DeviceDescriptor<'static> {
-        wgpu::DeviceDescriptor {
-            label: Some("steradian"),
-            required_features: self.features,
-            required_limits: self.limits.clone(),
-            ..Default::default()
-        }
-    }
-}
+/// Graphics interfaces that are tried.
+const BACKENDS: wgpu::Backends = wgpu::Backends::VULKAN;
 
 /// Longest time for submitted work before the device counts as lost.
 pub(crate) const SUBMISSION_TIMEOUT: Duration = Duration::from_secs(600);
@@ -180,26 +70,35 @@ pub struct Gpu {
     pub(crate) software: bool,
     binding_limit_bytes: u64,
     readback_limit_bytes: u64,
+    /// Storage buffers that a stage may bind.
+    storage_buffers: u32,
     /// The first error of the driver since the last [`Gpu::take_failure`].
     failure: Arc<Mutex<Option<String>>>,
     report: AdapterReport,
+    needs: Vec<Need>,
+    options: GpuOptions,
     pub(super) pool: Mutex<FramePool>,
     pub(super) counters: Counters,
     /// Set for software drivers, if this module opened the device.
     pub(super) compile_ahead: Option<CompileAhead>,
     /// Largest number of workgroups of a dispatch along an axis.
     pub(super) max_workgroups: u32,
-    /// Buffers that passes bind in addition to their own: see [`Gpu::bind_tables`].
-    pub(super) tables: Vec<wgpu::Buffer>,
+    /// Tables that passes bind in addition to their own buffers: see [`Gpu::bind_tables`].
+    pub(super) tables: Tables,
 }
 
 impl Gpu {
-    /// Opens an adapter. Prefers discrete GPUs to integrated ones, and those to software drivers.
+    /// Opens an adapter. Prefers discrete GPUs to integrated ones, and those to software drivers. Adapters that lack something that all
+    /// passes need are skipped.
+    ///
+    /// # Errors
+    ///
+    /// No adapter can be used.
     pub fn open(options: &GpuOptions) -> Result<Self, GpuError> {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-        descriptor.backends = wgpu::Backends::VULKAN;
+        descriptor.backends = BACKENDS;
         let instance = wgpu::Instance::new(descriptor);
-        let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
+        let mut adapters = pollster::block_on(instance.enumerate_adapters(BACKENDS));
         adapters.sort_by_key(|adapter| match adapter.get_info().device_type {
             wgpu::DeviceType::DiscreteGpu => 0,
             wgpu::DeviceType::IntegratedGpu => 1,
@@ -209,18 +108,42 @@ impl Gpu {
         });
         let names: Vec<String> = adapters.iter().map(|adapter| adapter.get_info().name).collect();
         let wanted = options.adapter.as_deref().map(str::to_lowercase);
-        let chosen = adapters
-            .into_iter()
-            .zip(&names)
-            .find(|(_, name)| wanted.as_ref().is_none_or(|wanted| name.to_lowercase().contains(wanted)));
-        let Some((adapter, name)) = chosen else {
-            return Err(GpuError::NoAdapter(explain_no_adapter(options.adapter.as_deref(), &names)));
-        };
-        Self::open_adapter(&adapter, options).map_err(|source| GpuError::Device { adapter: name.clone(), source })
+        let mut skipped = Vec::new();
+        let mut refused = None;
+        for (adapter, name) in adapters.into_iter().zip(&names) {
+            if wanted.as_ref().is_some_and(|wanted| !name.to_lowercase().contains(wanted)) {
+                continue;
+            }
+            let selection = match Selection::new(&adapter, options) {
+                Ok(selection) => selection,
+                Err(lacks) => {
+                    skipped.push(Skipped { adapter: name.clone(), lacks });
+                    continue;
+                }
+            };
+            match Self::open_adapter(&adapter, selection, options) {
+                Ok(gpu) => {
+                    let others = skipped.iter().map(Skipped::to_string).chain(refused.iter().map(ToString::to_string));
+                    others.for_each(|other: String| tracing::warn!("not used: {other}"));
+                    return Ok(gpu);
+                }
+                Err(source) => {
+                    refused.get_or_insert(GpuError::Device { adapter: name.clone(), source });
+                }
+            }
+        }
+        Err(match refused {
+            Some(refused) => refused,
+            None if skipped.is_empty() => GpuError::NoAdapter(explain_no_adapter(options.adapter.as_deref(), &names)),
+            None => GpuError::Unusable(skipped),
+        })
     }
 
-    fn open_adapter(adapter: &wgpu::Adapter, options: &GpuOptions) -> Result<Self, wgpu::RequestDeviceError> {
-        let selection = Selection::new(adapter, options);
+    fn open_adapter(
+        adapter: &wgpu::Adapter,
+        selection: Selection,
+        options: &GpuOptions,
+    ) -> Result<Self, wgpu::RequestDeviceError> {
         let (device, queue) = pollster::block_on(adapter.request_device(&selection.descriptor()))?;
         let ahead = CompileAhead::new(adapter.clone(), selection.clone());
         let mut gpu = Self::assemble(adapter.get_info(), device, queue, selection, options);
@@ -236,7 +159,8 @@ impl Gpu {
         selection: Selection,
         options: &GpuOptions,
     ) -> Self {
-        let Selection { features, limits, wide_accumulator, timestamps, blend_format, fallbacks } = selection;
+        let Selection { features, limits, needs, wide_accumulator, timestamps, blend_format, fallbacks } = selection;
+        let options = GpuOptions { adapter: Some(info.name.clone()), ..options.clone() };
         let software = info.device_type == wgpu::DeviceType::Cpu;
         let report = AdapterReport {
             adapter: info.name,
@@ -245,6 +169,10 @@ impl Gpu {
             device_type: format!("{:?}", info.device_type),
             features: features.iter_names().map(|(name, _)| name.to_owned()).collect(),
             limits: vec![
+                (
+                    "max_storage_buffers_per_shader_stage".to_owned(),
+                    u64::from(limits.max_storage_buffers_per_shader_stage),
+                ),
                 ("max_storage_buffer_binding_size".to_owned(), limits.max_storage_buffer_binding_size),
                 ("max_buffer_size".to_owned(), limits.max_buffer_size),
                 (
@@ -272,14 +200,17 @@ impl Gpu {
             blend_format,
             software,
             binding_limit_bytes,
+            storage_buffers: limits.max_storage_buffers_per_shader_stage,
             readback_limit_bytes: options.binding_limit_bytes.unwrap_or(1 << 30).min(limits.max_buffer_size / 16 * 16),
             failure,
             report,
+            needs,
+            options,
             pool: Mutex::default(),
             counters: Counters::default(),
             compile_ahead: None,
             max_workgroups: limits.max_compute_workgroups_per_dimension,
-            tables: Vec::new(),
+            tables: Tables::None,
         }
     }
 
@@ -288,9 +219,26 @@ impl Gpu {
         &self.report
     }
 
+    /// What all passes need of the adapter, and what it offers.
+    pub fn needs(&self) -> &[Need] {
+        &self.needs
+    }
+
+    /// Options that open the same adapter in the same way.
+    pub fn options(&self) -> &GpuOptions {
+        &self.options
+    }
+
+    /// Greatest size of tables in a storage buffer, bytes. 0: they are in a texture.
+    pub(crate) fn table_buffer_bytes(&self) -> u64 {
+        if self.storage_buffers >= TABLES_FROM { self.max_binding_bytes() } else { 0 }
+    }
+
     /// Limits of the adapter for plans.
     pub fn limits(&self) -> Limits {
         Limits {
+            fuses_display: self.storage_buffers >= FUSED_DISPLAY_FROM,
+            reads_faint_map: self.storage_buffers >= FAINT_MAP_FROM,
             max_binding_bytes: self.max_binding_bytes(),
             max_view_side_px: self.max_view_side_px(),
             wide_sums: self.wide_accumulator,
@@ -366,17 +314,5 @@ impl Gpu {
         // wgpu panics if the driver has lost its device. Nothing shared with that code is used after the error.
         let polled = panic::catch_unwind(AssertUnwindSafe(|| self.device.poll(wait)));
         polled.map(|polled| polled.map(drop)).map_err(|_| GpuError::Lost("the driver stopped".to_owned()))
-    }
-}
-
-fn explain_no_adapter(wanted: Option<&str>, found: &[String]) -> String {
-    let install = "install a Vulkan driver: the vendor's driver for a GPU, otherwise the software driver \
-                   (Debian and Ubuntu: apt install libvulkan1 mesa-vulkan-drivers)";
-    match (wanted, found) {
-        (Some(wanted), [_, ..]) => {
-            format!("no adapter has `{wanted}` in its name; found: {}", found.join(", "))
-        }
-        (Some(wanted), []) => format!("no Vulkan adapter found (requested: `{wanted}`); {install}"),
-        (None, _) => format!("no Vulkan adapter found; {install}"),
     }
 }

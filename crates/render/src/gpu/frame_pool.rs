@@ -164,18 +164,36 @@ impl Gpu {
 
     /// Returns a uniform buffer for this frame only.
     pub(crate) fn frame_uniform<T: NoUninit>(&self, label: &'static str, data: &T) -> wgpu::Buffer {
-        self.frame_buffer(label, std::slice::from_ref(data), wgpu::BufferUsages::UNIFORM)
+        self.frame_buffer(label, std::slice::from_ref(data), 1, wgpu::BufferUsages::UNIFORM)
+    }
+
+    /// Returns a uniform buffer for this frame only, for a list that shaders declare with `capacity` items.
+    pub(crate) fn frame_uniform_list<T: NoUninit>(
+        &self,
+        label: &'static str,
+        items: &[T],
+        capacity: usize,
+    ) -> wgpu::Buffer {
+        debug_assert!(items.len() <= capacity, "{label}: {} items, {capacity} fit", items.len());
+        self.frame_buffer(label, items, capacity, wgpu::BufferUsages::UNIFORM)
     }
 
     /// Returns a storage buffer for this frame only; it may be larger than `data`.
     pub(crate) fn frame_storage<T: NoUninit>(&self, label: &'static str, data: &[T]) -> wgpu::Buffer {
-        self.frame_buffer(label, data, wgpu::BufferUsages::STORAGE)
+        // A binding must have the size of at least one item, even for an empty list.
+        self.frame_buffer(label, data, 1, wgpu::BufferUsages::STORAGE)
     }
 
-    fn frame_buffer<T: NoUninit>(&self, label: &'static str, data: &[T], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    /// Returns a buffer that begins with `data` and has room for at least `least` items.
+    fn frame_buffer<T: NoUninit>(
+        &self,
+        label: &'static str,
+        data: &[T],
+        least: usize,
+        usage: wgpu::BufferUsages,
+    ) -> wgpu::Buffer {
         let bytes: &[u8] = bytemuck::cast_slice(data);
-        // A binding must have the size of at least one item, even for an empty list.
-        let size = (bytes.len().max(size_of::<T>()).max(16) as u64).next_multiple_of(16);
+        let size = (bytes.len().max(least * size_of::<T>()).max(16) as u64).next_multiple_of(16);
         let mut pool = lock(&self.pool);
         let frame = pool.frame;
         let slots = pool.slots.entry((label, usage)).or_insert_with(|| Slots { since: frame, ..Slots::default() });

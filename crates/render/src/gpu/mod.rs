@@ -1,5 +1,6 @@
 //! The GPU: adapter and device, buffers and structures, shader modules, pipelines, timing and readback.
 
+mod adapter;
 #[cfg(feature = "xr")]
 #[doc(hidden)]
 pub mod adopt;
@@ -15,13 +16,16 @@ mod structs;
 mod texels;
 mod timing;
 
-pub(crate) use binding::{bind_buffers, bind_in_order, dispatch_rows};
-pub(crate) use buffers::{GrowingBuffer, ReadbackBuffer, ReadbackPlace, filled_buffer, storage_buffer, uniform_buffer};
+pub use adapter::{AdapterReport, GpuOptions, Need, RestrictionError};
+pub(crate) use binding::{Tables, bind_buffers, bind_in_order, dispatch_rows};
+pub(crate) use buffers::{
+    GrowingBuffer, ReadbackBuffer, ReadbackPlace, filled_buffer, storage_buffer, uniform_buffer, uniform_list,
+};
 #[doc(hidden)]
 pub use constants::Table;
 pub(crate) use constants::{ConstantValue, shared_constants};
 pub(crate) use device::SUBMISSION_TIMEOUT;
-pub use device::{AdapterReport, Gpu, GpuError, GpuOptions};
+pub use device::{Gpu, GpuError};
 pub(crate) use frame_pool::LayoutOf;
 pub use frame_pool::ObjectsMade;
 pub(crate) use pipelines::{Stage, Variants};

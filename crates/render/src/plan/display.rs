@@ -1,7 +1,7 @@
 //! Display images: their transform, the error that they may have, and the pass that writes them.
 
 use super::{
-    Output, Plan, PlanError,
+    Limits, Output, Plan, PlanError,
     budget::{display_step_cd_m2, draws_outputs_apart},
     kept::Kept,
     settings::{GlareMethod, ToneMapSettings},
@@ -20,7 +20,8 @@ pub struct DisplayPlan {
     pub adds_up: bool,
     /// Whether scattered light is added to resolved pictures.
     pub is_scattered_after: bool,
-    /// Whether the resolve pass writes the display images: if the exposure is known in advance and no scattered light is added afterwards.
+    /// Whether the resolve pass writes the display images: if the exposure is known in advance, no scattered light is added afterwards, and
+    /// the adapter can ([`Limits::fuses_display`]).
     pub resolves_to_display: bool,
 }
 
@@ -30,8 +31,13 @@ pub(super) fn is_scattered_after(glare: GlareMethod, has_veil_in_sums: bool) -> 
 }
 
 /// See [`DisplayPlan::resolves_to_display`].
-pub(super) fn resolves_to_display(exposure_is_known: bool, is_scattered_after: bool, adds_up: bool) -> bool {
-    exposure_is_known && !is_scattered_after && adds_up
+pub(super) fn resolves_to_display(
+    limits: &Limits,
+    exposure_is_known: bool,
+    is_scattered_after: bool,
+    adds_up: bool,
+) -> bool {
+    limits.fuses_display && exposure_is_known && !is_scattered_after && adds_up
 }
 
 /// Plans [`DisplayPlan`], and keeps the greatest slope of the last display transform.
@@ -79,7 +85,7 @@ impl Technique for Display {
                 display.is_scattered_after = is_scattered_after(plan.glare.method, plan.glare.in_sums.is_some());
                 let exposure_is_known = plan.exposure.known_ev100.is_some();
                 display.resolves_to_display =
-                    resolves_to_display(exposure_is_known, display.is_scattered_after, display.adds_up);
+                    resolves_to_display(inputs.limits, exposure_is_known, display.is_scattered_after, display.adds_up);
             }
             _ => {}
         }

@@ -44,15 +44,13 @@ pub enum PlanError {
     },
     /// The tables of tabulated pictures do not fit.
     #[error(
-        "view `{view}`: the tables of tabulated pictures take {bytes} bytes in all: this adapter binds {buffers} buffers of at most {limit}: make them smaller or fewer"
+        "view `{view}`: the tables of tabulated pictures take {bytes} bytes in all: this adapter holds at most {limit}: make the pictures smaller or fewer"
     )]
     TooLargeTables {
         /// The view that exceeds the limit.
         view: String,
         /// Bytes needed.
         bytes: u64,
-        /// Number of buffers for the tables.
-        buffers: usize,
         /// The limit.
         limit: u64,
     },
@@ -102,6 +100,14 @@ pub enum PlanError {
         "glare.method = `sky_cube` reads the catalogue, but stars.method = `{0}` draws none of its stars: set glare.method to auto, view_pyramid, screen_pyramid or none"
     )]
     GlareOfCatalogue(&'static str),
+    /// The scene has too many asteroid fields.
+    #[error("{fields} asteroid fields: a scene has at most {limit}")]
+    TooManyFields {
+        /// Number of fields.
+        fields: usize,
+        /// Maximum number.
+        limit: usize,
+    },
     /// The scene has more asteroids than the adapter can bind at once.
     #[error("{asteroids} asteroids in all fields: this adapter binds at most {limit} at once ({bytes} bytes)")]
     TooManyAsteroids {

@@ -6,7 +6,7 @@ use super::{
     error::PlanError,
     settings::Accumulator,
     stars::{cube_faces::CubeFaces, cull::MAX_VIEWPORTS},
-    tables::TableBuffers,
+    tables::table_limit_bytes,
     tiles::BYTES_PER_PIXEL,
 };
 use crate::view::{
@@ -33,12 +33,23 @@ pub struct Limits {
     pub wide_sums: bool,
     /// Bytes of a texel of the textures that methods blend into: 16 (32-bit floats) or 8 (16-bit floats).
     pub blend_texel_bytes: u64,
+    /// Whether the pass that converts sums to luminance may also write the display image; otherwise a separate pass does.
+    pub fuses_display: bool,
+    /// Whether that pass may read a map of faint light; otherwise every star is drawn individually.
+    pub reads_faint_map: bool,
 }
 
 impl Default for Limits {
     /// Limits of a software Vulkan driver.
     fn default() -> Self {
-        Self { max_binding_bytes: 128 << 20, max_view_side_px: 16384, wide_sums: true, blend_texel_bytes: 16 }
+        Self {
+            max_binding_bytes: 128 << 20,
+            max_view_side_px: 16384,
+            wide_sums: true,
+            blend_texel_bytes: 16,
+            fuses_display: true,
+            reads_faint_map: true,
+        }
     }
 }
 
@@ -76,12 +87,10 @@ impl Limits {
                     && !tables.contains(&table)
                 {
                     tables.push(table);
-                    let limit = self.max_binding_bytes;
-                    let bytes: Vec<u64> = tables.iter().map(|table| table.bytes()).collect();
-                    let held = TableBuffers::new(&bytes, limit).bytes;
-                    if held.iter().any(|bytes| *bytes > limit) {
-                        let (bytes, buffers) = (held.iter().sum(), held.len());
-                        return Err(PlanError::TooLargeTables { view: name(), bytes, buffers, limit });
+                    let limit = table_limit_bytes(self.max_view_side_px);
+                    let bytes: u64 = tables.iter().map(|table| table.bytes()).sum();
+                    if bytes > limit {
+                        return Err(PlanError::TooLargeTables { view: name(), bytes, limit });
                     }
                 }
                 bytes += u64::from(width) * u64::from(height) * FRAME_BYTES_PER_PIXEL;
@@ -141,5 +150,34 @@ impl Limits {
         let (size, layers) =
             cube.map_or((projection.mapping().size(), 1), |cube| ([cube.side_px(); 2], cube.layers() as u64));
         size.map(u64::from).iter().product::<u64>() * layers * self.blend_texel_bytes
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "an unexpected error fails the test")]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::{DQuat, DVec3};
+
+    use super::*;
+    use crate::view::{
+        View, ViewKind,
+        projection::{Perspective, TabulatedMapping},
+    };
+
+    #[test]
+    fn tables_that_do_not_fit_are_refused_with_the_view() {
+        let views = (0..60).map(|index| {
+            let plane = Perspective::symmetric([64, 64], 0.5 + 0.01 * f64::from(index)).unwrap();
+            let mapping = Arc::new(TabulatedMapping::new(plane).unwrap());
+            View::new(&format!("v{index}"), ViewKind::Tabulated { mapping }, DQuat::IDENTITY, DVec3::ZERO).unwrap()
+        });
+        let rig = Rig::new(views.collect()).unwrap();
+        assert!(Limits::default().check(&rig).is_ok());
+        let small = Limits { max_view_side_px: 64, ..Limits::default() };
+        let error = small.check(&rig).unwrap_err();
+        assert!(matches!(&error, PlanError::TooLargeTables { limit: 4_194_304, .. }), "{error}");
+        assert!(error.to_string().starts_with("view `v"), "{error}");
     }
 }

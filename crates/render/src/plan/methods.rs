@@ -2,6 +2,7 @@
 //! resident data and the pipelines before the first plan.
 
 use super::{
+    Limits,
     budget::{draws_outputs_apart, may_have_veil_in_sums},
     display::{is_scattered_after, resolves_to_display},
     glare::GlareMap,
@@ -42,6 +43,7 @@ impl Methods {
 /// Properties of all frames of some objects in some views with the same settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Forecast {
+    limits: Limits,
     /// Methods of the frames.
     pub methods: Methods,
     /// Display transform.
@@ -59,8 +61,9 @@ pub struct Forecast {
 
 impl Forecast {
     /// Properties of frames of these objects in these viewports.
-    pub fn new(settings: &RenderSettings, objects: &SceneObjects, viewports: &[Viewport]) -> Self {
+    pub fn new(settings: &RenderSettings, objects: &SceneObjects, viewports: &[Viewport], limits: &Limits) -> Self {
         Self {
+            limits: *limits,
             methods: Methods::new(settings),
             tone_map: settings.tone_map,
             draws_outputs_apart: draws_outputs_apart(settings, objects, viewports),
@@ -83,6 +86,7 @@ impl Forecast {
 
     /// See [`super::DisplayPlan::resolves_to_display`].
     pub fn resolves_to_display(&self, exposure_is_known: bool, has_veil_in_sums: bool) -> bool {
-        resolves_to_display(exposure_is_known, self.is_scattered_after(has_veil_in_sums), self.methods.adds_up())
+        let scattered = self.is_scattered_after(has_veil_in_sums);
+        resolves_to_display(&self.limits, exposure_is_known, scattered, self.methods.adds_up())
     }
 }

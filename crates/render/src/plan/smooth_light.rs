@@ -200,6 +200,7 @@ impl Technique for SmoothLight {
             Step::Light => {
                 // Without a known exposure all stars have been selected already, to estimate it.
                 let may_read_map = inputs.sky == SkyUse::Map
+                    && inputs.limits.reads_faint_map
                     && plan.exposure.known_white_ev100.is_some()
                     && plan.views.motion.is_none();
                 let step_cd_m2 = plan.display.step_cd_m2.filter(|_| may_read_map);

@@ -1,33 +1,40 @@
-//! Distribution of the tables of tabulated pictures over one buffer, or two if the adapter's binding size is too small: the software
-//! driver binds 128 MiB, and the tables of six projectors of 1920 x 1080 pixels take 236. The driver needs longer to compile shaders that
-//! read two buffers.
+//! Where the tables of tabulated pictures are held: in a storage buffer, or in a texture if the adapter's bindings are too small or too
+//! few. A software driver binds 128 MiB, and the tables of six projectors of 1920 x 1080 pixels take 236.
 
-/// Positions of tables.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct TableBuffers {
-    /// Buffer of each table.
-    pub(crate) buffers: Vec<usize>,
-    /// Size of each buffer, bytes; there are one or two.
-    pub(crate) bytes: Vec<u64>,
+/// Groups of four words in a row of the texture.
+pub(crate) const TABLE_COLUMNS: u32 = 4096;
+/// Bytes of a group.
+const GROUP_BYTES: u64 = 16;
+
+/// Where shaders read tables.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum TableForm {
+    /// There are no tables.
+    #[default]
+    None,
+    /// In a storage buffer.
+    Buffer,
+    /// In a texture.
+    Texture,
 }
 
-impl TableBuffers {
-    /// Distributes tables of the given sizes in bytes, with at most `limit` bytes in a buffer if they fit. With two buffers, each table is
-    /// put into the one with less content.
-    pub(crate) fn new(tables: &[u64], limit: u64) -> Self {
-        let sum = tables.iter().sum();
-        if sum <= limit {
-            return Self { buffers: vec![0; tables.len()], bytes: vec![sum] };
-        }
-        let mut bytes = vec![0; 2];
-        let place = |table: &u64| {
-            let least = usize::from(bytes[1] < bytes[0]);
-            bytes[least] += table;
-            least
-        };
-        let buffers = tables.iter().map(place).collect();
-        Self { buffers, bytes }
+/// Returns where tables of `bytes` bytes in all are held. `in_buffer_bytes`: the greatest size of a buffer for them.
+pub(crate) fn table_form(bytes: u64, in_buffer_bytes: u64) -> TableForm {
+    match bytes {
+        0 => TableForm::None,
+        bytes if bytes <= in_buffer_bytes => TableForm::Buffer,
+        _ => TableForm::Texture,
     }
+}
+
+/// Rows of the texture for this number of groups.
+pub(crate) fn table_rows(groups: usize) -> u32 {
+    groups.div_ceil(TABLE_COLUMNS as usize).max(1) as u32
+}
+
+/// Greatest size of tables, bytes, for an adapter with textures of at most `side_px` rows.
+pub(crate) fn table_limit_bytes(side_px: u32) -> u64 {
+    GROUP_BYTES * u64::from(TABLE_COLUMNS) * u64::from(side_px)
 }
 
 #[cfg(test)]
@@ -35,11 +42,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tables_share_a_buffer_or_go_to_the_emptier_one() {
-        let tables = [5, 1, 1, 1, 1, 9, 2];
-        assert_eq!(TableBuffers::new(&tables, 20), TableBuffers { buffers: vec![0; 7], bytes: vec![20] });
-        let two = TableBuffers { buffers: vec![0, 1, 1, 1, 1, 1, 0], bytes: vec![7, 13] };
-        assert_eq!(TableBuffers::new(&tables, 19), two);
-        assert_eq!(TableBuffers::new(&[], 0).bytes, [0]);
+    fn tables_are_in_a_buffer_if_they_fit() {
+        let forms = [0, 100, 101].map(|bytes| table_form(bytes, 100));
+        assert_eq!(forms, [TableForm::None, TableForm::Buffer, TableForm::Texture]);
+        assert_eq!(table_form(1, 0), TableForm::Texture);
+        assert_eq!([0, 1, 4096, 4097].map(table_rows), [1, 1, 1, 2]);
+        assert_eq!(table_limit_bytes(8192), 512 << 20);
     }
 }

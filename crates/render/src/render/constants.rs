@@ -47,6 +47,17 @@ shared_constants! {
             [r as f32, g as f32, b as f32]
         };
     }
+    /// Lengths of lists in uniform buffers.
+    mod frame_lists {
+        /// Maximum number of viewports of a frame.
+        MAX_VIEWPORTS: u32 = crate::plan::stars::cull::MAX_VIEWPORTS as u32;
+        /// Maximum number of tiles of a batch.
+        MAX_TILES: u32 = crate::plan::tiles::MAX_TILES as u32;
+        /// Maximum number of asteroid fields.
+        MAX_FIELDS: u32 = crate::plan::asteroids::kinds::MAX_FIELDS as u32;
+        /// Maximum number of pictures and faces that asteroids are drawn on.
+        MAX_PLANES: u32 = crate::plan::asteroids::kinds::MAX_PLANES as u32;
+    }
     /// Projection kinds of a viewport.
     mod projections {
         KIND_PERSPECTIVE: u32 = 0;
@@ -57,10 +68,10 @@ shared_constants! {
         KIND_STEREOGRAPHIC: u32 = 5;
         KIND_EQUIRECTANGULAR: u32 = 6;
     }
-    /// Distribution of projection tables over several buffers.
+    /// Projection tables in a texture.
     mod tables {
-        /// Bit in the index of a group of words: the group is in the second buffer.
-        SECOND_TABLE_BUFFER: u32 = crate::render::tabulated::SECOND_BUFFER;
+        /// Groups of four words in a row of the texture: a power of two.
+        TABLE_COLUMNS: u32 = crate::plan::tables::TABLE_COLUMNS;
     }
     /// Tabulated projections.
     mod tabulated {
@@ -330,6 +341,9 @@ shared_constants! {
         VIEW_LONGITUDE: u32 = 2;
         /// Number of steps of a picture's table.
         TABLE_STEPS: u32 = crate::plan::asteroids::views::TABLE_STEPS as u32;
+        /// First entry of the shapes, after room for the tables of all pictures.
+        FIRST_SHAPE: u32 =
+            (crate::plan::stars::cull::MAX_VIEWPORTS * (crate::plan::asteroids::views::TABLE_STEPS + 1)) as u32;
         /// Fraction of a class's range over which it fades in.
         BAND: f32 = crate::plan::asteroids::classes::BAND as f32;
     }
@@ -356,8 +370,6 @@ shared_constants! {
     }
     /// Asteroids drawn as points.
     mod asteroid_points {
-        /// Maximum number of viewports of a frame.
-        MAX_VIEWPORTS: u32 = crate::plan::stars::cull::MAX_VIEWPORTS as u32;
         /// Nodes along a side of the octahedral table of a shape's projected areas.
         AREA_NODES: u32 = crate::plan::asteroids::areas::AREA_NODES as u32;
     }
@@ -370,7 +382,7 @@ shared_constants! {
         SPLAT_LANES: u32 = 8;
         /// Side of the blocks in which samples are stored while impostors are splatted.
         SPLAT_BLOCK: u32 = 8;
-        /// Maximum number of pictures and faces of a frame.
-        MAX_PLANES: u32 = crate::plan::asteroids::kinds::MAX_PLANES as u32;
+        /// Greatest number of threads of a workgroup, whose footprints fit into 16 KiB.
+        SPLAT_THREADS: u32 = 32;
     }
 }

@@ -15,6 +15,7 @@ use super::{
     targets::Targets,
     technique::{FrameInputs, Outputs, Series},
 };
+use crate::plan::tables::TableForm;
 use crate::{
     plan::{ExposureSource, Output, PlanOutputs, Planner, exposure::origin::ExposureOrigin, settings::RenderSettings},
     scene::SceneSnapshot,
@@ -86,7 +87,8 @@ impl Renderer {
         plan.overlay = None;
         // Pipelines that read tables can also draw pictures without tables, so a meter without tabulated pictures keeps
         // them.
-        if self.tables.needed(&self.gpu, &plan.views.viewports) > 0 || self.gpu.table_buffers() == 0 {
+        let needed = self.tables.needed(&self.gpu, &plan.views.viewports);
+        if needed != TableForm::None || self.gpu.table_form() == TableForm::None {
             self.hold_tables(&plan.views.viewports)?;
         }
         self.hold_scene(series.slot, scene, settings)?;

@@ -70,6 +70,7 @@ use self::{
     targets::Targets,
     technique::{Holding, Technique},
 };
+use crate::plan::tables::TableForm;
 use crate::{
     gpu::{AdapterReport, Gpu, GpuError, GpuOptions, StructLayout},
     plan::{Limits, Methods, PlanError, Planner},
@@ -87,7 +88,7 @@ pub struct Renderer {
     baked: BakedImpostors,
     /// Techniques for another number of table buffers, kept from an earlier rig, and that number (0: no picture was
     /// tabulated).
-    idle_techniques: Option<(usize, Vec<Box<dyn Technique + Send>>)>,
+    idle_techniques: Option<(TableForm, Vec<Box<dyn Technique + Send>>)>,
     targets: Targets,
     /// Targets for drawing pictures of the map of faint light; present while some have to be drawn.
     sky_targets: Option<Targets>,
@@ -122,10 +123,15 @@ impl Renderer {
     ///
     /// The adapter cannot be opened at present.
     pub fn reopen(&mut self) -> Result<(), GpuError> {
-        let options = GpuOptions { adapter: Some(self.adapter().adapter.clone()), ..GpuOptions::default() };
+        let options = self.gpu.options().clone();
         let frames = self.frames;
         *self = Self { frames, ..Self::with_baked(Gpu::open(&options)?, self.baked.clone()) };
         Ok(())
+    }
+
+    /// Options that open the same adapter in the same way.
+    pub fn gpu_options(&self) -> &GpuOptions {
+        self.gpu.options()
     }
 
     /// Destroys the device, as a driver reset does, to test the recovery.
@@ -197,20 +203,20 @@ impl Renderer {
         self.spare_slots.clear();
     }
 
-    /// Uploads the tables of tabulated pictures. If they need a different number of buffers than before, techniques
+    /// Uploads the tables of tabulated pictures. If they are held in another form than before, techniques
     /// with matching pipelines replace the current ones, which are kept for later.
     fn hold_tables(&mut self, viewports: &[Viewport]) -> Result<(), RenderError> {
-        let buffers = self.tables.needed(&self.gpu, viewports);
-        if buffers != self.gpu.table_buffers() {
+        let form = self.tables.needed(&self.gpu, viewports);
+        if form != self.gpu.table_form() {
             // Frames in flight can be read back only by the techniques that recorded them.
             while !self.in_flight.is_empty() {
                 self.abandon_oldest()?;
             }
-            let before = self.gpu.table_buffers();
+            let before = self.gpu.table_form();
             self.tables.hold(&mut self.gpu, viewports);
             self.techniques.iter_mut().for_each(|technique| technique.release());
             self.gpu.forget_frames();
-            let idle = self.idle_techniques.take().filter(|(count, _)| *count == buffers);
+            let idle = self.idle_techniques.take().filter(|(of_form, _)| *of_form == form);
             let others =
                 idle.map_or_else(|| sequence::techniques(&self.gpu, &self.baked), |(_, techniques)| techniques);
             self.idle_techniques = Some((before, std::mem::replace(&mut self.techniques, others)));

@@ -3,8 +3,10 @@
 use bytemuck::Pod;
 use glam::{DQuat, DVec3};
 
+use crate::plan::stars::cull::MAX_VIEWPORTS;
+use crate::plan::tiles::MAX_TILES;
 use crate::{
-    gpu::{Gpu, GpuOptions, ReadbackBuffer, storage_buffer},
+    gpu::{Gpu, GpuOptions, ReadbackBuffer, storage_buffer, uniform_list},
     photometry::exposure::{mean_luminance_cd_m2, metered_ev100},
     plan::{
         KernelPlan, MeteringPlan,
@@ -149,8 +151,9 @@ fn a_non_finite_pixel_does_not_affect_the_others() {
     let metered = |words: &[u32]| -> layout::Exposure {
         let resolve = LuminancePass::new(&gpu, LuminanceSource::Packed);
         let meter = ExposurePass::new();
-        let viewports = storage_buffer(&gpu, "viewports", &[encode_viewport(&viewport, &KernelPlan::bspline())]);
-        let tiles = storage_buffer(&gpu, "tiles", &[encoded]);
+        let viewports =
+            uniform_list(&gpu, "viewports", &[encode_viewport(&viewport, &KernelPlan::bspline())], MAX_VIEWPORTS);
+        let tiles = uniform_list(&gpu, "tiles", &[encoded], MAX_TILES);
         let picture = buffer_for_results(&gpu, u64::from(pixels) * 16);
         let count = partial_sums(size[0], size[1]);
         let sums = buffer_for_results(&gpu, u64::from(count) * PARTIAL_SUM_BYTES);
@@ -209,13 +212,14 @@ fn displayed(gpu: &Gpu, settings: &ToneMapSettings, size: [u32; 2], picture: &[[
     let red = |p: &[f32; 3]| if p[0].to_bits() == 0 && p[1].to_bits() == 0 && p[2] > 0.0 { -0.0 } else { p[0] };
     let planes: Vec<[f32; 2]> =
         picture.iter().map(|p| [red(p), p[1]]).chain(picture.iter().map(|p| [p[2], 1.0])).collect();
-    let viewports = storage_buffer(gpu, "viewports", &[encode_viewport(&viewport(size), &KernelPlan::bspline())]);
+    let viewports =
+        uniform_list(gpu, "viewports", &[encode_viewport(&viewport(size), &KernelPlan::bspline())], MAX_VIEWPORTS);
     let exposure = layout::Exposure { display_per_cd_m2: 1.0 / white, ..Default::default() };
     let display = buffer_for_results(gpu, u64::from(pixels) * 4);
     run(gpu, &display, pixels as usize, |pass| {
         let picture = PictureTarget {
             viewports: &viewports,
-            tiles: &storage_buffer(gpu, "tiles", &[encoded]),
+            tiles: &uniform_list(gpu, "tiles", &[encoded], MAX_TILES),
             pixels: &storage_buffer(gpu, "picture", &planes),
             partial_sums: &viewports,
             plane_pixels: pixels,

@@ -70,16 +70,17 @@ impl Renderer {
     ) -> Result<(), RenderError> {
         let viewports = rig.viewports(glam::DQuat::IDENTITY);
         self.hold_tables(&viewports)?;
+        let limits = &self.limits;
         // Picture of the meter, if it draws one.
         let metered = match ExposureOrigin::new(rig, settings, false)? {
             ExposureOrigin::Picture { rig, settings } => {
                 let viewports = rig.viewports(glam::DQuat::IDENTITY);
-                Some((Forecast::new(&settings, objects, &viewports), viewports))
+                Some((Forecast::new(&settings, objects, &viewports, limits), viewports))
             }
             ExposureOrigin::Own | ExposureOrigin::Plan => None,
         };
         // Pipelines of the frames, and those of the meter.
-        let forecast = &Forecast::new(settings, objects, &viewports);
+        let forecast = &Forecast::new(settings, objects, &viewports, limits);
         let wish = Wish { gpu: &self.gpu, objects, viewports: &viewports, forecast, made: wanted, formats };
         let mut jobs: Vec<PipelineJob<'_>> =
             self.techniques.iter().flat_map(|technique| technique.pipelines(&wish)).collect();

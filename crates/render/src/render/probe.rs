@@ -3,8 +3,9 @@
 use glam::DVec3;
 
 use super::{layout, tabulated, viewport::encode_viewport};
-use crate::gpu::{Gpu, GpuError, ReadbackBuffer, storage_buffer};
+use crate::gpu::{Gpu, GpuError, ReadbackBuffer, Tables, storage_buffer, uniform_list};
 use crate::plan::KernelPlan;
+use crate::plan::stars::cull::MAX_VIEWPORTS;
 use crate::render::{constants::workgroups::PROBE_THREADS, shader::Shader};
 use crate::view::{Viewport, projection::Projection};
 
@@ -40,12 +41,12 @@ pub fn probe(gpu: &Gpu, viewport: &Viewport, probes: &[Probe]) -> Result<Vec<Pro
         })
         .collect();
     let table = match &viewport.projection {
-        Projection::Tabulated(table) => Some(storage_buffer(gpu, "mapping table", &table.words())),
-        _ => None,
+        Projection::Tabulated(table) => Tables::new(gpu, tabulated::form_of(gpu, &[table]), &table.words()),
+        _ => Tables::None,
     };
-    let shader = tabulated::with_tables(Shader::new("probe"), usize::from(table.is_some()));
+    let shader = tabulated::with_tables(Shader::new("probe"), table.form());
     let pipeline = gpu.compute_pipeline(&shader.source());
-    let viewports = storage_buffer(gpu, "viewports", &[encode_viewport(viewport, &KernelPlan::bspline())]);
+    let viewports = uniform_list(gpu, "viewports", &[encode_viewport(viewport, &KernelPlan::bspline())], MAX_VIEWPORTS);
     let input_buffer = storage_buffer(gpu, "probe inputs", &inputs);
     let bytes = (probes.len() * size_of::<layout::ProbeOutput>()) as u64;
     let outputs = gpu.create_buffer(&wgpu::BufferDescriptor {
@@ -69,9 +70,7 @@ pub fn probe(gpu: &Gpu, viewport: &Viewport, probes: &[Probe]) -> Result<Vec<Pro
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &group, &[]);
-        if let Some(table) = &table {
-            gpu.bind_as_tables(&mut pass, &pipeline, std::slice::from_ref(table));
-        }
+        gpu.bind_as_tables(&mut pass, &pipeline, &table);
         pass.dispatch_workgroups(probes.len().div_ceil(PROBE_THREADS as usize) as u32, 1, 1);
     }
     let place = readback.copy(gpu, &mut encoder, &outputs, 0, bytes);

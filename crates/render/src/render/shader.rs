@@ -9,6 +9,7 @@ use std::sync::LazyLock;
 
 use super::{constants, struct_layouts, tabulated};
 use crate::gpu::{Choices, Gpu, Joined, Library, ShaderError, ShaderSource, read_folder};
+use crate::plan::tables::TableForm;
 
 include!(concat!(env!("OUT_DIR"), "/shader_files.rs"));
 
@@ -88,7 +89,7 @@ impl Shader {
         let library = library()?;
         match library.join(&self.file, &self.choices) {
             Err(ShaderError::NoChoice { slot, .. }) if slot == tabulated::SLOT => {
-                library.join(&self.file, &tabulated::with_tables(self.clone(), 0).choices)
+                library.join(&self.file, &tabulated::with_tables(self.clone(), TableForm::None).choices)
             }
             joined => joined,
         }

@@ -1,5 +1,5 @@
-//! Tables of tabulated projections on the adapter: the tables of a rig are in one or two buffers ([`TableBuffers`]),
-//! bound by every pass that projects.
+//! Tables of tabulated projections on the adapter: the tables of a rig are in one buffer or one texture
+//! ([`crate::plan::tables`]), bound by every pass that projects.
 //!
 //! A shader supports tables only if it is built with them (`shaders/shared/tabulated.wgsl` instead of
 //! `tabulated_off.wgsl`). Rigs without tabulated pictures use shaders without tables, so a renderer has one set of
@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use super::shader::Shader;
 use crate::{
-    gpu::{Gpu, storage_buffer},
-    plan::tables::TableBuffers,
+    gpu::{Gpu, Tables},
+    plan::tables::{TableForm, table_form},
     view::{
         Viewport,
         projection::{Projection, TabulatedMapping},
@@ -20,19 +20,22 @@ use crate::{
 /// Import slot for tabulated projections, and its files: without and with tables.
 pub(super) const SLOT: &str = "tabulated";
 const FILES: [&str; 2] = ["shared/tabulated_off", "shared/tabulated"];
-/// Import slot for the number of table buffers, and its files: one and two buffers.
-const BUFFERS_SLOT: &str = "tables";
-const BUFFERS_FILES: [&str; 2] = ["shared/tables_one", "shared/tables_two"];
+/// Import slot for the form of the tables.
+const FORM_SLOT: &str = "tables";
 
-/// Chooses the files for a shader that reads tables from `buffers` buffers (0: no tables).
-pub(super) fn with_tables(shader: Shader, buffers: usize) -> Shader {
-    let shader = shader.with(SLOT, FILES[usize::from(buffers > 0)]);
-    if buffers > 0 { shader.with(BUFFERS_SLOT, BUFFERS_FILES[usize::from(buffers > 1)]) } else { shader }
+/// Chooses the files for a shader that reads tables of this form.
+pub(super) fn with_tables(shader: Shader, form: TableForm) -> Shader {
+    let shader = shader.with(SLOT, FILES[usize::from(form != TableForm::None)]);
+    match form {
+        TableForm::None => shader,
+        TableForm::Buffer => shader.with(FORM_SLOT, "shared/tables_buffer"),
+        TableForm::Texture => shader.with(FORM_SLOT, "shared/tables_texture"),
+    }
 }
 
 /// A shader that projects, built for the current tables of the device.
 pub(crate) fn projecting(gpu: &Gpu, file: &str) -> Shader {
-    with_tables(Shader::new(file), gpu.table_buffers())
+    with_tables(Shader::new(file), gpu.table_form())
 }
 
 fn table_of(viewport: &Viewport) -> Option<&Arc<TabulatedMapping>> {
@@ -53,19 +56,16 @@ fn tables_of(viewports: &[Viewport]) -> Vec<&Arc<TabulatedMapping>> {
     tables
 }
 
-fn buffers_of(gpu: &Gpu, tables: &[&Arc<TabulatedMapping>]) -> TableBuffers {
-    let bytes: Vec<u64> = tables.iter().map(|table| table.bytes()).collect();
-    TableBuffers::new(&bytes, gpu.max_binding_bytes())
+/// Form of tables on this adapter.
+pub(super) fn form_of(gpu: &Gpu, tables: &[&Arc<TabulatedMapping>]) -> TableForm {
+    table_form(tables.iter().map(|table| table.bytes()).sum(), gpu.table_buffer_bytes())
 }
 
-/// Bit in the index of a group of words: the group is in the second buffer.
-pub(super) const SECOND_BUFFER: u32 = 1 << 31;
-
-/// Tables on the device, each with its buffer and the index of its first group of words there.
+/// Tables on the device, each with the index of its first group of words.
 #[derive(Default)]
 pub(crate) struct MappingTables {
     held: Vec<(Arc<TabulatedMapping>, u32)>,
-    buffers: Vec<wgpu::Buffer>,
+    tables: Tables,
 }
 
 impl MappingTables {
@@ -74,47 +74,44 @@ impl MappingTables {
     pub(crate) fn hold(&mut self, gpu: &mut Gpu, viewports: &[Viewport]) {
         let wanted = tables_of(viewports);
         if wanted.is_empty() {
-            gpu.set_tables(Vec::new());
+            gpu.set_tables(Tables::None);
             return;
         }
         if wanted.iter().any(|table| self.first_of(table).is_none()) {
             self.release();
-            let TableBuffers { buffers: buffer_of_table, bytes } = buffers_of(gpu, &wanted);
-            let mut words: Vec<Vec<[u32; 4]>> = vec![Vec::new(); bytes.len()];
-            for (table, buffer) in wanted.into_iter().zip(buffer_of_table) {
-                let buffer_bit = if buffer > 0 { SECOND_BUFFER } else { 0 };
-                self.held.push((Arc::clone(table), buffer_bit | words[buffer].len() as u32));
-                words[buffer].extend(table.words());
+            let form = form_of(gpu, &wanted);
+            let mut groups: Vec<[u32; 4]> = Vec::new();
+            for table in wanted {
+                self.held.push((Arc::clone(table), groups.len() as u32));
+                groups.extend(table.words());
             }
-            // A bound buffer must not be empty.
-            words.iter_mut().filter(|words| words.is_empty()).for_each(|words| words.push([0; 4]));
-            self.buffers = words.iter().map(|words| storage_buffer(gpu, "mapping tables", words)).collect();
+            self.tables = Tables::new(gpu, form, &groups);
         }
-        gpu.set_tables(self.buffers.clone());
+        gpu.set_tables(self.tables.clone());
     }
 
-    /// Number of buffers for the tables of these viewports; 0 if none is tabulated.
-    pub(crate) fn needed(&self, gpu: &Gpu, viewports: &[Viewport]) -> usize {
+    /// Form of the tables of these viewports.
+    pub(crate) fn needed(&self, gpu: &Gpu, viewports: &[Viewport]) -> TableForm {
         let wanted = tables_of(viewports);
-        // Tables already on the device keep their distribution.
+        // Tables already on the device keep their form.
         match wanted.iter().all(|table| self.first_of(table).is_some()) {
-            _ if wanted.is_empty() => 0,
-            true => self.buffers.len(),
-            false => buffers_of(gpu, &wanted).bytes.len(),
+            _ if wanted.is_empty() => TableForm::None,
+            true => self.tables.form(),
+            false => form_of(gpu, &wanted),
         }
     }
 
     /// Releases all tables.
     pub(crate) fn release(&mut self) {
         self.held.clear();
-        self.buffers.clear();
+        self.tables = Tables::None;
     }
 
     fn first_of(&self, table: &Arc<TabulatedMapping>) -> Option<u32> {
         self.held.iter().find(|(held, _)| held == table).map(|(_, first)| *first)
     }
 
-    /// Buffer bit and index of the first group of words of a viewport's table; `None` if the viewport is not tabulated.
+    /// Index of the first group of words of a viewport's table; `None` if the viewport is not tabulated.
     pub(crate) fn first_group(&self, viewport: &Viewport) -> Option<u32> {
         self.first_of(table_of(viewport)?)
     }

@@ -13,16 +13,21 @@ use super::{
 };
 use crate::render::constants::counters;
 use crate::{
-    gpu::{Gpu, GrowingBuffer, ShaderSource, bind_buffers, bind_in_order, storage_buffer},
+    gpu::{Gpu, GrowingBuffer, ShaderSource, bind_buffers, bind_in_order, filled_buffer},
     plan::{
         DISPLAY_BYTES, KernelPlan, Plan,
-        tiles::{BYTES_PER_PIXEL, Batch, Tile},
+        stars::cull::MAX_VIEWPORTS,
+        tiles::{BYTES_PER_PIXEL, Batch, MAX_TILES, Tile},
     },
     view::Viewport,
 };
 
 pub(crate) use crate::render::constants::pixel_grid::{COLUMNS, ROWS};
 
+/// Counters of asteroids drawn as points: visible points per viewport, then visible asteroids of groups that contain only points.
+pub(crate) const POINT_COUNTERS: u32 = 2 * MAX_VIEWPORTS as u32;
+/// Every adapter binds parts of buffers at multiples of this number of bytes.
+const BINDING_ALIGNMENT: u64 = 256;
 /// Size of a partial sum, bytes: metered illuminance, and solid angle excluded from metering.
 pub(crate) const PARTIAL_SUM_BYTES: u64 = 8;
 /// Index of the counter of overflowed sums.
@@ -35,20 +40,19 @@ struct BatchBuffers {
     tiles: GrowingBuffer,
     pixels: GrowingBuffer,
     high_words: GrowingBuffer,
-    bright_pixels: GrowingBuffer,
-    bright_high_words: GrowingBuffer,
+    bright: GrowingBuffer,
     display: GrowingBuffer,
 }
 
 impl BatchBuffers {
     fn new() -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+        let list = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         Self {
-            tiles: GrowingBuffer::new("tiles", usage),
+            tiles: GrowingBuffer::new("tiles", list),
             pixels: GrowingBuffer::new("pixels", usage),
             high_words: GrowingBuffer::new("high words", usage),
-            bright_pixels: GrowingBuffer::new("bright pixels", usage),
-            bright_high_words: GrowingBuffer::new("bright high words", usage),
+            bright: GrowingBuffer::new("bright sums", usage),
             display: GrowingBuffer::new("display", usage),
         }
     }
@@ -64,14 +68,16 @@ pub(crate) struct BatchTargets {
     pub pixels: wgpu::Buffer,
     /// High words of the sums.
     pub high_words: wgpu::Buffer,
-    /// Low and high words of the separate sums of the brightest stars.
-    pub bright: Option<[wgpu::Buffer; 2]>,
+    /// Separate sums of the brightest stars: the low words, then from [`BatchTargets::bright_high_bytes`] on the high words.
+    pub bright: Option<wgpu::Buffer>,
     /// Display image, if one is made.
     pub display: Option<wgpu::Buffer>,
     /// Result of the geometry pass per pixel; `None` without bodies and asteroids.
     pub geometry: Option<wgpu::Buffer>,
     /// Pixels of the batch.
     pub plane_pixels: u32,
+    /// Offset of the high words of the brightest stars, bytes.
+    pub bright_high_bytes: u64,
     /// Workgroups of the passes over its pixels: columns, rows, tiles.
     pub grid: [u32; 3],
     /// Images that are made of the batch.
@@ -112,10 +118,10 @@ pub(crate) struct SeenBodies {
 /// `shaders/shared/point_grid.wgsl`.
 #[derive(Clone)]
 pub(crate) struct SmoothGrid {
-    /// One grid per viewport.
-    pub grids: wgpu::Buffer,
-    /// Luminance at the points of all grids, cd/m^2.
-    pub points: wgpu::Buffer,
+    /// One grid per viewport. Their points are in [`Targets::grid_points`].
+    pub grids: Vec<layout::PointGrid>,
+    /// The same on the adapter.
+    pub list: wgpu::Buffer,
 }
 
 /// The map of faint light: see `shaders/shared/sky_map.wgsl`.
@@ -144,6 +150,9 @@ pub(crate) struct Targets {
     viewport_buffer: GrowingBuffer,
     counter_buffer: GrowingBuffer,
     partial_buffer: GrowingBuffer,
+    point_buffer: GrowingBuffer,
+    /// Number of points of all grids of the frame.
+    point_count: u32,
     stand_in: wgpu::Buffer,
     /// Exposure of the frame.
     pub exposure: wgpu::Buffer,
@@ -151,9 +160,9 @@ pub(crate) struct Targets {
     pub batches: Vec<BatchTargets>,
     /// All encoded viewports.
     pub viewports: wgpu::Buffer,
-    /// Counters that are read back, then the flags of the blocks of all tiles.
+    /// Counters of overflows and stars, counters of asteroids, then the flags of the blocks of all tiles.
     pub counters: wgpu::Buffer,
-    /// Number of counters that are read back.
+    /// Number of counters of overflows and stars.
     pub counter_count: usize,
     /// Partial sums for the exposure.
     pub partial_sums: wgpu::Buffer,
@@ -174,8 +183,10 @@ pub(crate) struct Targets {
 impl Targets {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-        // As large as the largest structure of an unused binding.
-        let stand_in = storage_buffer(gpu, "nothing", &[[0_u32; 64]]);
+        let list = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        // As large as the largest structure or list of an unused binding.
+        let nothing = [[0_u32; 4]; MAX_VIEWPORTS];
+        let stand_in = filled_buffer(gpu, "nothing", &nothing, usage | wgpu::BufferUsages::UNIFORM);
         let exposure = gpu.create_buffer(&wgpu::BufferDescriptor {
             label: Some("exposure"),
             size: size_of::<layout::Exposure>() as u64,
@@ -184,9 +195,11 @@ impl Targets {
         });
         Self {
             batch_buffers: Vec::new(),
-            viewport_buffer: GrowingBuffer::new("viewports", usage),
+            viewport_buffer: GrowingBuffer::new("viewports", list),
             counter_buffer: GrowingBuffer::new("counters", usage),
             partial_buffer: GrowingBuffer::new("partial sums", usage),
+            point_buffer: GrowingBuffer::new("grid points", wgpu::BufferUsages::STORAGE),
+            point_count: 0,
             exposure,
             batches: Vec::new(),
             viewports: stand_in.clone(),
@@ -207,9 +220,9 @@ impl Targets {
     pub(crate) fn release(&mut self) {
         self.batch_buffers.clear();
         self.batches.clear();
-        for buffer in [&mut self.viewport_buffer, &mut self.counter_buffer, &mut self.partial_buffer] {
-            buffer.release();
-        }
+        let own =
+            [&mut self.viewport_buffer, &mut self.counter_buffer, &mut self.partial_buffer, &mut self.point_buffer];
+        own.into_iter().for_each(GrowingBuffer::release);
         for buffer in [&mut self.viewports, &mut self.counters, &mut self.partial_sums] {
             *buffer = self.stand_in.clone();
         }
@@ -238,14 +251,16 @@ impl Targets {
             .zip(&plan.stars.kernels)
             .map(|(v, kernels)| encode(v, kernels, tables))
             .collect();
-        self.viewports = self.viewport_buffer.upload(gpu, &encoded).clone();
-        // The flags of all batches follow the counters that are read back.
+        self.viewports = self.viewport_buffer.upload_list(gpu, &encoded, MAX_VIEWPORTS).clone();
+        // The flags of all batches follow the counters.
         self.counter_count = VIEW_COUNTERS + views;
-        let (tiles, partials, counters_and_flags) = encoded_tiles(plan, self.counter_count as u32);
+        let first_flag = self.first_point_counter() + POINT_COUNTERS;
+        let (tiles, partials, counters_and_flags) = encoded_tiles(plan, first_flag);
         self.partial_count = partials;
         self.partial_sums = self.partial_buffer.with_room(gpu, u64::from(partials) * PARTIAL_SUM_BYTES).clone();
         self.counters = self.counter_buffer.with_room(gpu, 4 * u64::from(counters_and_flags)).clone();
         encoder.clear_buffer(&self.counters, 0, None);
+        self.point_count = 0;
         self.bodies = None;
         self.layers = None;
         self.veil = None;
@@ -269,16 +284,17 @@ impl Targets {
                     hdr_stays: all.hdr_stays || made[tile.viewport].hdr_stays,
                 });
                 let bytes = batch.pixels * BYTES_PER_PIXEL;
-                let bright = plan.stars.ranges.bright.map(|_| {
-                    let low = buffers.bright_pixels.with_room(gpu, bytes / 2).clone();
-                    [low, buffers.bright_high_words.with_room(gpu, bytes / 2).clone()]
-                });
+                let bright_high_bytes = (bytes / 2).next_multiple_of(BINDING_ALIGNMENT);
+                let bright = plan
+                    .stars
+                    .ranges
+                    .bright
+                    .map(|_| buffers.bright.with_room(gpu, bright_high_bytes + bytes / 2).clone());
                 if bright.is_none() {
-                    buffers.bright_pixels.release();
-                    buffers.bright_high_words.release();
+                    buffers.bright.release();
                 }
                 BatchTargets {
-                    tiles: buffers.tiles.upload(gpu, &encoded_tiles).clone(),
+                    tiles: buffers.tiles.upload_list(gpu, &encoded_tiles, MAX_TILES).clone(),
                     encoded_tiles,
                     pixels: buffers.pixels.with_room(gpu, bytes).clone(),
                     high_words: buffers.high_words.with_room(gpu, bytes / 2).clone(),
@@ -288,11 +304,40 @@ impl Targets {
                         .then(|| buffers.display.with_room(gpu, batch.pixels * DISPLAY_BYTES).clone()),
                     geometry: None,
                     plane_pixels: batch.pixels as u32,
+                    bright_high_bytes,
                     grid: grid_of(plan, batch),
                     made: made_of_batch,
                 }
             })
             .collect();
+    }
+
+    /// First of the counters of asteroids drawn as points, which follow those of stars: see [`POINT_COUNTERS`].
+    pub(crate) fn first_point_counter(&self) -> u32 {
+        self.counter_count as u32
+    }
+
+    /// Reserves room for the points of grids (all points of the frame are in one buffer), and uploads the grids.
+    pub(crate) fn reserve_points(
+        &mut self,
+        gpu: &Gpu,
+        label: &'static str,
+        (mut grids, count): (Vec<layout::PointGrid>, u32),
+    ) -> SmoothGrid {
+        grids.iter_mut().for_each(|grid| grid.first += self.point_count);
+        self.point_count += count;
+        let list = gpu.frame_uniform_list(label, &grids, MAX_VIEWPORTS);
+        SmoothGrid { grids, list }
+    }
+
+    /// Luminance at the points of all grids, cd/m^2. Every technique must have reserved its points.
+    pub(crate) fn grid_points(&mut self, gpu: &Gpu) -> wgpu::Buffer {
+        self.point_buffer.with_room(gpu, 16 * u64::from(self.point_count)).clone()
+    }
+
+    /// The buffer of [`Targets::grid_points`], if it was created.
+    pub(crate) fn held_points(&self) -> Option<&wgpu::Buffer> {
+        self.point_buffer.held()
     }
 
     /// Clears the buffers that a phase fills.
@@ -313,8 +358,8 @@ impl Targets {
                 if !gpu.wide_accumulator {
                     encoder.clear_buffer(&batch.high_words, 0, Some(plane_bytes));
                 }
-                for bright in batch.bright.iter().flatten() {
-                    encoder.clear_buffer(bright, 0, Some(plane_bytes));
+                if let Some(bright) = &batch.bright {
+                    encoder.clear_buffer(bright, 0, Some(batch.bright_high_bytes + plane_bytes));
                 }
             }
             _ => {}
@@ -324,10 +369,12 @@ impl Targets {
     /// Returns the sums of a batch: those of the brightest stars if `bright`, otherwise those of everything else.
     pub(crate) fn sums(&self, batch: usize, bright: bool) -> Option<Sums<'_>> {
         let batch_targets = &self.batches[batch];
-        let [low_words, high_words] = match &batch_targets.bright {
-            Some([low, high]) if bright => [low, high],
-            None if bright => return None,
-            _ => [&batch_targets.pixels, &batch_targets.high_words],
+        let [low_words, high_words] = if bright {
+            let (buffer, high) = (batch_targets.bright.as_ref()?, batch_targets.bright_high_bytes);
+            let part = |offset, size| wgpu::BufferBinding { buffer, offset, size };
+            [part(0, wgpu::BufferSize::new(high)), part(high, None)]
+        } else {
+            [batch_targets.pixels.as_entire_buffer_binding(), batch_targets.high_words.as_entire_buffer_binding()]
         };
         Some(Sums {
             viewports: &self.viewports,
@@ -379,13 +426,13 @@ pub(crate) struct Occlusion<'a> {
 }
 
 /// Buffers for the sums of light of a batch.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub(crate) struct Sums<'a> {
     pub viewports: &'a wgpu::Buffer,
     pub tiles: &'a wgpu::Buffer,
     pub counters: &'a wgpu::Buffer,
-    pub low_words: &'a wgpu::Buffer,
-    pub high_words: &'a wgpu::Buffer,
+    pub low_words: wgpu::BufferBinding<'a>,
+    pub high_words: wgpu::BufferBinding<'a>,
     pub occlusion: Occlusion<'a>,
 }
 
@@ -429,8 +476,8 @@ pub(crate) fn bind_sums(
         (1, sums.viewports.as_entire_binding()),
         (2, sums.tiles.as_entire_binding()),
         (3, sums.counters.as_entire_binding()),
-        (4, sums.low_words.as_entire_binding()),
-        (6, sums.high_words.as_entire_binding()),
+        (4, wgpu::BindingResource::Buffer(sums.low_words.clone())),
+        (6, wgpu::BindingResource::Buffer(sums.high_words.clone())),
     ];
     bind_buffers(gpu, pipeline, 0, &[&sum_bindings[..], others].concat())
 }

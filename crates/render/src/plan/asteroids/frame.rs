@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::kinds::MAX_FIELDS;
 use super::{
     bounds::direction_error_bound_rad,
     classes::ClassRules,
@@ -149,6 +150,9 @@ impl Tables {
 /// Checks that the fields of a scene can be held: their number, and that every shape has meshes.
 pub fn check(objects: &SceneObjects, limits: &Limits) -> Result<(), PlanError> {
     let asteroids = objects.fields.iter().map(|field| field.instances.packed.len() as u64).sum();
+    if objects.fields.len() > MAX_FIELDS {
+        return Err(PlanError::TooManyFields { fields: objects.fields.len(), limit: MAX_FIELDS });
+    }
     let bytes = limits.max_binding_bytes;
     let limit = (bytes / size_of::<PackedAsteroid>() as u64).min(u64::from(u32::MAX));
     if asteroids > limit {

@@ -14,6 +14,8 @@ pub const MAX_SET_MESHES: usize = 1280;
 
 /// Maximum number of planes of a frame: pictures, and six faces behind each.
 pub const MAX_PLANES: usize = 7 * MAX_VIEWPORTS;
+/// Maximum number of fields of a scene.
+pub const MAX_FIELDS: usize = 256;
 
 /// A picture or a face of the cube around its axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

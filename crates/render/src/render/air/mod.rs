@@ -14,8 +14,9 @@ use super::{
     targets::Targets,
     technique::{FrameInputs, Phase, PipelineJob, Recording, Technique, Wish, begin_pass},
 };
+use crate::plan::stars::cull::MAX_VIEWPORTS;
 use crate::{
-    gpu::{Gpu, GrowingBuffer, storage_buffer},
+    gpu::{Gpu, GrowingBuffer, filled_buffer},
     photometry::sky_light::{SkyLight, SkyTable},
     scene::{landscape::Landscape, surroundings::Horizon},
 };
@@ -50,7 +51,12 @@ impl Air {
             landscape: GrowingBuffer::new("landscape", usage),
             points: GrowingBuffer::new("air points", wgpu::BufferUsages::STORAGE),
             grids: None,
-            stand_in: storage_buffer(gpu, "no grids", &[[0_u32; 4]]),
+            stand_in: filled_buffer(
+                gpu,
+                "no grids",
+                &[[0_u32; 4]; MAX_VIEWPORTS],
+                wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::UNIFORM,
+            ),
             held: None,
             held_tables: Vec::new(),
             held_air: None,
@@ -124,7 +130,7 @@ impl Technique for Air {
         let from_grid = plan.air.from_grid;
         if from_grid && (batch, index) == (0, 0) {
             let (grids, count) = point_grids(&plan.views.viewports, SPACING);
-            let grid_buffer = gpu.frame_storage("air grids", &grids);
+            let grid_buffer = gpu.frame_uniform_list("air grids", &grids, MAX_VIEWPORTS);
             let points = self.points.with_room(gpu, 16 * u64::from(count));
             let buffers = [&targets.viewports, tables, &grid_buffer, points];
             let mut pass = begin_pass(recording.encoder, recording.timer, "air");

@@ -45,8 +45,6 @@ pub(crate) struct CullBuffers<'a> {
     pub items: &'a wgpu::Buffer,
     pub instances: &'a wgpu::Buffer,
     pub fields: &'a wgpu::Buffer,
-    pub shapes: &'a wgpu::Buffer,
-    pub lods: &'a wgpu::Buffer,
     /// Per mesh: number of indices, first index, first vertex.
     pub meshes: &'a wgpu::Buffer,
     /// One count per list and per group linked to the list's plane.
@@ -109,8 +107,7 @@ impl AsteroidCullPass {
                 buffers.items,
                 buffers.counts,
             ];
-            let second =
-                [buffers.instances, buffers.fields, buffers.shapes, buffers.lods, buffers.entries, buffers.bases];
+            let second = [buffers.instances, buffers.fields, buffers.entries, buffers.bases];
             pass.set_bind_group(0, &bind_in_order(gpu, pipeline, 0, &first), &[]);
             pass.set_bind_group(1, &bind_in_order(gpu, pipeline, 1, &second), &[]);
             pass.dispatch_workgroups(row, rows, 1);

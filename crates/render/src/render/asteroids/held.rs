@@ -15,10 +15,13 @@ use super::{
 use crate::{
     gpu::{Gpu, filled_buffer, storage_buffer},
     plan::{
-        asteroids::kinds::{Kinds, SetKinds},
+        asteroids::{
+            areas::AREA_NODES,
+            kinds::{Kinds, SetKinds},
+        },
         settings::{AsteroidSettings, ImpostorMethod},
     },
-    render::{RenderError, asteroids::layout},
+    render::{RenderError, constants::asteroid_classes::FIRST_SHAPE},
     scene::{
         SceneObjects,
         asteroids::{Instances, PackedAsteroid, ShapeSet},
@@ -30,11 +33,9 @@ pub(super) struct Held {
     sources: Vec<(Arc<Instances>, Arc<ShapeSet>)>,
     pub(super) kinds: Kinds,
     pub(super) instances: wgpu::Buffer,
-    pub(super) shapes: wgpu::Buffer,
-    pub(super) lods: wgpu::Buffer,
-    /// Projected area of every shape, divided by pi.
-    pub(super) areas: wgpu::Buffer,
-    /// The same areas, set by set.
+    /// Room for the tables of the pictures of a frame, then those of [`encode_shapes`].
+    pub(super) tables: wgpu::Buffer,
+    /// Projected areas of the shapes, divided by pi, set by set.
     areas_of_sets: Vec<Vec<f32>>,
     pub(super) meshes: wgpu::Buffer,
     /// Per mesh: number of indices, first index, first vertex.
@@ -65,6 +66,30 @@ struct Atlases {
     groups: Vec<wgpu::BindGroup>,
 }
 
+/// Encodes the shapes of all sets for `shaders/asteroids/shape.wgsl`, after room for the tables of pictures: for each shape its
+/// first kind, number of levels, bound, first level and first area; then error and longest edge of each level; then projected areas,
+/// each beside the next one. Indices are exact as floats, since they are below 2^24.
+fn encode_shapes(kinds: &Kinds, areas_of_sets: &[Vec<f32>]) -> Vec<[f32; 2]> {
+    let shapes = || kinds.sets.iter().flat_map(|set| set.shapes.shapes.iter().zip(&set.shape_kinds));
+    let mut tables = vec![[0.0; 2]; FIRST_SHAPE as usize];
+    let mut level = tables.len() + 3 * shapes().count();
+    let mut area = level + shapes().map(|(shape, _)| shape.lods.len()).sum::<usize>();
+    for (shape, first_kind) in shapes() {
+        tables.push([*first_kind as f32, shape.lods.len() as f32]);
+        tables.push([shape.bound as f32, level as f32]);
+        tables.push([area as f32, 0.0]);
+        level += shape.lods.len();
+        area += AREA_NODES * AREA_NODES;
+    }
+    debug_assert!(area < 1 << 24, "{area} entries");
+    let lods = shapes().flat_map(|(shape, _)| &shape.lods);
+    tables.extend(lods.map(|lod| [lod.error as f32, lod.longest_edge as f32]));
+    for areas in areas_of_sets {
+        tables.extend(areas.iter().zip(areas.iter().skip(1).chain([&0.0])).map(|(area, next)| [*area, *next]));
+    }
+    tables
+}
+
 impl Held {
     pub(super) fn new(gpu: &Gpu, objects: &SceneObjects, spare: Option<Spare>, ahead: &BakedImpostors) -> Self {
         let fields = objects.fields.iter().map(Arc::as_ref);
@@ -86,18 +111,11 @@ impl Held {
         let areas_of = |set: &SetKinds| known(&set.shapes).unwrap_or_else(|| ahead.areas_of(&set.shapes));
         let areas_of_sets: Vec<Vec<f32>> = kinds.sets.iter().map(areas_of).collect();
         // Shapes, levels of detail and meshes of all sets, one after the other.
-        let (mut shapes, mut lods, mut meshes) = (Vec::new(), Vec::new(), Vec::new());
+        let mut meshes = Vec::new();
         let (mut vertices, mut indices): (Vec<MeshVertex>, Vec<u32>) = (Vec::new(), Vec::new());
         for set in &kinds.sets {
-            for (shape, first_kind) in set.shapes.shapes.iter().zip(&set.shape_kinds) {
-                shapes.push(layout::AsteroidShape {
-                    first_kind: *first_kind as u32,
-                    levels: shape.lods.len() as u32,
-                    bound: shape.bound as f32,
-                    unused_0: 0,
-                });
+            for shape in &set.shapes.shapes {
                 for lod in &shape.lods {
-                    lods.push([lod.error as f32, lod.longest_edge as f32]);
                     let triangles = lod.mesh.triangles.as_flattened();
                     meshes.push([triangles.len() as u32, indices.len() as u32, vertices.len() as u32, 0]);
                     indices.extend_from_slice(triangles);
@@ -111,10 +129,8 @@ impl Held {
         Self {
             sources,
             instances,
-            shapes: storage_buffer(gpu, "asteroid shapes", &shapes),
-            areas: storage_buffer(gpu, "asteroid areas", &areas_of_sets.concat()),
+            tables: storage_buffer(gpu, "asteroid tables", &encode_shapes(&kinds, &areas_of_sets)),
             areas_of_sets,
-            lods: storage_buffer(gpu, "asteroid levels", &lods),
             meshes: storage_buffer(gpu, "asteroid meshes", &meshes),
             vertices: filled_buffer(gpu, "asteroid vertices", &vertices, wgpu::BufferUsages::VERTEX),
             indices: filled_buffer(gpu, "asteroid indices", &indices, wgpu::BufferUsages::INDEX),

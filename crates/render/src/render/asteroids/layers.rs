@@ -217,7 +217,7 @@ impl Asteroids {
                 (4, held.instances.as_entire_binding()),
                 (5, buffers.entries.with_room(gpu, 0).as_entire_binding()),
                 (6, buffers.bases.with_room(gpu, 0).as_entire_binding()),
-                (7, held.shapes.as_entire_binding()),
+                (7, held.tables.as_entire_binding()),
             ],
         );
         let arguments = buffers.arguments.with_room(gpu, 0).clone();
@@ -245,7 +245,7 @@ impl Asteroids {
             fields: buffers.fields.with_room(gpu, 0),
             instances: &held.instances,
             entries: buffers.entries.with_room(gpu, 0),
-            shapes: &held.shapes,
+            tables: &held.tables,
             arguments: &arguments,
             still_seen: buffers.still_seen.with_room(gpu, 0),
         };

@@ -75,16 +75,6 @@ gpu_structs! {
         unused_0: u32,
         unused_1: u32,
     }
-    /// A shape of a field.
-    struct AsteroidShape {
-        /// Kind of list of its finest mesh; the coarser ones follow.
-        first_kind: u32,
-        /// Number of levels of detail.
-        levels: u32,
-        /// Radius of the bounding sphere, mean radii.
-        bound: f32,
-        unused_0: u32,
-    }
     /// A picture for culling and the choice of detail; made by `crates/render/src/plan/asteroids/views.rs`.
     struct AsteroidView {
         /// Rows of the rotation from world to view axes; w: eye minus camera along world x, y, z, m.
@@ -179,6 +169,11 @@ gpu_structs! {
         row: u32,
         /// Number of tiles of the batch.
         tiles: u32,
+        /// First of the counters of visible points.
+        first_drawn: u32,
+        unused_0: u32,
+        unused_1: u32,
+        unused_2: u32,
     }
     /// Target of drawn asteroids.
     struct AsteroidTarget {

@@ -39,14 +39,18 @@ use self::{
 use super::{
     RenderError, ViewStatistics,
     read::Places,
-    targets::{Sums, Targets},
+    targets::{POINT_COUNTERS, Sums, Targets},
     technique::{FrameInputs, Holding, Phase, PipelineJob, Recording, Technique, Wish, begin_pass},
 };
 use crate::{
     gpu::{Gpu, GpuTimer, GrowingBuffer, ReadbackBuffer, Variants, filled_buffer},
     plan::{
         Plan, PlanError,
-        asteroids::{AsteroidPlan, frame::ENTRY_BYTES, kinds::MAX_PLANES},
+        asteroids::{
+            AsteroidPlan,
+            frame::ENTRY_BYTES,
+            kinds::{MAX_FIELDS, MAX_PLANES},
+        },
         settings::{AsteroidSettings, ImpostorMethod},
         stars::{cull::MAX_VIEWPORTS, range::FixedPoint},
     },
@@ -135,14 +139,12 @@ struct FrameBuffers {
     links: GrowingBuffer,
     planes: GrowingBuffer,
     views: GrowingBuffer,
-    tables: GrowingBuffer,
     fields: GrowingBuffer,
     counts: GrowingBuffer,
     totals: GrowingBuffer,
     bases: GrowingBuffer,
     entries: GrowingBuffer,
     arguments: GrowingBuffer,
-    drawn_points: GrowingBuffer,
     /// Number of impostors hidden by nearer ones, per plane; then, for every entry of the current list, whether any of
     /// its samples may be visible.
     still_seen: GrowingBuffer,
@@ -168,20 +170,19 @@ pub(super) struct Asteroids {
 impl FrameBuffers {
     fn new() -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+        let list = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let buffer = |label: &'static str| GrowingBuffer::new(label, usage);
         Self {
             items: buffer("asteroid groups"),
             links: buffer("asteroid links"),
-            planes: buffer("asteroid planes"),
-            views: buffer("asteroid views"),
-            tables: buffer("asteroid tables"),
-            fields: buffer("asteroid fields"),
+            planes: GrowingBuffer::new("asteroid planes", list),
+            views: GrowingBuffer::new("asteroid views", list),
+            fields: GrowingBuffer::new("asteroid fields", list),
             counts: buffer("asteroid counts"),
             totals: buffer("asteroid totals"),
             bases: buffer("asteroid bases"),
             entries: buffer("asteroid lists"),
             arguments: GrowingBuffer::new("asteroid arguments", usage | wgpu::BufferUsages::INDIRECT),
-            drawn_points: buffer("asteroid points drawn"),
             still_seen: buffer("asteroids still seen"),
             samples: buffer("asteroid samples"),
             kinds: None,
@@ -234,7 +235,6 @@ impl Asteroids {
         let Some(held) = &self.held else { return };
         let per_workgroup = self.splats_per_workgroup(gpu, plan);
         let buffers = &mut self.buffers;
-        encoder.clear_buffer(buffers.drawn_points.with_room(gpu, 4 * POINT_COUNTS as u64), 0, None);
         let seen_words = if plan.splats.is_some() { plan.capacity } else { 0 };
         let still_seen = buffers.still_seen.with_room(gpu, 4 * (MAX_PLANES as u64 + seen_words));
         encoder.clear_buffer(still_seen, 0, Some(4 * MAX_PLANES as u64));
@@ -254,14 +254,12 @@ impl Asteroids {
         };
         let cull = CullBuffers {
             views: buffers.views.with_room(gpu, 0),
-            tables: buffers.tables.with_room(gpu, 0),
+            tables: &held.tables,
             planes: buffers.planes.with_room(gpu, 0),
             links: buffers.links.with_room(gpu, 0),
             items: buffers.items.with_room(gpu, 0),
             instances: &held.instances,
             fields: buffers.fields.with_room(gpu, 0),
-            shapes: &held.shapes,
-            lods: &held.lods,
             meshes: &held.meshes,
             counts: &counts,
             totals: buffers.totals.with_room(gpu, 0),
@@ -284,7 +282,7 @@ impl Asteroids {
         let encoded = Encoded::new(plan, objects);
         let buffers = &mut self.buffers;
         buffers.items.upload(gpu, &encoded.items);
-        buffers.fields.upload(gpu, &encoded.fields);
+        buffers.fields.upload_list(gpu, &encoded.fields, MAX_FIELDS);
         let lists = plan.planes.len() as u64 * u64::from(plan.kinds);
         buffers.totals.with_room(gpu, 4 * (1 + lists));
         buffers.bases.with_room(gpu, 4 * lists);
@@ -299,17 +297,17 @@ impl Asteroids {
             let buffer = filled_buffer(gpu, "asteroid kinds", &uniforms, wgpu::BufferUsages::UNIFORM);
             buffers.kinds = Some((buffer, plan.kinds));
         }
-        buffers.views.upload(gpu, &encoded.views);
-        buffers.tables.upload(gpu, &encoded.tables);
+        buffers.views.upload_list(gpu, &encoded.views, MAX_VIEWPORTS);
+        gpu.queue.write_buffer(&held.tables, 0, bytemuck::cast_slice(&encoded.tables));
         if let Some(lists) = &plan.lists {
             upload_lists(gpu, plan, held, buffers, lists, per_workgroup);
         } else {
-            buffers.planes.upload(gpu, &encoded.planes);
+            buffers.planes.upload_list(gpu, &encoded.planes, MAX_PLANES);
             buffers.links.upload(gpu, &encoded.links);
         }
     }
 
-    /// Records asteroids drawn as points into the sums of one batch.
+    /// Records asteroids drawn as points into the sums of one batch of `tiles` tiles; their counters begin at `first_drawn`.
     fn record_points(
         &mut self,
         gpu: &Gpu,
@@ -317,7 +315,7 @@ impl Asteroids {
         plan: &AsteroidPlan,
         range: &FixedPoint,
         sums: &Sums<'_>,
-        tiles: u32,
+        (tiles, first_drawn): (u32, u32),
     ) {
         let Some(held) = &self.held else { return };
         let buffers = &mut self.buffers;
@@ -326,12 +324,9 @@ impl Asteroids {
             count: plan.cut.items.len() as u32,
             instances: &held.instances,
             fields: buffers.fields.with_room(gpu, 0),
-            shapes: &held.shapes,
-            lods: &held.lods,
             views: buffers.views.with_room(gpu, 0),
-            tables: buffers.tables.with_room(gpu, 0),
-            areas: &held.areas,
-            drawn: buffers.drawn_points.with_room(gpu, 0),
+            tables: &held.tables,
+            first_drawn,
         };
         self.passes.points(gpu).record(gpu, pass, range, sums, tiles, &points);
     }
@@ -344,12 +339,12 @@ impl Asteroids {
         readback: &mut ReadbackBuffer,
         places: &mut Places,
         plan: &AsteroidPlan,
+        (counters, first_drawn): (&wgpu::Buffer, u32),
     ) {
         let count = totals_of(plan);
         let bytes = 4 * count as u64;
         let totals = readback.copy(gpu, encoder, self.buffers.totals.with_room(gpu, bytes), 0, bytes);
-        let points = self.buffers.drawn_points.with_room(gpu, 4 * POINT_COUNTS as u64);
-        let points = readback.copy(gpu, encoder, points, 0, 4 * POINT_COUNTS as u64);
+        let points = readback.copy(gpu, encoder, counters, 4 * u64::from(first_drawn), 4 * POINT_COUNTS as u64);
         let planes = plan.planes.len();
         let hidden = self.buffers.still_seen.with_room(gpu, 4 * MAX_PLANES as u64);
         let hidden = readback.copy(gpu, encoder, hidden, 0, 4 * planes as u64);
@@ -416,11 +411,13 @@ impl Technique for Asteroids {
                 let Some(sums) = recording.targets.sums(batch, false) else { return };
                 let mut pass = begin_pass(recording.encoder, recording.timer, "stars");
                 let tiles = frame.plan.views.batches[batch].tiles.len() as u32;
-                self.record_points(gpu, &mut pass, plan, &frame.plan.stars.ranges.main, &sums, tiles);
+                let numbers = (tiles, recording.targets.first_point_counter());
+                self.record_points(gpu, &mut pass, plan, &frame.plan.stars.ranges.main, &sums, numbers);
             }
             Phase::Count => {
-                let Recording { encoder, readback, places, .. } = recording;
-                self.copy_counts(gpu, encoder, readback, places, plan);
+                let Recording { encoder, readback, places, targets, .. } = recording;
+                let counters = (&targets.counters, targets.first_point_counter());
+                self.copy_counts(gpu, encoder, readback, places, plan, counters);
             }
             _ => {}
         }
@@ -482,7 +479,7 @@ fn totals_of(plan: &AsteroidPlan) -> usize {
 }
 
 /// Number of counts of the point pass: points per viewport, then asteroids of point-only groups per viewport.
-const POINT_COUNTS: usize = 2 * MAX_VIEWPORTS;
+const POINT_COUNTS: usize = POINT_COUNTERS as usize;
 
 /// Stride between the uniforms of two kinds, bytes.
 fn kind_stride(gpu: &Gpu) -> u32 {

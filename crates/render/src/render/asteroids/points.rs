@@ -24,13 +24,11 @@ pub(crate) struct AsteroidPoints<'a> {
     pub count: u32,
     pub instances: &'a wgpu::Buffer,
     pub fields: &'a wgpu::Buffer,
-    pub shapes: &'a wgpu::Buffer,
-    pub lods: &'a wgpu::Buffer,
     pub views: &'a wgpu::Buffer,
+    /// Tables of pictures and shapes.
     pub tables: &'a wgpu::Buffer,
-    pub areas: &'a wgpu::Buffer,
-    /// Visible points per viewport (64 counts), then visible asteroids of groups that contain only points.
-    pub drawn: &'a wgpu::Buffer,
+    /// First of their counters: see [`crate::render::targets::POINT_COUNTERS`].
+    pub first_drawn: u32,
 }
 
 impl AsteroidPointPass {
@@ -55,19 +53,12 @@ impl AsteroidPointPass {
             items: points.count,
             row,
             tiles,
+            first_drawn: points.first_drawn,
+            ..Default::default()
         };
         let parameters = gpu.frame_uniform("asteroid points", &parameters);
         let items = [(5, points.items.as_entire_binding())];
-        let asteroids = [
-            points.instances,
-            points.fields,
-            points.shapes,
-            points.lods,
-            points.views,
-            points.tables,
-            points.areas,
-            points.drawn,
-        ];
+        let asteroids = [points.instances, points.fields, points.views, points.tables];
         pass.set_pipeline(&self.pipeline);
         gpu.bind_tables(pass, &self.pipeline);
         pass.set_bind_group(0, &bind_sums(gpu, &self.pipeline, &parameters, sums, &items), &[]);

@@ -50,7 +50,7 @@ pub(crate) fn asteroid_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
             binding,
             visibility: if binding == 0 { wgpu::ShaderStages::VERTEX_FRAGMENT } else { wgpu::ShaderStages::VERTEX },
             ty: match binding {
-                0 => uniform(false),
+                0 | 3 => uniform(false),
                 1 => uniform(true),
                 _ => storage,
             },

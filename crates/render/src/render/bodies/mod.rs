@@ -20,6 +20,7 @@ use super::{
     targets::{SeenBodies, Targets},
     technique::{FrameInputs, Phase, PipelineJob, Recording, Technique, Wish, begin_pass},
 };
+use crate::plan::stars::cull::MAX_VIEWPORTS;
 use crate::render::constants::{
     bodies::{AROUND_CORONA, AROUND_NOTHING, AROUND_RINGS, NO_TEXTURE},
     reflection::{LAW_LAMBERT, LAW_LOMMEL_SEELIGER},
@@ -128,7 +129,7 @@ impl Bodies {
             points: OnceLock::new(),
             batches: Vec::new(),
             view_bodies: GrowingBuffer::new("view bodies", usage),
-            body_runs: GrowingBuffer::new("body runs", usage),
+            body_runs: GrowingBuffer::new("body runs", wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST),
             suns: GrowingBuffer::new("body suns", usage),
             point_buffers: Vec::new(),
             point_counts: Vec::new(),
@@ -239,9 +240,9 @@ impl Technique for Bodies {
         let textures = self.hold_textures(gpu, objects);
         let mut view_bodies: Vec<layout::ViewBody> = Vec::new();
         let mut suns: Vec<layout::BodySun> = Vec::new();
-        let mut runs: Vec<[u32; 2]> = Vec::new();
+        let mut runs: Vec<[u32; 4]> = Vec::new();
         for seen in &plan.seen {
-            runs.push([view_bodies.len() as u32, seen.len() as u32]);
+            runs.push([view_bodies.len() as u32, seen.len() as u32, 0, 0]);
             for body in seen {
                 view_bodies.push(encode_body(objects, body, suns.len() as u32, textures));
                 suns.extend(body.suns.iter().map(|sun| encode_sun(sun, objects.bodies[body.body].radii_m)));
@@ -256,7 +257,7 @@ impl Technique for Bodies {
         }
         targets.bodies = Some(SeenBodies {
             view_bodies: self.view_bodies.upload(gpu, &view_bodies).clone(),
-            body_runs: self.body_runs.upload(gpu, &runs).clone(),
+            body_runs: self.body_runs.upload_list(gpu, &runs, MAX_VIEWPORTS).clone(),
         });
         self.suns.upload(gpu, &suns);
 

@@ -98,8 +98,12 @@ impl Technique for Diffuse {
             self.held = skies.into_iter().map(Arc::downgrade).collect();
         }
         if let Some(texels) = self.texels.held() {
+            let smooth = diffuse.step_cd_m2.map(|_| {
+                let grids = points::grids(frame.plan, diffuse.sky.as_deref());
+                targets.reserve_points(gpu, "diffuse grids", grids)
+            });
             targets.diffuse =
-                Some(DiffuseTexels { light: encode(diffuse, frame.plan), texels: texels.clone(), smooth: None });
+                Some(DiffuseTexels { light: encode(diffuse, frame.plan), texels: texels.clone(), smooth });
         }
     }
 
@@ -110,17 +114,13 @@ impl Technique for Diffuse {
             return;
         };
         let (Some(texels), Some(roughness)) = (self.texels.held(), self.roughness.held()) else { return };
-        let Some(light) = recording.targets.diffuse.as_ref().map(|diffuse| diffuse.light) else { return };
-        let smooth = self.points.record(recording, (sky.as_deref(), light, *step_cd_m2), [texels, roughness]);
-        if let Some(diffuse) = &mut recording.targets.diffuse {
-            diffuse.smooth = Some(smooth);
-        }
+        let Some(DiffuseTexels { light, smooth: Some(grid), .. }) = recording.targets.diffuse.clone() else { return };
+        self.points.record(recording, (sky.as_deref(), light, *step_cd_m2), &grid, [texels, roughness]);
     }
 
     fn release(&mut self) {
         self.texels.release();
         self.roughness.release();
-        self.points.release();
         self.held.clear();
     }
 }

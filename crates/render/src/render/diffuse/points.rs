@@ -11,10 +11,10 @@ use std::sync::OnceLock;
 use super::layout::DiffusePointParameters;
 use crate::{
     catalogue::diffuse::{DiffuseSky, ROUGHNESS_TEXELS},
-    gpu::{Gpu, GrowingBuffer, bind_in_order},
+    gpu::{Gpu, bind_in_order},
     plan::Plan,
     render::{
-        layout::{AirAbove, DiffuseLight},
+        layout::{AirAbove, DiffuseLight, PointGrid},
         point_grid::{GridSpacing, dispatch_points, point_grids},
         tabulated::projecting,
         targets::SmoothGrid,
@@ -30,35 +30,43 @@ const MOST_PX: u32 = 8;
 /// interpolated light is at most a third of the roughness, along both axes together.
 const ROUGHNESS_OF_BUDGET: f64 = 1.5;
 
-/// Pipeline of the pass and its output.
+/// Pipeline of the pass.
 pub(super) struct DiffusePoints {
     pipeline: OnceLock<wgpu::ComputePipeline>,
-    points: GrowingBuffer,
+}
+
+/// Distance of the roughness values of a map, rad, and greatest distance between grid points.
+fn spacings_rad(sky: Option<&DiffuseSky>) -> (f64, f64) {
+    let of_roughness = sky.map_or(MOST_RAD, |sky| 2.0 * f64::from(ROUGHNESS_TEXELS) * sky.pictures().texel_rad());
+    (of_roughness, MOST_RAD.min(of_roughness))
+}
+
+/// Grids over the pictures of a plan, and their number of points.
+pub(super) fn grids(plan: &Plan, sky: Option<&DiffuseSky>) -> (Vec<PointGrid>, u32) {
+    let (_, most_rad) = spacings_rad(sky);
+    point_grids(&plan.views.viewports, GridSpacing { most_rad, most_px: MOST_PX })
 }
 
 impl DiffusePoints {
     pub(super) fn new() -> Self {
-        Self { pipeline: OnceLock::new(), points: GrowingBuffer::new("diffuse points", wgpu::BufferUsages::STORAGE) }
+        Self { pipeline: OnceLock::new() }
     }
 
     pub(super) fn pipeline(&self, gpu: &Gpu) -> &wgpu::ComputePipeline {
         self.pipeline.get_or_init(|| gpu.compute_pipeline(&projecting(gpu, "diffuse/points").source()))
     }
 
-    /// Records the pass for a plan whose light may have an error of `step_cd_m2`. Buffers: texels, roughness.
+    /// Records the pass over `grid` for a plan whose light may have an error of `step_cd_m2`. Buffers: texels, roughness.
     pub(super) fn record(
-        &mut self,
+        &self,
         recording: &mut Recording<'_>,
         (sky, light, step_cd_m2): (Option<&DiffuseSky>, DiffuseLight, f64),
+        grid: &SmoothGrid,
         [texels, roughness]: [&wgpu::Buffer; 2],
-    ) -> SmoothGrid {
+    ) {
         let gpu = recording.gpu;
         let plan: &Plan = recording.frame.plan;
-        let roughness_spacing_rad =
-            sky.map_or(MOST_RAD, |sky| 2.0 * f64::from(ROUGHNESS_TEXELS) * sky.pictures().texel_rad());
-        let most_rad = MOST_RAD.min(roughness_spacing_rad);
-        let spacing = GridSpacing { most_rad, most_px: MOST_PX };
-        let (grids, count) = point_grids(&plan.views.viewports, spacing);
+        let (roughness_spacing_rad, most_rad) = spacings_rad(sky);
         let parameters = DiffusePointParameters {
             light,
             air: AirAbove::from_sky(plan.air.sky.as_deref()),
@@ -67,21 +75,14 @@ impl DiffusePoints {
             ..Default::default()
         };
         let parameters = gpu.frame_uniform("diffuse points", &parameters);
-        let points = self.points.with_room(gpu, 16 * u64::from(count)).clone();
-        let smooth = SmoothGrid { grids: gpu.frame_storage("diffuse grids", &grids), points };
+        let points = recording.targets.grid_points(gpu);
         let pipeline = self.pipeline(gpu);
         let viewports = &recording.targets.viewports;
-        let buffers = [&parameters, viewports, &smooth.grids, texels, roughness, &smooth.points];
+        let buffers = [&parameters, viewports, &grid.list, texels, roughness, &points];
         let mut pass = begin_pass(recording.encoder, recording.timer, "diffuse light");
         pass.set_pipeline(pipeline);
         gpu.bind_tables(&mut pass, pipeline);
         pass.set_bind_group(0, &bind_in_order(gpu, pipeline, 0, &buffers), &[]);
-        dispatch_points(&mut pass, &grids);
-        drop(pass);
-        smooth
-    }
-
-    pub(super) fn release(&mut self) {
-        self.points.release();
+        dispatch_points(&mut pass, &grid.grids);
     }
 }

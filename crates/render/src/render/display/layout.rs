@@ -41,9 +41,10 @@ gpu_structs! {
         air: AirAbove,
         /// 1: diffuse light is interpolated between grid points where it is smooth.
         diffuse_is_smooth: u32,
+        /// Index of the first high word of the brightest stars in their buffer, in pairs of words.
+        first_bright_high: u32,
         unused_0: u32,
         unused_1: u32,
-        unused_2: u32,
     }
     /// Parameters of the exposure pass.
     struct ExposureParameters {

@@ -49,7 +49,7 @@ impl Display {
         let hdr = hdr_image(
             frame.plan.display.is_scattered_after,
             [made.display, made.hdr, made.hdr_stays],
-            known_ev100.is_some(),
+            frame.plan.display.resolves_to_display,
         );
         let inputs = ResolveInputs {
             ranges: &frame.plan.stars.ranges,
@@ -142,10 +142,10 @@ impl Display {
 
 /// Which part of the HDR image of a batch is made. The flags say whether the display image, the HDR image for readback,
 /// and an HDR image that stays on the adapter are wanted.
-fn hdr_image(is_scattered_after: bool, [display, hdr, hdr_stays]: [bool; 3], exposure_is_known: bool) -> HdrImage {
+fn hdr_image(is_scattered_after: bool, [display, hdr, hdr_stays]: [bool; 3], resolves_to_display: bool) -> HdrImage {
     if is_scattered_after || hdr {
         HdrImage::Whole
-    } else if hdr_stays || (display && !exposure_is_known) {
+    } else if hdr_stays || (display && !resolves_to_display) {
         HdrImage::Lit
     } else {
         HdrImage::None
@@ -182,7 +182,7 @@ impl Technique for Display {
         for (known, (made, veil)) in known.iter().flat_map(|&known| kinds.iter().map(move |&kind| (known, kind))) {
             let Wanted { display, hdr, hdr_stays } = made;
             let resolves_to_display = forecast.resolves_to_display(known, veil);
-            let hdr_made = hdr_image(forecast.is_scattered_after(veil), [display, hdr, hdr_stays], known);
+            let hdr_made = hdr_image(forecast.is_scattered_after(veil), [display, hdr, hdr_stays], resolves_to_display);
             // Two forms are created by the first frame that needs them: the form with a map, which depends on the
             // stars, and that of a moving camera.
             let outputs = ResolveOutputs {

@@ -6,8 +6,9 @@
 //! No twin: reference/stars/splat.rs, which divides by the solid angle at its end.
 
 use super::variant::{DisplayVariant, encode_display};
+use crate::plan::stars::cull::MAX_VIEWPORTS;
 use crate::{
-    gpu::{self, Gpu, ShaderSource, Variants, bind_in_order},
+    gpu::{self, Gpu, ShaderSource, Variants, bind_buffers},
     photometry::exposure::white_luminance_cd_m2,
     plan::{settings::ToneMapSettings, stars::range::Ranges},
     render::{display::layout, layout::AirAbove, tabulated::projecting, targets::Targets},
@@ -40,7 +41,7 @@ pub(crate) struct ResolvePass {
     /// One pipeline per set of outputs and tone-mapping variant.
     pipelines: Variants<(ResolveOutputs, DisplayVariant), wgpu::ComputePipeline>,
     /// Placeholder for missing bright sums, smooth light and sky pictures.
-    no_bright: wgpu::Buffer,
+    nothing: wgpu::Buffer,
     /// Placeholder for the display image if it is not written.
     no_display: wgpu::Buffer,
 }
@@ -79,11 +80,17 @@ impl ResolveOutputs {
 
 impl ResolvePass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
+        let limits = gpu.limits();
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::UNIFORM;
         let decode = if gpu.wide_accumulator { "display/decode_u64" } else { "display/decode_u32" };
         Self {
-            source: projecting(gpu, "display/resolve").with("decode", decode).source(),
+            source: projecting(gpu, "display/resolve")
+                .with("decode", decode)
+                .with("faint", if limits.reads_faint_map { "display/faint_map" } else { "display/faint_map_off" })
+                .with("shown", if limits.fuses_display { "display/shown" } else { "display/shown_off" })
+                .source(),
             pipelines: Variants::new(),
-            no_bright: gpu::storage_buffer(gpu, "no bright sums", &[[0_u32; 4]]),
+            nothing: gpu::filled_buffer(gpu, "no light", &[[0_u32; 4]; MAX_VIEWPORTS], usage),
             no_display: gpu::storage_buffer(gpu, "no display", &[0_u32]),
         }
     }
@@ -142,6 +149,7 @@ impl ResolvePass {
             lx_per_bright_unit: ranges.bright.map_or(0.0, |bright| (1.0 / bright.units_per_lx) as f32),
             display_per_cd_m2: known_ev100.map_or(0.0, |ev100| (1.0 / white_luminance_cd_m2(ev100)) as f32),
             plane_pixels: batch.plane_pixels,
+            first_bright_high: (batch.bright_high_bytes / 8) as u32,
             shown: encode_display(tone_map),
             sky: sky.map(|sky| sky.map).unwrap_or_default(),
             diffuse: diffuse.map(|diffuse| diffuse.light).unwrap_or_default(),
@@ -152,34 +160,35 @@ impl ResolvePass {
         let parameters = gpu.frame_uniform("resolve parameters", &parameters);
         let pipeline = &self.pipeline(gpu, outputs, tone_map);
         // Buffers, or placeholders for missing ones.
-        let [bright, bright_high] = batch.bright.as_ref().map_or([&self.no_bright; 2], |[low, high]| [low, high]);
-        let [veil_grids, veil_points] =
-            targets.veil.as_ref().map_or([&self.no_bright; 2], |veil| [&veil.grids, &veil.points]);
+        let nothing = &self.nothing;
         let smooth = diffuse.and_then(|diffuse| diffuse.smooth.as_ref());
-        let [diffuse_grids, diffuse_points] =
-            smooth.map_or([&self.no_bright; 2], |smooth| [&smooth.grids, &smooth.points]);
-        let buffers = [
-            &parameters,
-            &targets.viewports,
-            &batch.tiles,
-            &batch.pixels,
-            &targets.partial_sums,
-            bright,
-            display.unwrap_or(&self.no_display),
-            &batch.high_words,
-            &targets.counters,
-            bright_high,
-            occlusion.geometry,
-            veil_grids,
-            veil_points,
-            sky.map_or(&self.no_bright, |sky| &sky.texels),
-            diffuse.map_or(&self.no_bright, |diffuse| &diffuse.texels),
-            diffuse_grids,
-            diffuse_points,
+        let mut bindings = vec![
+            (0, &parameters),
+            (1, &targets.viewports),
+            (2, &batch.tiles),
+            (3, &batch.pixels),
+            (4, &targets.partial_sums),
+            (5, batch.bright.as_ref().unwrap_or(nothing)),
+            (7, &batch.high_words),
+            (8, &targets.counters),
+            (10, occlusion.geometry),
+            (11, targets.veil.as_ref().map_or(nothing, |veil| &veil.list)),
+            (12, targets.held_points().unwrap_or(nothing)),
+            (14, diffuse.map_or(nothing, |diffuse| &diffuse.texels)),
+            (15, smooth.map_or(nothing, |smooth| &smooth.list)),
         ];
+        let limits = gpu.limits();
+        if limits.fuses_display {
+            bindings.push((6, display.unwrap_or(&self.no_display)));
+        }
+        if limits.reads_faint_map {
+            bindings.push((13, sky.map_or(nothing, |sky| &sky.texels)));
+        }
+        let bindings: Vec<_> =
+            bindings.into_iter().map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
         pass.set_pipeline(pipeline);
         gpu.bind_tables(pass, pipeline);
-        pass.set_bind_group(0, &bind_in_order(gpu, pipeline, 0, &buffers), &[]);
+        pass.set_bind_group(0, &bind_buffers(gpu, pipeline, 0, &bindings), &[]);
         let [columns, rows, tiles] = batch.grid;
         pass.dispatch_workgroups(columns, rows, tiles);
     }

@@ -117,6 +117,11 @@ gpu_structs! {
         rows: u32,
         /// Number of tiles of the batch.
         tiles: u32,
+        /// First word of the lists of blocks, which follow those of the squares.
+        first_list: u32,
+        unused_0: u32,
+        unused_1: u32,
+        unused_2: u32,
     }
     /// Parameters of the pass that evaluates veils at grid points.
     struct VeilParameters {

@@ -44,7 +44,7 @@ impl Technique for Glare {
         }
     }
 
-    fn encode(&mut self, _gpu: &Gpu, frame: &FrameInputs<'_>, _targets: &mut Targets) {
+    fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
         let method = frame.plan.glare.method;
         if method != GlareMethod::SkyCube {
             self.sky_cube.release_series(frame.series);
@@ -53,6 +53,9 @@ impl Technique for Glare {
         }
         if PyramidAxes::for_method(method).is_none() {
             self.pyramid.release();
+        }
+        if frame.plan.glare.in_sums.is_some() {
+            SkyCube::encode_in_sums(gpu, frame, targets);
         }
     }
 

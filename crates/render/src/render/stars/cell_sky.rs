@@ -4,6 +4,7 @@
 use std::sync::OnceLock;
 
 use super::luminance::{LuminanceInputs, LuminancePass, LuminanceSource};
+use crate::plan::tiles::MAX_TILES;
 use crate::{
     gpu::Gpu,
     plan::{settings::CellSkySettings, stars::cell_sky::CellSkyPlan},
@@ -49,7 +50,7 @@ impl CellSky {
                 ..Default::default()
             };
             let parameters = gpu.frame_uniform("cell sky", &parameters);
-            let encoded = gpu.frame_storage("tile", std::slice::from_ref(encoded));
+            let encoded = gpu.frame_uniform_list("tile", std::slice::from_ref(encoded), MAX_TILES);
             let target = PictureTarget { tiles: &encoded, ..recording.targets.picture(number) };
             let source_bindings = [(0, parameters.as_entire_binding())];
             let inputs = LuminanceInputs { scale, numbers: [0, 0], source_bindings: &source_bindings };

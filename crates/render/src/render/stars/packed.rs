@@ -91,7 +91,7 @@ impl Packed {
     ) {
         let packed = &self.pass;
         let Some(sums) = targets.sums(batch, false) else { return };
-        let target = Sums { low_words: words, ..sums };
+        let target = Sums { low_words: words.as_entire_buffer_binding(), ..sums };
         match frame.catalogue {
             Some(catalogue) => {
                 let draws = catalogue.draws();
@@ -223,7 +223,7 @@ impl PackedPass {
                 (1, target.viewports.as_entire_binding()),
                 (2, target.tiles.as_entire_binding()),
                 (3, target.counters.as_entire_binding()),
-                (4, target.low_words.as_entire_binding()),
+                (4, wgpu::BindingResource::Buffer(target.low_words.clone())),
             ],
         )
     }

@@ -9,6 +9,7 @@
 //! No twin: reference/asteroids/impostors/picture.rs.
 
 use super::atlas::ImpostorAtlas;
+use crate::render::constants::impostors::SPLAT_THREADS;
 use crate::{
     gpu::{Gpu, GpuTimer, GrowingBuffer, LayoutOf, bind_buffers},
     plan::asteroids::frame::Splats,
@@ -18,7 +19,7 @@ use crate::{
             raster::{ASTEROID_ARGUMENT_BYTES, AsteroidPipeline},
         },
         constants::impostors::SPLAT_BLOCK,
-        shader::{Shader, workgroup, workgroup_constant},
+        shader::{Shader, workgroup},
         technique::begin_pass,
     },
 };
@@ -50,7 +51,7 @@ pub(crate) struct SplatLists<'a> {
     pub fields: &'a wgpu::Buffer,
     pub instances: &'a wgpu::Buffer,
     pub entries: &'a wgpu::Buffer,
-    pub shapes: &'a wgpu::Buffer,
+    pub tables: &'a wgpu::Buffer,
     /// Indirect arguments of each list: see `shaders/asteroids/cull_offsets.wgsl`.
     pub arguments: &'a wgpu::Buffer,
     /// Number of impostors hidden by nearer ones, per plane; then one word per entry of the current list.
@@ -78,12 +79,13 @@ pub(crate) struct SplatLayers<'a> {
 
 impl AsteroidSplatPass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
+        let threads = workgroup(gpu).min(SPLAT_THREADS);
         let source = |name: &str| Shader::new(name).source();
         let samples = if gpu.wide_accumulator { "samples_u64" } else { "samples_u32" };
         let samples = format!("asteroids/impostors/{samples}");
         let task = |task: &str, parallax: f64| {
             let shader = Shader::new("asteroids/impostors/splat").with("samples", &samples).with("task", task).source();
-            gpu.compute_pipeline_with(&shader, &[workgroup_constant(gpu), ("PARALLAX", parallax)])
+            gpu.compute_pipeline_with(&shader, &[("WORKGROUP", f64::from(threads)), ("PARALLAX", parallax)])
         };
         let shaders = [&source("shared/whole_target"), &source("asteroids/impostors/splat_depth")];
         let depth = AsteroidPipeline {
@@ -99,7 +101,7 @@ impl AsteroidSplatPass {
             nearest: [0.0, 1.0].map(|parallax| task("asteroids/impostors/splat_nearest", parallax)),
             light: [0.0, 1.0].map(|parallax| task("asteroids/impostors/splat_light", parallax)),
             depth: depth.make(gpu),
-            per_workgroup: workgroup(gpu),
+            per_workgroup: threads,
         }
     }
 
@@ -232,7 +234,7 @@ impl SplatLists<'_> {
             (3, self.fields.as_entire_binding()),
             (4, self.instances.as_entire_binding()),
             (5, self.entries.as_entire_binding()),
-            (7, self.shapes.as_entire_binding()),
+            (7, self.tables.as_entire_binding()),
         ];
         pass.set_bind_group(0, &bind_buffers(gpu, pipeline, 0, &bindings), &[]);
         let [parameters, _bounds, normals, surfaces, sampler] = atlas.bindings();

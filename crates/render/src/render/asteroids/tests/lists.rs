@@ -12,6 +12,7 @@ use crate::plan::{
     },
     settings::ImpostorMethod,
 };
+use crate::render::targets::POINT_COUNTERS;
 
 /// Entries by plane and kind: asteroid, side of the seam, share.
 type Found = BTreeMap<(usize, usize, usize), Vec<(u32, bool, f32)>>;
@@ -205,7 +206,13 @@ fn counts(bench: &mut Bench, plan: &AsteroidPlan) -> Result<Vec<AsteroidCounts>,
     let mut readback = ReadbackBuffer::new("readback");
     readback.begin(count_bytes(plan));
     let mut places = Places::default();
-    bench.asteroids.copy_counts(&bench.gpu, &mut encoder, &mut readback, &mut places, plan);
+    let counters = bench.gpu.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("counters"),
+        size: 4 * u64::from(POINT_COUNTERS),
+        usage: wgpu::BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    });
+    bench.asteroids.copy_counts(&bench.gpu, &mut encoder, &mut readback, &mut places, plan, (&counters, 0));
     bench.gpu.queue.submit([encoder.finish()]);
     readback.map(&bench.gpu);
     bench.gpu.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();

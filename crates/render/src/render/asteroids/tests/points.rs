@@ -1,13 +1,21 @@
 //! Light of asteroids drawn as points, and of nodes combined into points: sums on the adapter against closed forms.
 
 use super::*;
+use crate::plan::stars::cull::MAX_VIEWPORTS;
+use crate::plan::tiles::MAX_TILES;
 use crate::{
-    gpu::storage_buffer,
+    gpu::uniform_list,
     photometry::reflection::sphere_illuminance_lx,
     plan::{KernelPlan, stars::range::FixedPoint},
-    render::{targets::Occlusion, viewport::encode_viewport},
+    render::{
+        targets::{Occlusion, POINT_COUNTERS},
+        viewport::encode_viewport,
+    },
     scene::bodies::suns,
 };
+
+/// First counter of points. The counter of overflows comes before it.
+const FIRST_DRAWN: u32 = 1;
 
 /// Sums the light over all pixels of a viewport on the adapter, lx, and counts the points.
 fn summed(bench: &mut Bench, plan: &AsteroidPlan, units_per_lx: f64) -> ([f64; 3], u32) {
@@ -16,31 +24,38 @@ fn summed(bench: &mut Bench, plan: &AsteroidPlan, units_per_lx: f64) -> ([f64; 3
     let viewport = &plan.viewports[0];
     let [width, height] = viewport.size();
     let pixels = u64::from(width * height);
-    let encoded = storage_buffer(gpu, "viewports", &[encode_viewport(viewport, &KernelPlan::bspline())]);
-    let tile = crate::render::layout::Tile { rows: height, first_flag: 1, ..Default::default() };
-    let tiles = storage_buffer(gpu, "tiles", &[tile]);
+    let encoded = uniform_list(gpu, "viewports", &[encode_viewport(viewport, &KernelPlan::bspline())], MAX_VIEWPORTS);
+    let tile =
+        crate::render::layout::Tile { rows: height, first_flag: FIRST_DRAWN + POINT_COUNTERS, ..Default::default() };
+    let tiles = uniform_list(gpu, "tiles", &[tile], MAX_TILES);
     let zeros = |words: u64| {
         gpu.create_buffer(&wgpu::BufferDescriptor {
             label: Some("zeros"),
             size: 4 * words,
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         })
     };
     let (counters, low, high) = (zeros(4096), zeros(2 * pixels), zeros(2 * pixels));
-    let (geometry, bodies, runs) = (zeros(4 * pixels), zeros(64), zeros(64));
+    let (geometry, bodies, runs) = (zeros(4 * pixels), zeros(64), zeros(4 * MAX_VIEWPORTS as u64));
     let occlusion = Occlusion { present: true, geometry: &geometry, view_bodies: &bodies, body_runs: &runs };
-    let sums =
-        Sums { viewports: &encoded, tiles: &tiles, counters: &counters, low_words: &low, high_words: &high, occlusion };
+    let sums = Sums {
+        viewports: &encoded,
+        tiles: &tiles,
+        counters: &counters,
+        low_words: low.as_entire_buffer_binding(),
+        high_words: high.as_entire_buffer_binding(),
+        occlusion,
+    };
     let range = FixedPoint { units_per_lx, faintest_lx: 0.0, brightest_lx: f64::INFINITY };
     let mut encoder = bench.encoder();
     bench.asteroids.record_cull(&bench.gpu, &mut encoder, &mut bench.timer, plan);
     {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        bench.asteroids.record_points(&bench.gpu, &mut pass, plan, &range, &sums, 1);
+        bench.asteroids.record_points(&bench.gpu, &mut pass, plan, &range, &sums, (1, FIRST_DRAWN));
     }
-    let drawn = bench.asteroids.buffers.drawn_points.with_room(&bench.gpu, 0).clone();
-    let values: Vec<Vec<u64>> = bench.read(encoder, &[(&low, pixels as usize), (&high, pixels as usize), (&drawn, 1)]);
+    let values: Vec<Vec<u64>> =
+        bench.read(encoder, &[(&low, pixels as usize), (&high, pixels as usize), (&counters, 1)]);
     let mut sums = [0.0; 3];
     for (words, weight) in [(&values[0], 1.0), (&values[1], 2_097_152.0)] {
         for word in words {
@@ -49,7 +64,7 @@ fn summed(bench: &mut Bench, plan: &AsteroidPlan, units_per_lx: f64) -> ([f64; 3
             }
         }
     }
-    (sums, values[2][0] as u32)
+    (sums, (values[2][0] >> 32) as u32)
 }
 
 /// A distant swarm of spheres in a ball; some sizes are between points and meshes.

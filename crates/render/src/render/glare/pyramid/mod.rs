@@ -6,6 +6,7 @@ use std::sync::OnceLock;
 
 use self::passes::{GlarePyramidPass, PyramidFrame, PyramidTextures, PyramidTile};
 use super::composite::{GlareCompositePass, GlareSource};
+use crate::plan::tiles::MAX_TILES;
 use crate::{
     gpu::{Gpu, GrowingBuffer},
     plan::{Plan, glare::pyramid::PyramidAxes, tiles::Tile},
@@ -120,7 +121,7 @@ impl GlarePyramid {
             };
             pyramid.record(gpu, &mut pass, &pyramid_frame, textures, &tiles);
             for Place { batch, tile, encoded } in places {
-                let encoded = gpu.frame_storage("tile", std::slice::from_ref(&encoded));
+                let encoded = gpu.frame_uniform_list("tile", std::slice::from_ref(&encoded), MAX_TILES);
                 let target = PictureTarget {
                     viewports: &targets.viewports,
                     tiles: &encoded,

@@ -42,8 +42,8 @@ pub(super) struct Held {
     pub(super) sprites: wgpu::Buffer,
     /// Chords at which the sprites end, in the order of the sprites: the longest of their reach class.
     pub(super) chords: Vec<f64>,
+    /// Regions of the sky, then the cells of sprites of all regions.
     pub(super) sprite_cells: wgpu::Buffer,
-    pub(super) regions: wgpu::Buffer,
     pub(super) kernel_table: wgpu::Buffer,
     /// Constant of the inverse-square kernel and square of its inner angle; `None` for other kernels.
     pub(super) inverse_square: Option<[f32; 2]>,
@@ -259,23 +259,24 @@ impl MapPasses {
                 whole: u32::from(sprite.whole),
             })
             .collect();
-        let encoded_cells = |cells: &[SpriteCell]| -> Vec<layout::GlareSpriteCell> {
-            let encode = |cell: &SpriteCell| layout::GlareSpriteCell {
-                direction: cell.direction.as_vec3().to_array(),
-                // Margin so that rounding to f32 does not shorten the reach.
-                reach: cell.reach as f32 * 1.00001,
-                first: cell.first,
-                count: cell.count,
-                ..Default::default()
-            };
-            cells.iter().map(encode).collect()
+        let encode = |cell: &SpriteCell, first: u32| layout::GlareSpriteCell {
+            direction: cell.direction.as_vec3().to_array(),
+            // Margin so that rounding to f32 does not shorten the reach.
+            reach: cell.reach as f32 * 1.00001,
+            first: first + cell.first,
+            count: cell.count,
+            ..Default::default()
         };
+        let regions = &sky.sprites.regions;
+        // The cells follow the regions.
+        let first_cell = regions.len() as u32;
+        let cells = regions.iter().map(|region| encode(region, first_cell));
+        let cells = cells.chain(sky.sprites.cells.iter().map(|cell| encode(cell, 0))).collect();
         Held {
             map,
             sprites: buffer_of(gpu, "glare sprites", sprites),
             chords,
-            sprite_cells: buffer_of(gpu, "glare sprite cells", encoded_cells(&sky.sprites.cells)),
-            regions: buffer_of(gpu, "glare sprite regions", encoded_cells(&sky.sprites.regions)),
+            sprite_cells: buffer_of(gpu, "glare sprite cells", cells),
             kernel_table: storage_buffer(gpu, "glare kernel", &kernel_table(kernel)),
             inverse_square,
             sky,

@@ -29,7 +29,10 @@ use crate::{
         glare::sky_cube::{SkyCubeSettings, eye_class_m, map_place_pc, pixel_class_rad},
     },
     relativity::Motion,
-    render::technique::{Holding, PipelineJob, Recording, Series, Wish, begin_pass},
+    render::{
+        targets::Targets,
+        technique::{FrameInputs, Holding, PipelineJob, Recording, Series, Wish, begin_pass},
+    },
     scene::{SceneSnapshot, surroundings::LocalSky},
     units::PARSEC_M,
     view::Viewport,
@@ -107,12 +110,11 @@ pub(super) struct SkyCube {
     held: Vec<[Option<Held>; 2]>,
     /// Of the last frame of the first series: its views, and its budget if its veil was in the sums.
     last: Option<(Views, Option<VeilInSums>)>,
-    veil_points: GrowingBuffer,
     /// Data shared by the batches of a frame.
     veil_frame: Option<VeilFrame>,
     object_frame: Option<ObjectFrame>,
+    /// Sprites of each square of blocks, then of each block.
     lists: GrowingBuffer,
-    square_lists: GrowingBuffer,
 }
 
 fn pixel_class(viewport: &Viewport) -> f64 {
@@ -129,11 +131,9 @@ impl SkyCube {
             objects: Variants::new(),
             held: Vec::new(),
             last: None,
-            veil_points: GrowingBuffer::new("veil points", wgpu::BufferUsages::STORAGE),
             veil_frame: None,
             object_frame: None,
             lists: GrowingBuffer::new("glare lists", wgpu::BufferUsages::STORAGE),
-            square_lists: GrowingBuffer::new("glare square lists", wgpu::BufferUsages::STORAGE),
         }
     }
 
@@ -168,8 +168,6 @@ impl SkyCube {
     pub(super) fn release(&mut self) {
         self.held.clear();
         self.lists.release();
-        self.square_lists.release();
-        self.veil_points.release();
         self.veil_frame = None;
         self.object_frame = None;
     }
@@ -186,6 +184,11 @@ impl SkyCube {
     /// Ensures one entry per series, and releases the maps of series that no longer exist.
     pub(super) fn keep(&mut self, series: Series) {
         self.held.resize_with(series.slots, || [None, None]);
+    }
+
+    /// Reserves what a frame whose veil is in the sums needs.
+    pub(super) fn encode_in_sums(gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
+        veil::reserve_grid(gpu, frame, targets);
     }
 
     /// Records the glare of a frame over its pictures.

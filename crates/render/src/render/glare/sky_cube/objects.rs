@@ -6,6 +6,7 @@
 use std::f64::consts::PI;
 
 use super::{SkyCube, map::Held, record::Variant};
+use crate::plan::stars::cull::MAX_VIEWPORTS;
 use crate::{
     gpu::{Gpu, Variants, bind_in_order},
     photometry::glare::GlareKernel,
@@ -103,7 +104,10 @@ impl ObjectFrame {
             held.view(viewport, first..near.len() as u32)
         };
         let views: Vec<layout::GlareView> = plan.views.viewports.iter().enumerate().map(view).collect();
-        Self { near: gpu.frame_storage("near glare", &near), views: gpu.frame_storage("glare views", &views) }
+        Self {
+            near: gpu.frame_storage("near glare", &near),
+            views: gpu.frame_uniform_list("glare views", &views, MAX_VIEWPORTS),
+        }
     }
 }
 

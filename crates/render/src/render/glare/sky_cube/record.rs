@@ -9,6 +9,7 @@ use super::{
     objects::{encode_near, object_sources},
     sprites::{SpriteBuffers, SpritePasses, block_grid, square_grid},
 };
+use crate::plan::stars::cull::MAX_VIEWPORTS;
 use crate::{
     gpu::{Gpu, Variants},
     plan::{GlareMap, glare::sky_cube::FINEST_CELLS},
@@ -25,7 +26,7 @@ use crate::{
 /// its square's list; a square with more searches all sprites.
 const MOST_LIST_WORDS: u32 = 256;
 const MOST_SQUARE_WORDS: u32 = 2048;
-/// Maximum size of the lists of all blocks, and of all squares. If they do not fit, the lists are shorter.
+/// Maximum size of the lists of all blocks and squares. If they do not fit, the lists are shorter.
 const MOST_LIST_BYTES: u64 = 256 << 20;
 /// Greatest pixel size of flat views for which the map over eight pixels is approximated by a parabola: half a cell of
 /// the map, rad.
@@ -68,7 +69,7 @@ pub(super) fn composite(
 impl SkyCube {
     /// Records the data that depends on the directions of the views, and the pass over pixels.
     pub(super) fn record_views(&mut self, recording: &mut Recording<'_>) {
-        let Self { sprites, composites, held, lists, square_lists, .. } = self;
+        let Self { sprites, composites, held, lists, .. } = self;
         let held = held.get(recording.frame.series.slot).and_then(|[exact, _]| exact.as_ref());
         let Some(held) = held else { unreachable!("the map is made before the views") };
         let gpu = recording.gpu;
@@ -93,7 +94,7 @@ impl SkyCube {
                 held.view(viewport, first_near..near.len() as u32)
             })
             .collect();
-        let views = gpu.frame_storage("glare views", &views);
+        let views = gpu.frame_uniform_list("glare views", &views, MAX_VIEWPORTS);
         let near = gpu.frame_storage("near glare", &near);
         let composite = composite(composites, gpu, Variant::new(&plan.glare.map, &plan.views.all_viewports));
         // Sprite lists and the pass over pixels, batch by batch.
@@ -102,48 +103,43 @@ impl SkyCube {
             let [columns, rows, tiles] = blocks;
             let squares = square_grid(blocks);
             let count = |[columns, rows, tiles]: [u32; 3]| u64::from(columns) * u64::from(rows) * u64::from(tiles);
-            // The list length that fits.
-            let words = |lists: [u32; 3], most: u32| {
-                let fitting = gpu.max_binding_bytes().min(MOST_LIST_BYTES) / 4 / count(lists).max(1);
-                u32::try_from(fitting).map_or(most, |fitting| fitting.min(most))
+            // The list lengths that fit: a quarter of the room is for squares.
+            let quarter_words = gpu.max_binding_bytes().min(MOST_LIST_BYTES) / 16;
+            let words = |lists: [u32; 3], room: u64, most: u32| {
+                u32::try_from(room / count(lists).max(1)).map_or(most, |fitting| fitting.min(most))
             };
-            let list_words = words(blocks, MOST_LIST_WORDS);
-            let square_words = words(squares, MOST_SQUARE_WORDS);
-            let parameters =
-                layout::SkyCubeParameters { list_words, square_words, columns, rows, tiles, ..held.parameters() };
+            let list_words = words(blocks, 3 * quarter_words, MOST_LIST_WORDS);
+            let square_words = words(squares, quarter_words, MOST_SQUARE_WORDS);
+            let first_list = count(squares) * u64::from(square_words);
+            let parameters = layout::SkyCubeParameters {
+                list_words,
+                square_words,
+                columns,
+                rows,
+                tiles,
+                first_list: first_list as u32,
+                ..held.parameters()
+            };
             let parameters = gpu.frame_uniform("glare sky parameters", &parameters);
-            let lists = lists.with_room(gpu, 4 * count(blocks) * u64::from(list_words)).clone();
-            let square_lists = square_lists.with_room(gpu, 4 * count(squares) * u64::from(square_words)).clone();
+            let lists = lists.with_room(gpu, 4 * (first_list + count(blocks) * u64::from(list_words))).clone();
             let mut pass = begin_pass(recording.encoder, recording.timer, "glare");
             let buffers = SpriteBuffers {
                 parameters: &parameters,
                 viewports: &targets.viewports,
                 tiles: &batch.tiles,
                 views: &views,
-                regions: &held.regions,
                 cells: &held.sprite_cells,
                 sprites: &held.sprites,
-                square_lists: &square_lists,
                 lists: &lists,
             };
             sprites.find(gpu, &mut pass, &buffers, blocks);
             let target = targets.picture(number);
-            let source_bindings: Vec<_> = [
-                &parameters,
-                &views,
-                &held.map,
-                &near,
-                &held.sprites,
-                &held.regions,
-                &held.sprite_cells,
-                &lists,
-                &square_lists,
-                &held.kernel_table,
-            ]
-            .into_iter()
-            .enumerate()
-            .map(|(binding, buffer)| (binding as u32, buffer.as_entire_binding()))
-            .collect();
+            let source_bindings: Vec<_> =
+                [&parameters, &views, &held.map, &near, &held.sprites, &held.sprite_cells, &lists, &held.kernel_table]
+                    .into_iter()
+                    .enumerate()
+                    .map(|(binding, buffer)| (binding as u32, buffer.as_entire_binding()))
+                    .collect();
             composite.record(gpu, &mut pass, plan.glare.fraction, &target, &source_bindings, batch.grid);
         }
     }

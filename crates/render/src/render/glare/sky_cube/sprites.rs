@@ -37,35 +37,16 @@ impl SpritePasses {
         grid: [u32; 3],
     ) {
         let [columns, rows, tiles] = square_grid(grid);
-        let SpriteBuffers {
-            parameters,
-            viewports,
-            tiles: tile_buffer,
-            views,
-            regions,
-            cells,
-            sprites,
-            square_lists,
-            lists,
-        } = *buffers;
+        let SpriteBuffers { parameters, viewports, tiles: tile_buffer, views, cells, sprites, lists } = *buffers;
         pass.set_pipeline(&self.find);
         gpu.bind_tables(pass, &self.find);
-        let group = bind_in_order(
-            gpu,
-            &self.find,
-            0,
-            &[parameters, viewports, tile_buffer, views, regions, cells, sprites, square_lists],
-        );
+        let group =
+            bind_in_order(gpu, &self.find, 0, &[parameters, viewports, tile_buffer, views, cells, sprites, lists]);
         pass.set_bind_group(0, &group, &[]);
         pass.dispatch_workgroups(columns.div_ceil(SPRITE_SQUARES), rows, tiles);
         pass.set_pipeline(&self.assign);
         gpu.bind_tables(pass, &self.assign);
-        let group = bind_in_order(
-            gpu,
-            &self.assign,
-            0,
-            &[parameters, viewports, tile_buffer, views, sprites, square_lists, lists],
-        );
+        let group = bind_in_order(gpu, &self.assign, 0, &[parameters, viewports, tile_buffer, views, sprites, lists]);
         pass.set_bind_group(0, &group, &[]);
         pass.dispatch_workgroups(columns, rows, tiles);
     }
@@ -78,10 +59,8 @@ pub(super) struct SpriteBuffers<'a> {
     pub viewports: &'a wgpu::Buffer,
     pub tiles: &'a wgpu::Buffer,
     pub views: &'a wgpu::Buffer,
-    pub regions: &'a wgpu::Buffer,
     pub cells: &'a wgpu::Buffer,
     pub sprites: &'a wgpu::Buffer,
-    pub square_lists: &'a wgpu::Buffer,
     pub lists: &'a wgpu::Buffer,
 }
 

@@ -11,18 +11,18 @@
 use std::f64::consts::PI;
 
 use super::{SkyCube, map::Held, objects::points_of};
+use crate::plan::stars::cull::MAX_VIEWPORTS;
 use crate::{
     gpu::{Gpu, Variants, bind_in_order, dispatch_rows},
     plan::stars::range::FixedPoint,
     render::{
         constants::veil::EVERY_VIEWPORT,
         glare::layout,
-        layout::PointGrid,
         point_grid::{GridSpacing, dispatch_points, point_grids},
         shader::{rolled_loops, workgroup, workgroup_constant},
         tabulated::projecting,
-        targets::{SmoothGrid, bind_sums, splatting},
-        technique::{Recording, begin_pass},
+        targets::{SmoothGrid, Targets, bind_sums, splatting},
+        technique::{FrameInputs, Recording, begin_pass},
     },
     units::PARSEC_M,
 };
@@ -94,18 +94,24 @@ impl VeilFrame {
         }
         Self {
             parameters: gpu.frame_uniform("glare sky parameters", &held.parameters()),
-            views: gpu.frame_storage("glare views", &views),
+            views: gpu.frame_uniform_list("glare views", &views, MAX_VIEWPORTS),
             near: gpu.frame_storage("near glare", &near),
             near_of,
         }
     }
 }
 
+/// Reserves the grids of the smooth part over all pictures of a frame.
+pub(super) fn reserve_grid(gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
+    let grids = point_grids(&frame.plan.views.viewports, SPACING);
+    targets.veil = Some(targets.reserve_points(gpu, "veil grids", grids));
+}
+
 impl SkyCube {
     /// Records the veil of single sources into the sums of a batch; with the first batch also the smooth part of all
     /// pictures.
     pub(super) fn record_veil(&mut self, recording: &mut Recording<'_>, number: usize) {
-        let Self { veil, held, veil_points, veil_frame, .. } = self;
+        let Self { veil, held, veil_frame, .. } = self;
         let held = held.get(recording.frame.series.slot).and_then(|[_, in_sums]| in_sums.as_ref());
         let Some(held) = held else { unreachable!("the map is made before the veil") };
         let gpu = recording.gpu;
@@ -113,13 +119,8 @@ impl SkyCube {
         let [points, splat] = veil.get_or_init(VeilPasses::new).pipelines(gpu, tabulated);
         if number == 0 {
             let frame = veil_frame.insert(VeilFrame::new(gpu, held, recording));
-            let (grids, count) = point_grids(&recording.frame.plan.views.viewports, SPACING);
-            let smooth = SmoothGrid {
-                grids: gpu.frame_storage("veil grids", &grids),
-                points: veil_points.with_room(gpu, 16 * u64::from(count)).clone(),
-            };
-            record_points(gpu, recording, &points, (held, frame), (&smooth, &grids));
-            recording.targets.veil = Some(smooth);
+            let Some(grid) = recording.targets.veil.clone() else { unreachable!("the grid is reserved before") };
+            record_points(gpu, recording, &points, (held, frame), &grid);
         }
         let Some(frame) = veil_frame.as_ref() else { unreachable!("the first batch is recorded before the others") };
         record_sources(gpu, recording, &splat, (held, frame), number);
@@ -131,26 +132,27 @@ fn record_points(
     recording: &mut Recording<'_>,
     pipeline: &wgpu::ComputePipeline,
     (held, frame): (&Held, &VeilFrame),
-    (smooth, grids): (&SmoothGrid, &[PointGrid]),
+    grid: &SmoothGrid,
 ) {
     let fraction = recording.frame.plan.glare.fraction as f32;
     let parameters = gpu.frame_uniform("veil parameters", &layout::VeilParameters { fraction, ..Default::default() });
+    let points = recording.targets.grid_points(gpu);
     let buffers = [
         &parameters,
         &frame.parameters,
         &recording.targets.viewports,
-        &smooth.grids,
+        &grid.list,
         &frame.views,
         &held.map,
         &frame.near,
         &held.kernel_table,
-        &smooth.points,
+        &points,
     ];
     let mut pass = begin_pass(recording.encoder, recording.timer, "glare");
     pass.set_pipeline(pipeline);
     gpu.bind_tables(&mut pass, pipeline);
     pass.set_bind_group(0, &bind_in_order(gpu, pipeline, 0, &buffers), &[]);
-    dispatch_points(&mut pass, grids);
+    dispatch_points(&mut pass, &grid.grids);
 }
 
 fn record_sources(

@@ -11,6 +11,7 @@ use glam::DQuat;
 use self::draw::{BillboardFrame, BillboardPass, BillboardPipelines, BillboardPlane, CountPass};
 use super::catalogue_buffers::CatalogueBuffers;
 use super::luminance::{LuminanceInputs, LuminancePass, LuminanceSource};
+use crate::plan::tiles::MAX_TILES;
 use crate::{
     gpu::{Gpu, GpuTimer},
     photometry::star_image::{SPRITE_SIZE, sprite},
@@ -165,7 +166,7 @@ impl Billboards {
         };
         for (index, tile) in plan.views.batches[number].tiles.iter().enumerate() {
             let encoded = &recording.targets.batches[number].encoded_tiles[index];
-            let encoded = gpu.frame_storage("tile", std::slice::from_ref(encoded));
+            let encoded = gpu.frame_uniform_list("tile", std::slice::from_ref(encoded), MAX_TILES);
             let viewport = &plan.views.viewports[tile.viewport];
             let cube = CubeFaces::for_projection(&viewport.projection, gpu.max_view_side_px());
             if self.drawn != Some(tile.viewport) {

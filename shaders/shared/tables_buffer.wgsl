@@ -1,5 +1,4 @@
-// Tables of all viewports in one buffer, in groups of four words. `viewport.face` is the index of a table's first
-// group.
+// Tables of all viewports in a buffer, in groups of four words. `viewport.face` is the index of a table's first group.
 
 @group(3) @binding(0) var<storage, read> mapping_tables: array<vec4<u32>>;
 
