@@ -9,6 +9,7 @@
 #import constants/bodies
 #import constants/corona
 #import constants/faces
+#import constants/frame_lists
 #import constants/projections
 #import constants/rings
 #import constants/workgroups
@@ -22,11 +23,11 @@
 #import structs/GeometryParameters
 
 @group(0) @binding(0) var<uniform> parameters: GeometryParameters;
-@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
+@group(0) @binding(2) var<uniform> tiles: array<Tile, MAX_TILES>;
 @group(0) @binding(3) var<storage, read_write> geometry: array<vec4<u32>>;
 @group(0) @binding(4) var<storage, read> view_bodies: array<ViewBody>;
-@group(0) @binding(5) var<storage, read> body_runs: array<vec2<u32>>;
+@group(0) @binding(5) var<uniform> body_runs: array<vec4<u32>, MAX_VIEWPORTS>;
 @group(0) @binding(6) var<storage, read> suns: array<BodySun>;
 @group(0) @binding(7) var<storage, read> texels: array<u32>;
 // First column and row, within the tile, of the blocks of pixels that are drawn; other blocks are dark.
@@ -114,6 +115,7 @@ fn body_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec
     }
     let step = 1.0 / f32(parts);
     var whole = 0.0;
+    var is_covered = true;
     for (var i = 0u; i < parts * parts; i++) {
         let position = corner + (vec2(f32(i % parts), f32(i / parts)) + 0.5) * step;
         let own = ray_of(viewport, position, ray);
@@ -132,6 +134,7 @@ fn body_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec
             share = positive_share(1.0 - passage.s, slopes);
         }
         whole += weight;
+        is_covered = is_covered && share >= 1.0;
         if share > 0.0 {
             if steep {
                 contribution.light += weight * light_of_part(body, passage, share, slopes, footprint * step);
@@ -142,8 +145,8 @@ fn body_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec
         }
     }
     contribution.light /= whole;
-    // At most 1, and exactly 1 only if the whole pixel is covered.
-    contribution.coverage = min(contribution.coverage / whole, 1.0);
+    // At most 1, and exactly 1 if the whole pixel is covered: on some GPUs x / x is not.
+    contribution.coverage = select(min(contribution.coverage / whole, 1.0), 1.0, is_covered);
     return contribution;
 }
 
@@ -355,7 +358,7 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
     }
     let corner = vec2<f32>(pixel);
     let ray = ray_of(viewport, corner + 0.5, vec3(0.0, 0.0, -1.0));
-    let run = body_runs[tile.viewport];
+    let run = body_runs[tile.viewport].xy;
     var covered = 0.0;
     if HAS_LAYERS {
         let extent = extent_of(viewport, corner, ray);
