@@ -24,10 +24,10 @@ check_cargo() {
     fi
 }
 
-# No dependency compiles C, but rustc links through the C compiler's driver.
+# rustc links through the driver of the C compiler, and the crates ring and zstd-sys compile C.
 check_linker() {
     if command -v cc >/dev/null; then return; fi
-    local reason="'cc' is missing, which rustc needs for linking"
+    local reason="'cc' is missing, which rustc needs for linking and some crates for C"
     if has_apt; then
         apt_install "$reason" '' gcc libc6-dev || fail "$reason, and apt could not install gcc and libc6-dev (see above)"
     else

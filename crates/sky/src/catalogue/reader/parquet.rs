@@ -1,6 +1,6 @@
 //! Star catalogues in Apache Parquet: columns of the first level with one number or text, read group by group of rows.
 //!
-//! Compression: none, snappy or gzip. Parquet states no units, so names decide as in CSV.
+//! Compression: none, snappy, gzip or zstd. Parquet states no units, so names decide as in CSV.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -64,9 +64,10 @@ fn read_whole(source: impl ChunkReader + 'static, file: &str, years: f64) -> Res
         if offsets.iter().any(|offset| *offset < 0) {
             return Err(malformed(RowPlace::Head, "not Parquet: a column begins or ends before the file".to_owned()));
         }
-        if is_read && !matches!(compression, Compression::UNCOMPRESSED | Compression::SNAPPY | Compression::GZIP(_)) {
-            let reason =
-                format!("compressed with {compression}; it must be uncompressed, or compressed with snappy or gzip");
+        if is_read && !is_known(compression) {
+            let reason = format!(
+                "compressed with {compression}; it must be uncompressed, or compressed with snappy, gzip or zstd"
+            );
             return Err(malformed(RowPlace::Head, reason));
         }
     }
@@ -84,6 +85,13 @@ fn read_whole(source: impl ChunkReader + 'static, file: &str, years: f64) -> Res
         table.add(Ok(&texts))?;
     }
     table.finish()
+}
+
+const fn is_known(compression: Compression) -> bool {
+    matches!(
+        compression,
+        Compression::UNCOMPRESSED | Compression::SNAPPY | Compression::GZIP(_) | Compression::ZSTD(_)
+    )
 }
 
 /// A value as text that parses to the same number; empty if it is null.
