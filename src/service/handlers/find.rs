@@ -93,6 +93,9 @@ fn found(scene: &SceneSnapshot, name: &str) -> Result<proto::IdentifiedObject, S
     if let Some(number) = CONSTELLATIONS.iter().position(|(short, full)| is(short) || is(full)) {
         return Ok(constellation_to_pb(scene, number));
     }
+    if let Some(why) = names::why_no_number(named.iter(), name) {
+        return Err(format!("there is no `{name}`: {why}"));
+    }
     let start: String = name.to_lowercase().chars().take(2).collect();
     let of_bodies = scene.objects.bodies.iter().map(|body| &body.name[..]);
     let near = of_bodies.chain(named.iter().map(|star| star.name.as_ref())).chain(CONSTELLATIONS.map(|(_, full)| full));
@@ -206,6 +209,8 @@ mod tests {
         assert!((sirius.v_mag.unwrap() + 1.46).abs() < 0.01 && sirius.name == "Sirius");
         let problem = found(&scene, "Sirus").unwrap_err();
         assert!(problem.contains("Sirius"), "{problem}");
+        let problem = found(&scene, "HIP 32349").unwrap_err();
+        assert!(problem.contains("no HIP numbers") && problem.contains("HR numbers"), "{problem}");
         assert!(found(&scene, "zzz").unwrap_err().ends_with("`zzz`"));
     }
 

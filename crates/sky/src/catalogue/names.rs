@@ -135,6 +135,9 @@ const GENITIVES: [(&str, &str); 88] = [
     ("Vul", "Vulpeculae"),
 ];
 
+/// Catalogues whose numbers are names of stars.
+const NUMBERED: [&str; 4] = ["HR", "HIP", "HD", "Gaia"];
+
 /// Names of a star in a file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct StarNames {
@@ -220,7 +223,7 @@ fn canonical(name: &str) -> String {
     // Letters and numbers of catalogues: HR2491, HR 2491.
     let letters = first.trim_end_matches(|c: char| c.is_ascii_digit());
     let number = &first[letters.len()..];
-    if ["hr", "hip", "hd", "gaia"].contains(&letters) {
+    if NUMBERED.iter().any(|catalogue| catalogue.eq_ignore_ascii_case(letters)) {
         return format!("{letters}{number}{}", rest.concat());
     }
     let Some(constellation) = constellation(&rest.join(" ")) else { return words.join(" ") };
@@ -257,6 +260,28 @@ pub fn find<'a>(stars: impl Iterator<Item = &'a NamedStar> + Clone, name: &str) 
     })
 }
 
+/// Why no star has a name that is a number of a catalogue, such as `HIP 32349`; `None` for other names.
+pub fn why_no_number<'a>(mut stars: impl Iterator<Item = &'a NamedStar>, name: &str) -> Option<String> {
+    let wanted = canonical(name);
+    let letters = wanted.trim_end_matches(|c: char| c.is_ascii_digit());
+    let is_in = |name: &str, prefix: &str| {
+        let number = canonical(name).strip_prefix(prefix).map(str::to_owned);
+        number.is_some_and(|number| !number.is_empty() && number.chars().all(|c| c.is_ascii_digit()))
+    };
+    let catalogue = NUMBERED.iter().find(|catalogue| catalogue.eq_ignore_ascii_case(letters))?;
+    if !is_in(&wanted, letters) {
+        return None;
+    }
+    Some(if stars.any(|star| star.all().any(|known| is_in(known, letters))) {
+        format!("no star of the scene has this {catalogue} number")
+    } else {
+        format!(
+            "the stars of the scene have no {catalogue} numbers: builtin:bright has proper names, Bayer and Flamsteed designations and HR \
+             numbers, and files add the numbers of their columns"
+        )
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -285,6 +310,20 @@ mod tests {
         for name in ["", "HR", "HR 99999", "alf", "alf Xyz", "HIP"] {
             assert!(find(stars.iter(), name).is_none(), "{name}");
         }
+    }
+
+    #[test]
+    fn missing_numbers_name_the_designations_that_exist() {
+        let mut stars = named_bright_stars(0.0);
+        let why = |stars: &[NamedStar], name: &str| why_no_number(stars.iter(), name).unwrap_or_default();
+        assert!(why(&stars, "HIP 32349").contains("no HIP numbers: builtin:bright has proper names"));
+        assert!(why(&stars, "hd48915").contains("no HD numbers"));
+        assert!(why(&stars, "HR 99999").contains("has this HR number"));
+        for name in ["Sirius", "HIP", "HIP x", "hipparcos", "alf CMa"] {
+            assert_eq!(why(&stars, name), "", "{name}");
+        }
+        stars[0].others.push("HIP 25".into());
+        assert!(why(&stars, "HIP 32349").contains("has this HIP number"));
     }
 
     #[test]
