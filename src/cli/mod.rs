@@ -4,6 +4,7 @@
 //! `main` as a [`CliError`], which knows its exit code.
 
 mod audits;
+mod cache;
 mod catalogue;
 mod chart;
 mod dome;

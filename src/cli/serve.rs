@@ -9,7 +9,7 @@ use tokio::runtime::Runtime;
 use tokio::task;
 
 use super::{
-    CliError,
+    CliError, cache,
     load::{self, LoadedScene},
     results, show,
 };
@@ -53,7 +53,8 @@ pub struct ServeArguments {
 
 /// Runs the command.
 pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliError> {
-    let config = load_config(&arguments)?;
+    let mut config = load_config(&arguments)?;
+    cache::place(&mut config);
     // The clock starts when the configuration is read.
     let clock = config.clock();
     let (rig, camera) = (config.rig()?, config.camera()?);

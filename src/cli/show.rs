@@ -11,7 +11,7 @@ use clap::Args;
 
 use super::ending::ended_by_signal;
 use super::{
-    CliError,
+    CliError, cache,
     load::{self, LoadedScene},
     lock, results,
 };
@@ -65,7 +65,8 @@ pub fn run(arguments: ShowArguments, options: &GpuOptions) -> Result<(), CliErro
         }
         return Ok(());
     }
-    let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
+    let mut config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
+    cache::place(&mut config);
     // The clock starts when the configuration is read.
     let clock = config.clock();
     let (rig, camera, groups) = (config.rig()?, config.camera()?, config.frame_groups()?);

@@ -8,7 +8,7 @@ use std::time::SystemTime;
 
 use clap::Args;
 
-use super::{CliError, load, lock, results};
+use super::{CliError, cache, load, lock, results};
 use crate::config::Config;
 use crate::plan::settings::{AfterExit, HeadsetSettings};
 use crate::render::Wanted;
@@ -43,7 +43,8 @@ pub fn run(arguments: XrArguments, gpu: &GpuOptions) -> Result<(), CliError> {
     if let Some(adapter) = &gpu.adapter {
         return Err(CliError::Usage(format!("--adapter {adapter}: the headset's runtime chooses the adapter")));
     }
-    let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
+    let mut config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
+    cache::place(&mut config);
     // The clock starts when the configuration is read.
     let clock = config.clock();
     let camera = config.camera()?;

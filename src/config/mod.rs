@@ -312,7 +312,7 @@ impl Config {
         let asteroid_fields = each(&FIELDS, sections.asteroid_fields, FieldConfig::from_table)?;
         let windows = each(&WINDOWS, sections.windows, |table| document::read(Value::Table(table)))?;
         let mut asteroids = sections.asteroids;
-        if !asteroids.cache.as_os_str().is_empty() {
+        if asteroids.cache_folder().is_some() {
             asteroids.cache = folder.join(&asteroids.cache);
         }
         let mut stars = sections.stars;

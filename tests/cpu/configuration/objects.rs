@@ -133,7 +133,16 @@ fn fields_are_made_as_written() {
     assert_eq!(specs[2].shapes, ShapeSource::Files(vec!["/sky/a.glb".into(), "/b.gltf".into()]));
     let settings = config.render_settings().asteroids;
     assert_eq!((settings.impostor, settings.tiles, settings.tile_px), (ImpostorMethod::Octahedral, 16, 64));
-    assert_eq!(settings.cache, Path::new("/sky/baked"));
+    assert_eq!(settings.cache_folder(), Some(Path::new("/sky/baked")));
+    for unkept in ["", "auto"] {
+        let config = parse(&format!("asteroids.cache = '{unkept}'")).unwrap();
+        assert_eq!(
+            config.render_settings().asteroids.cache_folder(),
+            None,
+            "`{unkept}`: only the program has a folder"
+        );
+    }
+    assert!(parse("asteroids.cache_mib = 0").unwrap_err().to_string().contains("cache_mib"));
     let message = config.objects().unwrap_err().to_string();
     assert!(
         message.contains("asteroid_fields[2].shapes (field `belt`)") && message.contains("/sky/a.glb"),

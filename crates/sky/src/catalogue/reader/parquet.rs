@@ -88,10 +88,7 @@ fn read_whole(source: impl ChunkReader + 'static, file: &str, years: f64) -> Res
 }
 
 const fn is_known(compression: Compression) -> bool {
-    matches!(
-        compression,
-        Compression::UNCOMPRESSED | Compression::SNAPPY | Compression::GZIP(_) | Compression::ZSTD(_)
-    )
+    matches!(compression, Compression::UNCOMPRESSED | Compression::SNAPPY | Compression::GZIP(_) | Compression::ZSTD(_))
 }
 
 /// A value as text that parses to the same number; empty if it is null.

@@ -24,7 +24,10 @@ use bytemuck::{Pod, Zeroable};
 
 use rayon::prelude::*;
 
-use super::texels::{Level, level_count, levels};
+use super::{
+    cache,
+    texels::{Level, level_count, levels},
+};
 use crate::{
     files,
     gpu::{self, Gpu, GpuError},
@@ -263,9 +266,14 @@ impl BakedImpostors {
 /// Returns all levels of all layers, from the cache, or baked now and cached.
 fn layers_of(shapes: &ShapeSet, size: AtlasSize, settings: &AsteroidSettings) -> Vec<Vec<Level>> {
     let header = Header::new(shapes, size);
-    let path = (!settings.cache.as_os_str().is_empty()).then(|| settings.cache.join(header.file_name(size)));
+    let path = settings.cache_folder().map(|folder| folder.join(header.file_name(size)));
     let kept = path.as_deref().and_then(|path| match read(path, &header) {
-        Ok(kept) => kept,
+        Ok(kept) => {
+            if kept.is_some() {
+                cache::mark_used(path);
+            }
+            kept
+        }
         Err(problem) => {
             tracing::warn!(file = %path.display(), %problem, "cannot use the cached impostor atlas; baking it again");
             None
@@ -276,7 +284,7 @@ fn layers_of(shapes: &ShapeSet, size: AtlasSize, settings: &AsteroidSettings) ->
         None => {
             let finest = bake_all(shapes, size);
             if let Some(path) = &path
-                && let Err(problem) = write(path, header, &finest)
+                && let Err(problem) = keep(path, header, &finest, settings)
             {
                 tracing::warn!(file = %path.display(), %problem, "cannot write the impostor atlas to the cache");
             }
@@ -341,7 +349,8 @@ impl Header {
     }
 
     fn file_name(&self, size: AtlasSize) -> PathBuf {
-        format!("impostors-{}-{}x{}-{:016x}.atlas", size.layout.name(), self.tiles, self.tile_px, self.digest).into()
+        let (layout, prefix, suffix) = (size.layout.name(), cache::PREFIX, cache::SUFFIX);
+        format!("{prefix}{layout}-{}x{}-{:016x}{suffix}", self.tiles, self.tile_px, self.digest).into()
     }
 
     /// Number of texels of a layer.
@@ -386,6 +395,18 @@ fn read(path: &Path, wanted: &Header) -> Result<Option<Vec<Level>>, CacheError> 
     let (normals, surfaces) = data.split_at(4 * texels * shapes);
     let layers = normals.chunks_exact(4 * texels).zip(surfaces.chunks_exact(2 * texels));
     Ok(Some(layers.map(|(n, s)| Level { normals: n.to_vec(), surfaces: s.to_vec() }).collect()))
+}
+
+/// Writes a cache file, unless it alone exceeds the bound of the cache, and removes the files that exceed it.
+fn keep(path: &Path, header: Header, finest: &[Level], settings: &AsteroidSettings) -> io::Result<()> {
+    let most_bytes = u64::from(settings.cache_mib) << 20;
+    let bytes = (size_of::<Header>() + 6 * header.texels() * finest.len()) as u64;
+    if bytes > most_bytes {
+        tracing::info!(bytes, most_bytes, "the impostor atlas is larger than asteroids.cache_mib and is not kept");
+        return Ok(());
+    }
+    write(path, header, finest)?;
+    cache::trim(path, most_bytes)
 }
 
 fn write(path: &Path, header: Header, finest: &[Level]) -> io::Result<()> {

@@ -275,6 +275,30 @@ fn atlases_are_cached_and_broken_files_are_replaced() {
 }
 
 #[test]
+fn the_cache_is_bounded_and_the_library_has_none_by_default() {
+    let gpu = gpu();
+    let folder = tempfile::tempdir().unwrap();
+    let settings =
+        AsteroidSettings { cache: folder.path().to_owned(), cache_mib: 1, tiles: 16, tile_px: 16, ..settings() };
+    let make = |digest, settings: &AsteroidSettings| {
+        let shapes = ShapeSet { digest, ..shapes() };
+        ImpostorAtlas::new(&gpu, &BakedImpostors::default(), &shapes, Octahedral, settings).unwrap().unwrap();
+    };
+    // A shape takes 6 bytes for each of 256 x 256 texels: 0.375 MiB.
+    let bytes = 48 + 6 * 256 * 256 * shapes().shapes.len() as u64;
+    let fitting = (1 << 20) / bytes;
+    (0..fitting + 2).for_each(|digest| make(digest, &settings));
+    let kept = || std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().metadata().unwrap().len());
+    assert!(fitting >= 1 && kept().all(|length| length == bytes));
+    assert_eq!(kept().count() as u64, fitting);
+    // An atlas beyond the bound is used, but not kept.
+    make(99, &AsteroidSettings { tiles: 32, tile_px: 32, ..settings });
+    assert_eq!(kept().count() as u64, fitting);
+    assert_eq!(AsteroidSettings::default().cache_folder(), None);
+    assert_eq!(AsteroidSettings { cache: "".into(), ..Default::default() }.cache_folder(), None);
+}
+
+#[test]
 fn atlases_baked_ahead_are_taken_once_by_matching_requests() {
     let gpu = gpu();
     let settings = AsteroidSettings { tiles: 4, tile_px: 8, ..settings() };
