@@ -247,7 +247,7 @@ impl Config {
     pub fn named_files(&self) -> Vec<PathBuf> {
         let catalogues = self.star_sources().into_iter().filter_map(|source| match source {
             StarSource::File(path) | StarSource::Light(LightMap { path, .. }) => Some(path),
-            StarSource::Bright | StarSource::Galaxy(_) => None,
+            StarSource::Bright | StarSource::BrightVariable | StarSource::Galaxy(_) => None,
         });
         let of_views =
             self.views.iter().filter_map(|view| Some(self.folder.join(view.glare.as_ref()?.psf_file.as_ref()?)));
@@ -534,6 +534,9 @@ impl Config {
             .catalogues
             .iter()
             .map(|catalogue| match catalogue {
+                CatalogueConfig::Named(name) if name == bright::NAME && self.scene.variable_stars => {
+                    StarSource::BrightVariable
+                }
                 CatalogueConfig::Named(name) if name == bright::NAME => StarSource::Bright,
                 CatalogueConfig::Named(name) => StarSource::File(self.folder.join(name)),
                 CatalogueConfig::Light(light) => StarSource::Light(light.map(&self.folder)),

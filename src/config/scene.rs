@@ -15,6 +15,7 @@ use toml::{Table, Value};
 use super::look::{Aim, Look};
 use super::observer::ObserverConfig;
 use super::time::WrittenTime;
+use crate::catalogue::bright;
 use crate::catalogue::galaxy::GalaxyParameters;
 use crate::catalogue::healpix::{BrightnessUnit, LightMap};
 use crate::observer::{Frame, Observer};
@@ -45,6 +46,8 @@ pub struct SceneConfig {
     pub solar_system: Option<bool>,
     /// Whether the zodiacal light and the gegenschein are drawn, as seen from the Earth. They require an observer and the Solar System.
     pub zodiacal_light: bool,
+    /// Whether ten variable stars of `builtin:bright`, such as Algol, delta Cephei and Mira, have the brightness of the scene's time, see [catalogues.md](catalogues.md#variable-stars).
+    pub variable_stars: bool,
     /// Initial camera pose and velocity.
     pub camera: CameraConfig,
 }
@@ -59,6 +62,7 @@ impl Default for SceneConfig {
             kernels: Vec::new(),
             solar_system: None,
             zodiacal_light: false,
+            variable_stars: false,
             camera: CameraConfig::default(),
         }
     }
@@ -254,6 +258,12 @@ impl SceneConfig {
         if self.zodiacal_light && !(self.observer.is_some() && self.has_solar_system()) {
             let problem = "has no effect: the zodiacal light is that seen from the Earth, and requires scene.observer and the Solar System";
             return Err(KeyError::new("zodiacal_light", problem));
+        }
+        let is_bright =
+            |catalogue: &CatalogueConfig| matches!(catalogue, CatalogueConfig::Named(name) if name == bright::NAME);
+        if self.variable_stars && !self.catalogues.iter().any(is_bright) {
+            let problem = "has no effect: the variable stars are those of \"builtin:bright\", which scene.catalogues does not list";
+            return Err(KeyError::new("variable_stars", problem));
         }
         Ok(())
     }

@@ -129,6 +129,14 @@ fn an_empty_file_gives_the_defaults() {
 }
 
 #[test]
+fn variable_stars_need_the_table_that_has_them() {
+    let config = parse("[scene]\nvariable_stars = true").unwrap();
+    assert_eq!(config.star_sources(), [StarSource::BrightVariable]);
+    let error = parse("[scene]\nvariable_stars = true\ncatalogues = ['x.csv']").unwrap_err().to_string();
+    assert!(error.contains("scene.variable_stars: has no effect") && error.contains("builtin:bright"), "{error}");
+}
+
+#[test]
 fn scene_time_camera_and_catalogues() {
     let config = parse(
         "[scene]\ncatalogues = ['builtin:bright', 'near/x.csv', '/far/y.stars', { galaxy = { stars = 5, seed = 7, fainter_than = 6.5 } }, { galaxy = { stars = 6 } }]\n\

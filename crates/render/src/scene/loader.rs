@@ -27,6 +27,8 @@ use crate::catalogue::{StarRecord, bright};
 pub enum StarSource {
     /// The built-in table of bright stars.
     Bright,
+    /// The same with variable stars at the brightness of the moment.
+    BrightVariable,
     /// A catalogue or a store.
     File(PathBuf),
     /// Synthetic stars.
@@ -39,7 +41,7 @@ impl StarSource {
     /// Whether its stars may have proper motion.
     pub fn may_move(&self) -> bool {
         match self {
-            Self::Bright => true,
+            Self::Bright | Self::BrightVariable => true,
             // A file that cannot be read is reported when it is loaded.
             Self::File(path) if is_store(path).unwrap_or(false) => {
                 store::read_header(path).is_ok_and(|header| header.velocities > 0)
@@ -54,6 +56,7 @@ impl fmt::Display for StarSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             StarSource::Bright => f.write_str(bright::NAME),
+            StarSource::BrightVariable => write!(f, "{} (variable stars)", bright::NAME),
             StarSource::File(path) => write!(f, "{}", path.display()),
             StarSource::Light(map) => write!(f, "light of {}", map.path.display()),
             StarSource::Galaxy(GalaxyParameters { stars, seed, fainter_than, .. }) => {
@@ -162,7 +165,15 @@ pub fn load_stars(
     let (parts, report) = read_all(sources, epoch.years, progress)?;
     let (mut unresolved, mut map, mut named) = (None, None, Vec::new());
     let mut loaded = Vec::with_capacity(parts.len());
-    for (source, part) in sources.iter().zip(parts) {
+    for (source, mut part) in sources.iter().zip(parts) {
+        // Added below with the brightness of the moment. The table has no names here.
+        if *source == StarSource::BrightVariable {
+            let mut rows = bright::variable_rows();
+            rows.sort_unstable();
+            for row in rows.into_iter().rev() {
+                part.stars.swap_remove(row);
+            }
+        }
         named.extend(part.named());
         // There is one map of unresolved light: that of a light map, else that of the last galaxy.
         if matches!(source, StarSource::Light(_)) {
@@ -180,7 +191,9 @@ pub fn load_stars(
     }
     named.iter_mut().for_each(|named: &mut NamedStar| named.star = epoch.seen(named.star));
     let stars = StarSet::from_records(records).of_epoch(*epoch).with_names(named);
-    Ok((stars.with_unresolved(map.or(unresolved).map(Arc::new)), report))
+    let stars = stars.with_unresolved(map.or(unresolved).map(Arc::new));
+    let are_variable = sources.contains(&StarSource::BrightVariable);
+    Ok((if are_variable { stars.with_variable_stars(epoch.years) } else { stars }, report))
 }
 
 /// Reads and joins catalogues for a store: stars at J2000.0 with their velocities and names. `progress` is called before each step.
@@ -268,7 +281,7 @@ impl Read {
 
 fn read(source: &StarSource, index: usize, years: f64) -> Result<Read, LoadError> {
     match source {
-        StarSource::Bright => {
+        StarSource::Bright | StarSource::BrightVariable => {
             // The names of this table are known in every scene.
             let CatalogueRead { stars, velocities, .. } = bright::read(years);
             Ok(Read { stars, velocities, ..Read::default() })

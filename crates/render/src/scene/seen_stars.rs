@@ -1,4 +1,4 @@
-//! The stars of a running scene: applies proper motion and the observer's aberration for each moment.
+//! The stars of a running scene: applies proper motion, the observer's aberration and the ephemerides of variable stars for each moment.
 
 use std::{
     f64::consts::PI,
@@ -17,6 +17,7 @@ use crate::{
     catalogue::{
         chunks::StarSet,
         epoch::{Epoch, seen_from},
+        variable,
     },
     observer::{Moment, Observer, Place},
     units::JULIAN_YEAR_S,
@@ -36,6 +37,8 @@ struct StarSetKey {
     years: f64,
     /// Rounded place of the observer, and the index of the vantage; `None`: no observer.
     vantage: Option<(Place, i64)>,
+    /// Rounded brightness of the variable stars; `None`: they keep that of the table.
+    variable: Option<[i16; variable::COUNT]>,
 }
 
 /// Star sets by moment; see the module.
@@ -61,6 +64,11 @@ struct Held {
     failed_years: Option<f64>,
 }
 
+/// Julian years from J2000.0 to a moment of the scene.
+fn julian_years(time_s: f64) -> f64 {
+    Moment::new(time_s, None).tdb_s() / JULIAN_YEAR_S
+}
+
 /// A place rounded to 5 degrees: the rotation of the Earth shifts stars by at most 0.32 arcsec, and by 0.03 between
 /// neighbouring rounded places. An observer who moves continuously gets new stars every few hundred kilometres.
 fn rounded(place: Place) -> Place {
@@ -72,7 +80,9 @@ impl SeenStars {
     /// Stars loaded from sources, for the epoch of an observer.
     pub fn new(loaded: Arc<StarSet>, observer: Option<&Observer>, sources: Vec<StarSource>) -> Arc<Self> {
         let vantage = observer.map(|observer| (rounded(observer.place), Observer::vantage_number(observer.epoch_s)));
-        let first = StarSetKey { years: loaded.epoch.years, vantage };
+        let years = loaded.epoch.years;
+        let variable = sources.contains(&StarSource::BrightVariable).then(|| variable::steps(years));
+        let first = StarSetKey { years, vantage, variable };
         let sources = if sources.iter().any(StarSource::may_move) { sources } else { Vec::new() };
         let held = Mutex::new(Held { newest: (first, Arc::clone(&loaded)), for_years: None, failed_years: None });
         Arc::new(Self { loaded, first, sources, held, is_busy: AtomicBool::new(false) })
@@ -115,7 +125,10 @@ impl SeenStars {
         let stars = if wanted == self.first {
             Arc::clone(&self.loaded)
         } else {
-            let moved = self.moved(wanted.years)?;
+            let mut moved = self.moved(wanted.years)?;
+            if wanted.variable.is_some() {
+                moved = Arc::new(moved.with_variable_stars(julian_years(time_s)));
+            }
             match observer {
                 Some(observer) => Arc::new(seen_from(&moved, observer.vantage(time_s))),
                 None => moved,
@@ -132,11 +145,12 @@ impl SeenStars {
 
     /// Identifies the star set of a moment.
     fn key(&self, observer: Option<&Observer>, time_s: f64) -> StarSetKey {
-        let years = Moment::new(time_s, None).tdb_s() / JULIAN_YEAR_S;
+        let years = julian_years(time_s);
         let stay = self.sources.is_empty() || (years - self.first.years).abs() <= LOADED_YEARS;
         StarSetKey {
             years: if stay { self.first.years } else { years.round() },
             vantage: observer.map(|observer| (rounded(observer.place), Observer::vantage_number(time_s))),
+            variable: self.first.variable.map(|_| variable::steps(years)),
         }
     }
 
@@ -212,6 +226,42 @@ mod tests {
         let elsewhere = observer.moved(Place { longitude_rad: place.longitude_rad + PI, ..place }, observer.clock);
         let shift = sirius(&stars.made(Some(&elsewhere), 0.0).unwrap()).angle_between(sirius(&loaded));
         assert!((0.05..0.65).contains(&(shift / ARCSECOND_RAD)), "{shift}");
+    }
+
+    #[test]
+    fn variable_stars_follow_the_clock_and_not_earlier_moments() {
+        let sources = vec![StarSource::BrightVariable];
+        // Noon of 2022-09-17; Algol was faintest on the 18th at 1:31.
+        let noon_s = 716_688_000.0;
+        let observer =
+            Observer::new(Place { latitude_rad: 0.8, longitude_rad: 0.2, height_m: 0.0 }, Clock::default(), noon_s);
+        let (loaded, report) = load_stars(&sources, &observer.epoch.of_stars(), &mut |_| {}).unwrap();
+        assert_eq!((report.catalogues[0].stars, loaded.stars.len()), (9096, 9096));
+        let stars = SeenStars::new(Arc::new(loaded), Some(&observer), sources);
+        let v_of = |set: &StarSet, name: &str| {
+            let named = set.named().iter().find(|star| star.name == name).unwrap().star;
+            // The star itself is drawn with the same brightness.
+            let drawn = set.iter().find(|(place, _, _)| place.angle_between(named.position) < 1e-7).unwrap().2;
+            let v = named.apparent_magnitude();
+            let drawn_lx = drawn.illuminance_at_1_pc_lx() / named.position.length_squared();
+            assert!((crate::units::magnitude_from_illuminance_lx(drawn_lx) - v).abs() < 0.02, "{name}");
+            v
+        };
+        let made = |hours: f64| stars.made(Some(&observer), noon_s + 3600.0 * hours).unwrap();
+        let faint = made(13.52);
+        assert!((v_of(&faint, "Algol") - 3.39).abs() < 0.03, "{}", v_of(&faint, "Algol"));
+        assert_eq!(faint.stars.len(), 9096);
+        let bright = made(19.0);
+        assert!((v_of(&bright, "Algol") - 2.12).abs() < 0.03, "{}", v_of(&bright, "Algol"));
+        assert!((v_of(&bright, "Vega") - v_of(&faint, "Vega")).abs() < 1e-3);
+        assert_eq!(made(13.52).stars, faint.stars, "the same whatever was shown before");
+        // Within a step the set is kept.
+        assert!(Arc::ptr_eq(&made(13.521), &made(13.52)));
+        let century = stars.made(Some(&observer), noon_s + 100.0 * JULIAN_YEAR_S).unwrap();
+        assert_eq!(century.stars.len(), 9096);
+        // Without the option Algol keeps the brightness of the table.
+        let plain = load_stars(&[StarSource::Bright], &observer.epoch.of_stars(), &mut |_| {}).unwrap().0;
+        assert!((v_of(&plain, "Algol") - 2.12).abs() < 1e-3);
     }
 
     #[test]

@@ -6,6 +6,7 @@
 use super::StarRecord;
 use super::names::NamedStar;
 use super::reader::{CatalogueRead, read_csv_from};
+use super::variable::{self, VARIABLE_STARS};
 
 /// Name of this catalogue in configurations.
 pub const NAME: &str = "builtin:bright";
@@ -60,11 +61,35 @@ pub fn read(years: f64) -> CatalogueRead {
     read
 }
 
+/// Rows of the variable stars with an ephemeris, in the order of [`VARIABLE_STARS`]: indices of the stars in the table.
+pub fn variable_rows() -> [usize; variable::COUNT] {
+    let numbers: Vec<&str> = rows().map(|row| row.split(',').next().unwrap_or_default()).collect();
+    // The table is part of the program, and a test finds every star in it.
+    VARIABLE_STARS
+        .map(|star| numbers.iter().position(|number| *number == star.hr.to_string()).expect("a star of the table"))
+}
+
+/// The variable stars with an ephemeris at their positions `years` Julian years after J2000.0, with the brightness of another time,
+/// `brightness_years` after J2000.0; in the order of [`VARIABLE_STARS`].
+pub fn variable_stars(years: f64, brightness_years: f64) -> Vec<StarRecord> {
+    let stars = bright_stars(years);
+    let varied = variable_rows().into_iter().zip(variable::magnitudes(brightness_years));
+    varied.map(|(row, magnitude)| with_apparent_magnitude(stars[row], magnitude)).collect()
+}
+
+fn with_apparent_magnitude(star: StarRecord, magnitude: f64) -> StarRecord {
+    StarRecord { magnitude: (f64::from(star.magnitude) + magnitude - star.apparent_magnitude()) as f32, ..star }
+}
+
+fn rows() -> impl Iterator<Item = &'static str> {
+    TABLE.lines().filter(|line| !line.starts_with('#')).skip(1)
+}
+
 /// Returns the same stars with their names: designations are those of Bayer or Flamsteed with the constellation's abbreviation, such as
 /// `alf CMa`, and the number in the Bright Star Catalogue, such as `HR 9077`.
 pub fn named_bright_stars(years: f64) -> Vec<NamedStar> {
-    let rows = TABLE.lines().filter(|line| !line.starts_with('#')).skip(1);
-    rows.zip(bright_stars(years))
+    rows()
+        .zip(bright_stars(years))
         .map(|(row, star)| {
             let mut fields = row.split(',');
             let mut next = || fields.next().unwrap_or_default();
@@ -133,6 +158,19 @@ mod tests {
         // Betelgeuse is opposite Rigel in Orion, 18.6 degrees apart.
         let angle = star("Betelgeuse").position.angle_between(star("Rigel").position).to_degrees();
         assert!((angle - 18.6).abs() < 0.1, "{angle}");
+    }
+
+    #[test]
+    fn variable_stars_have_the_brightness_of_the_moment_and_the_place_of_the_table() {
+        let table = bright_stars(20.0);
+        let [then, later] = [21.0, 21.003].map(|years| variable_stars(20.0, years));
+        for ((row, star), magnitude) in variable_rows().into_iter().zip(&then).zip(variable::magnitudes(21.0)) {
+            assert_eq!(star.position, table[row].position);
+            assert!((star.apparent_magnitude() - magnitude).abs() < 1e-5);
+            let off = magnitude - table[row].apparent_magnitude();
+            assert!(off.abs() < 5.5, "row {row} is off by {off} mag");
+        }
+        assert!(then.iter().zip(&later).any(|(a, b)| (a.magnitude - b.magnitude).abs() > 0.1));
     }
 
     #[test]

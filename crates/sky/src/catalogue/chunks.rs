@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use super::{
     StarRecord,
-    bright::named_bright_stars,
+    bright::{named_bright_stars, variable_rows, variable_stars},
     diffuse::DiffuseSky,
     epoch::Epoch,
     names::NamedStar,
@@ -77,10 +77,21 @@ pub struct StarSet {
     spectra: OnceLock<Vec<Spectrum>>,
     /// Illuminance at the barycentre of the faintest star of each chunk, computed on first use.
     faintest_seen_lx: OnceLock<Vec<f32>>,
+    /// Variable stars by their ephemeris, if the set has them.
+    variable: Option<VariableStars>,
     /// Named stars of files, as seen at the epoch.
     named_in_files: Arc<Vec<NamedStar>>,
     /// All named stars, computed on first use.
     named: OnceLock<Vec<NamedStar>>,
+}
+
+/// The variable stars of a set.
+#[derive(Clone, Copy, Debug)]
+struct VariableStars {
+    /// Time of their brightness, Julian years after J2000.0.
+    years: f64,
+    /// Numbers of chunks and stars before them; `None` if they are mixed with the others.
+    after: Option<[usize; 2]>,
 }
 
 /// Sort key: shell of distance, then cell of the sky, then the star's own values, so that the order does not depend
@@ -125,6 +136,32 @@ impl StarSet {
         Self { unresolved, ..self }
     }
 
+    /// Returns the set with the variable stars of the built-in table in chunks at its end, with the brightness of a time, in Julian years
+    /// after J2000.0. Those that an earlier call added are replaced; the set must not contain them otherwise.
+    #[must_use]
+    pub fn with_variable_stars(&self, years: f64) -> Self {
+        let [chunks, stars] =
+            self.variable.and_then(|variable| variable.after).unwrap_or([self.chunks.len(), self.stars.len()]);
+        let records = variable_stars(self.epoch.years, years).into_iter().map(|star| self.epoch.seen(star)).collect();
+        let variable = Self::from_records(records);
+        let added = variable.chunks.into_iter().map(|chunk| Chunk { first: chunk.first + stars as u32, ..chunk });
+        Self {
+            chunks: self.chunks[..chunks].iter().copied().chain(added).collect(),
+            stars: [&self.stars[..stars], &variable.stars].concat(),
+            epoch: self.epoch,
+            unresolved: self.unresolved.clone(),
+            variable: Some(VariableStars { years, after: Some([chunks, stars]) }),
+            named_in_files: Arc::clone(&self.named_in_files),
+            ..Self::default()
+        }
+    }
+
+    /// Returns the set, made of all stars of `other` in another order, with the knowledge that variable stars are among them.
+    #[must_use]
+    pub(super) fn with_variability_of(self, other: &Self) -> Self {
+        Self { variable: other.variable.map(|variable| VariableStars { after: None, ..variable }), ..self }
+    }
+
     /// Distribution of each chunk's light over temperature, computed from all stars at the first call.
     pub fn spectra(&self) -> &[Spectrum] {
         self.spectra.get_or_init(|| spectra::of_chunks(self))
@@ -145,8 +182,12 @@ impl StarSet {
     /// Computed at the first call.
     pub fn named(&self) -> &[NamedStar] {
         self.named.get_or_init(|| {
-            let built_in = named_bright_stars(self.epoch.years).into_iter();
-            let built_in = built_in.map(|named| NamedStar { star: self.epoch.seen(named.star), ..named });
+            let mut built_in = named_bright_stars(self.epoch.years);
+            if let Some(variable) = self.variable {
+                let varied = variable_rows().into_iter().zip(variable_stars(self.epoch.years, variable.years));
+                varied.for_each(|(row, star)| built_in[row].star = star);
+            }
+            let built_in = built_in.into_iter().map(|named| NamedStar { star: self.epoch.seen(named.star), ..named });
             built_in.chain(self.named_in_files.iter().cloned()).collect()
         })
     }

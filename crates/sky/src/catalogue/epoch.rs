@@ -59,7 +59,11 @@ pub fn seen_from(set: &StarSet, vantage: Vantage) -> StarSet {
     // Diffuse light varies over degrees only, so it is not moved.
     let mut named = set.named_in_files().to_vec();
     named.iter_mut().for_each(|named| named.star = epoch.seen(set.epoch.unseen(named.star)));
-    StarSet::from_records(records).of_epoch(epoch).with_names(named).with_unresolved(set.unresolved.clone())
+    StarSet::from_records(records)
+        .of_epoch(epoch)
+        .with_names(named)
+        .with_unresolved(set.unresolved.clone())
+        .with_variability_of(set)
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ pub mod packed;
 pub mod reader;
 pub mod spectra;
 pub mod store;
+pub mod variable;
 pub mod zodiacal_light;
 
 use glam::DVec3;
