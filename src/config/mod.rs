@@ -502,7 +502,7 @@ impl Config {
             surroundings,
             local_sky: None,
             earth_m: None,
-            zodiacal_light: self.scene.zodiacal_light,
+            zodiacal_light: self.scene.has_zodiacal_light(),
             overlay,
         };
         Ok(objects.placed())

@@ -44,8 +44,8 @@ pub struct SceneConfig {
     /// Whether the Sun, the Moon, the planets and their largest moons are among the bodies, at their places at the scene's time; by default if there is an observer. Bodies of the same name, preset or
     /// ephemeris replace them.
     pub solar_system: Option<bool>,
-    /// Whether the zodiacal light and the gegenschein are drawn, as seen from the Earth. They require an observer and the Solar System.
-    pub zodiacal_light: bool,
+    /// Whether the zodiacal light and the gegenschein are drawn, as seen from the Earth; by default if there are an observer and the Solar System, which they require.
+    pub zodiacal_light: Option<bool>,
     /// Whether ten variable stars of `builtin:bright`, such as Algol, delta Cephei and Mira, have the brightness of the scene's time, see [catalogues.md](catalogues.md#variable-stars).
     pub variable_stars: bool,
     /// Initial camera pose and velocity.
@@ -61,7 +61,7 @@ impl Default for SceneConfig {
             observer: None,
             kernels: Vec::new(),
             solar_system: None,
-            zodiacal_light: false,
+            zodiacal_light: None,
             variable_stars: false,
             camera: CameraConfig::default(),
         }
@@ -255,7 +255,7 @@ impl SceneConfig {
             let problem = "scene.observer is given too, which places and directs the camera: give only one of them";
             return Err(KeyError::new("camera", problem));
         }
-        if self.zodiacal_light && !(self.observer.is_some() && self.has_solar_system()) {
+        if self.zodiacal_light == Some(true) && !self.may_have_zodiacal_light() {
             let problem = "has no effect: the zodiacal light is that seen from the Earth, and requires scene.observer and the Solar System";
             return Err(KeyError::new("zodiacal_light", problem));
         }
@@ -288,6 +288,14 @@ impl SceneConfig {
     }
 
     /// Whether the bodies of the Solar System are part of the scene.
+    pub(super) fn has_zodiacal_light(&self) -> bool {
+        self.zodiacal_light.unwrap_or(true) && self.may_have_zodiacal_light()
+    }
+
+    fn may_have_zodiacal_light(&self) -> bool {
+        self.observer.is_some() && self.has_solar_system()
+    }
+
     pub(super) fn has_solar_system(&self) -> bool {
         self.solar_system.unwrap_or(self.observer.is_some())
     }

@@ -129,6 +129,20 @@ fn an_empty_file_gives_the_defaults() {
 }
 
 #[test]
+fn an_observer_on_the_earth_sees_the_zodiacal_light() {
+    let observer = "[scene.observer]\nlatitude_deg = 50\nlongitude_deg = 8\n";
+    let drawn = |text: &str| parse(text).unwrap().objects().unwrap().zodiacal_light;
+    assert!(drawn(observer));
+    assert!(!drawn(""), "without an observer");
+    assert!(!drawn(&format!("[scene]\nzodiacal_light = false\n{observer}")), "switched off");
+    assert!(!drawn(&format!("[scene]\nsolar_system = false\n{observer}")), "without the Sun");
+    for text in ["[scene]\nzodiacal_light = true", &format!("[scene]\nzodiacal_light = true\nsolar_system = false\n{observer}")] {
+        let error = parse(text).unwrap_err().to_string();
+        assert!(error.contains("scene.zodiacal_light: has no effect"), "{error}");
+    }
+}
+
+#[test]
 fn variable_stars_need_the_table_that_has_them() {
     let config = parse("[scene]\nvariable_stars = true").unwrap();
     assert_eq!(config.star_sources(), [StarSource::BrightVariable]);

@@ -1,6 +1,8 @@
 //! Bound of the folder that keeps baked atlases. Several programs may share a folder: files appear and vanish as a whole, and a file that
 //! another program has removed counts as absent.
 //!
+//! No shader: holds files.
+//!
 //! No twin: holds files.
 
 use std::{
