@@ -8,7 +8,9 @@ fn air_mass(sine: f32) -> f32 {
     return 1.0 / (held + 0.025 * exp(-11.0 * held));
 }
 
-// Share of light from a unit direction, world axes, that passes the air.
+// Share of light from a unit direction, world axes, that passes the air. Without ground the sky below the horizon mirrors
+// that above it.
 fn through_air(air: AirAbove, direction: vec3<f32>) -> vec3<f32> {
-    return exp2(air.extinction * air_mass(dot(direction, air.zenith)));
+    let sine = dot(direction, air.zenith);
+    return exp2(air.extinction * air_mass(select(sine, abs(sine), air.present == 2u)));
 }

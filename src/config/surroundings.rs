@@ -55,7 +55,7 @@ pub struct AirConfig {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GroundConfig {
-    /// Whether there is ground. Without it everything below the horizon is visible, the Sun too.
+    /// Whether there is ground. Without it the sky below the horizon mirrors that above it: stars, planets and the Moon are visible, a Sun that has set is not.
     pub enabled: bool,
     /// Share of the light on it that it reflects.
     #[schemars(range(min = 0.0, max = 1.0))]

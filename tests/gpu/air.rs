@@ -136,6 +136,31 @@ fn pixels_of_sky_and_ground_equal_the_reference() {
 }
 
 #[test]
+fn without_ground_the_night_is_dark_and_has_no_black_ring_below_the_horizon() {
+    let glare = GlareSettings { method: GlareMethod::SkyCube, fraction: 0.1, ..GlareSettings::default() };
+    let settings = RenderSettings { glare, ..settings(StarMethod::Auto) };
+    // A Sun 45 degrees below the horizon is behind the Earth; 2 degrees above it, its glare is seen.
+    for (sun_deg, is_night) in [([180.0, -45.0], true), ([180.0, 2.0], false)] {
+        let scene = scene(&[], Some(sun_deg), without_ground(22.0));
+        let sky = local_sky(&scene);
+        let rig = views();
+        let frame = render_hdr(&mut renderer(), &scene, &rig, &settings);
+        let viewport = &rig.viewports(scene.camera.world_from_camera)[1];
+        let image = &frame.images[1];
+        let mut worst = 1.0_f64;
+        for (index, pixel) in image.hdr.as_ref().unwrap().iter().enumerate() {
+            let [x, y] = [index as u32 % image.width, index as u32 / image.width].map(f64::from);
+            let towards = viewport.projection.mapping().direction_from_pixel(DVec2::new(x + 0.5, y + 0.5)).unwrap();
+            let expected = sky.luminance_cd_m2(viewport.world_from_view * towards)[1];
+            let ratio = f64::from(pixel[1]) / expected;
+            worst = worst.max(ratio).max(ratio.recip());
+        }
+        println!("Sun {sun_deg:?}: at most {worst:.2} times the sky or a fraction of it");
+        assert_eq!(worst < 1.1, is_night, "{sun_deg:?}: {worst}");
+    }
+}
+
+#[test]
 fn glare_does_not_change_a_uniform_sky() {
     let scene = scene(&[], None, surroundings(18.0));
     let glare = GlareSettings { method: GlareMethod::SkyCube, fraction: 0.1, ..GlareSettings::default() };
@@ -243,16 +268,20 @@ fn stars_are_dimmed_by_extinction_and_hidden_below_the_horizon() {
         let raised = DQuat::from_rotation_x(altitude_deg.to_radians());
         Rig::new(vec![View::new("star", kind, raised, DVec3::ZERO).unwrap()]).unwrap()
     };
-    for (altitude_deg, method) in [
-        (80.0, StarMethod::Auto),
-        (30.0, StarMethod::BSpline),
-        (12.0, StarMethod::Tent),
-        (9.0, StarMethod::PixelGaussian),
-        (3.0, StarMethod::Auto),
-        (-5.0, StarMethod::Auto),
+    // Almost without airglow, behind hills of 0.12 rad (6.9 degrees) or without ground.
+    let hills = surroundings(30.0);
+    for (altitude_deg, method, around, is_seen) in [
+        (80.0, StarMethod::Auto, &hills, true),
+        (30.0, StarMethod::BSpline, &hills, true),
+        (12.0, StarMethod::Tent, &hills, true),
+        (9.0, StarMethod::PixelGaussian, &hills, true),
+        (3.0, StarMethod::Auto, &hills, false),
+        (-5.0, StarMethod::Auto, &hills, false),
+        (3.0, StarMethod::Auto, &without_ground(30.0), true),
+        (-5.0, StarMethod::Auto, &without_ground(30.0), true),
+        (-40.0, StarMethod::BSpline, &without_ground(30.0), true),
     ] {
-        // Almost without airglow, behind hills of 0.12 rad (6.9 degrees).
-        let scene = scene(&[([180.0, altitude_deg], magnitude)], None, surroundings(30.0));
+        let scene = scene(&[([180.0, altitude_deg], magnitude)], None, around.clone());
         let rig = window(altitude_deg);
         let frame = render_hdr(&mut renderer(), &scene, &rig, &settings(method));
         let mapping = rig.views()[0].images[0].projection.mapping();
@@ -266,6 +295,7 @@ fn stars_are_dimmed_by_extinction_and_hidden_below_the_horizon() {
         let expected =
             illuminance_lx_from_magnitude(f64::from(magnitude)) * luminance([0, 1, 2].map(|c| colour[c] * through[c]));
         println!("{altitude_deg} degrees: {light:.3e} lx, expected {expected:.3e}");
+        assert_eq!(expected > 1e-8, is_seen, "{altitude_deg}");
         assert!((light - expected).abs() < 2e-3 * expected + 1e-12, "{altitude_deg}: {light} {expected}");
     }
 }

@@ -136,7 +136,9 @@ fn an_observer_on_the_earth_sees_the_zodiacal_light() {
     assert!(!drawn(""), "without an observer");
     assert!(!drawn(&format!("[scene]\nzodiacal_light = false\n{observer}")), "switched off");
     assert!(!drawn(&format!("[scene]\nsolar_system = false\n{observer}")), "without the Sun");
-    for text in ["[scene]\nzodiacal_light = true", &format!("[scene]\nzodiacal_light = true\nsolar_system = false\n{observer}")] {
+    for text in
+        ["[scene]\nzodiacal_light = true", &format!("[scene]\nzodiacal_light = true\nsolar_system = false\n{observer}")]
+    {
         let error = parse(text).unwrap_err().to_string();
         assert!(error.contains("scene.zodiacal_light: has no effect"), "{error}");
     }

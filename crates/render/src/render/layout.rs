@@ -85,7 +85,7 @@ gpu_structs! {
     struct AirAbove {
         /// Unit vector to the zenith, world axes.
         zenith: [f32; 3],
-        /// 1: there is air.
+        /// 1: there is air above ground; 2: there is air on all sides, without ground.
         present: u32,
         /// Attenuation per air mass as a power of two, linear Rec. 709.
         extinction: [f32; 3],
@@ -146,7 +146,7 @@ impl AirAbove {
         let Some((sky, air)) = sky.and_then(|sky| Some((sky, sky.air.as_ref()?))) else { return Self::default() };
         Self {
             zenith: sky.zenith().as_vec3().to_array(),
-            present: 1,
+            present: if sky.horizon.is_some() { 1 } else { 2 },
             extinction: air.extinction_log2().map(|log2| log2 as f32),
             density: sky.refraction.map_or(0.0, |refraction| refraction.density as f32),
         }

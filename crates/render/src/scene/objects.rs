@@ -13,7 +13,7 @@ use super::{
 use crate::{
     catalogue::zodiacal_light::ZodiacalLight,
     ephemeris::Kernels,
-    observer::{Frame, Moment, Observer},
+    observer::{Frame, Moment, Observer, refraction::dip_rad},
     solar_system::SolarBody,
 };
 
@@ -66,11 +66,16 @@ impl SceneObjects {
     #[must_use]
     pub fn seen_from(self: &Arc<Self>, camera_m: DVec3) -> Arc<Self> {
         let Some(sky) = self.local_sky(camera_m) else { return Arc::clone(self) };
+        let dip_rad = self.observer.as_ref().map_or(0.0, |observer| {
+            dip_rad(observer.place.height_m, self.surroundings.as_ref().and_then(|around| around.refraction.as_ref()))
+        });
         let through = |body: &Arc<Body>| {
             let offset_m = body.position_m - camera_m;
             let radius_rad = body.angular_radius_rad(camera_m);
             let direction = (sky.seen_body(offset_m, radius_rad) * offset_m).normalize_or(DVec3::Y);
-            let seen_through = sky.transmission_of_disc(direction, radius_rad);
+            let passed = sky.transmission_of_disc(direction, radius_rad);
+            let risen = if body.emission.is_some() { sky.risen_share(direction, radius_rad, dip_rad) } else { 1.0 };
+            let seen_through = passed.map(|passed| passed * risen);
             Arc::new(Body { seen_through, ..(**body).clone() })
         };
         let bodies = self.bodies.iter().map(through).collect();

@@ -404,6 +404,13 @@ impl LocalSky {
         if sine < at_horizon {
             return [0.0; 3];
         }
+        self.through_air(sine)
+    }
+
+    /// Fraction of the light at an altitude, given by its sine, that passes the air. Without ground the sky below the horizon mirrors that
+    /// above it.
+    fn through_air(&self, sine: f64) -> [f64; 3] {
+        let sine = if self.horizon.is_some() { sine } else { sine.abs() };
         self.air.as_ref().map_or([1.0; 3], |air| air.transmission(sine))
     }
 
@@ -415,7 +422,18 @@ impl LocalSky {
             return [0.0; 3];
         }
         let lowest = if self.horizon.is_some() { (sine - radius_rad).max(at_horizon) } else { sine - radius_rad };
-        self.air.as_ref().map_or([1.0; 3], |air| air.transmission((0.5 * (above + lowest)).sin()))
+        self.through_air((0.5 * (above + lowest)).sin())
+    }
+
+    /// Share of a sun's disc of an angular radius, rad, in an apparent direction, that the Earth does not hide, whose horizon is `dip_rad`
+    /// below altitude 0. Ground hides the disc pixel by pixel; without ground this dims a setting sun as a whole, so that one below the
+    /// horizon does not shine into the night.
+    pub(super) fn risen_share(&self, direction: DVec3, radius_rad: f64, dip_rad: f64) -> f64 {
+        if self.horizon.is_some() {
+            return 1.0;
+        }
+        let altitude_rad = self.sines(direction)[0].clamp(-1.0, 1.0).asin();
+        ((altitude_rad + dip_rad + radius_rad) / (2.0 * radius_rad)).clamp(0.0, 1.0)
     }
 
     /// Luminance of the light that the air scatters and emits in a direction above the horizon, cd/m^2.
@@ -434,7 +452,7 @@ impl LocalSky {
     /// including the light added by the air.
     pub fn above_cd_m2(&self, direction: DVec3, shown_cd_m2: [f64; 3]) -> [f64; 3] {
         let sine = self.sines(direction)[0];
-        let passed = self.air.as_ref().map_or([1.0; 3], |air| air.transmission(sine));
+        let passed = self.through_air(sine);
         let added = self.scattered_cd_m2(direction);
         [0, 1, 2].map(|c| shown_cd_m2[c] * passed[c] + added[c])
     }
@@ -485,6 +503,30 @@ mod tests {
         assert!((hills.altitude_rad(0.0) - north).abs() < 1e-12);
         assert!((f64::from(hills.sines()[0]) - north.sin()).abs() < 1e-7);
         assert_eq!(Horizon::default().altitude_rad(3.0), 0.0);
+    }
+
+    #[test]
+    fn without_ground_the_sky_below_the_horizon_mirrors_that_above_but_the_sun_has_set() {
+        let whole = Surroundings { ground: None, ..surroundings(true, Vec::new()) };
+        let night = LocalSky::new(&whole, DMat3::IDENTITY, &[], None);
+        let at = |degrees: f64| DVec3::new(0.0, degrees.to_radians().sin(), -degrees.to_radians().cos());
+        for degrees in [20.0, 5.0, 1.0, 0.2] {
+            let [above, below] = [degrees, -degrees].map(|degrees| night.transmission(at(degrees)));
+            assert_eq!(above, below, "{degrees} degrees");
+            let [above, below] = [degrees, -degrees].map(|degrees| night.transmission_of_disc(at(degrees), 1e-3));
+            assert!((above[1] / below[1] - 1.0).abs() < 1e-9, "{degrees} degrees, disc");
+        }
+        // The profile has no black ring and no step at the horizon.
+        let light = [20.0, 5.0, 1.0, 0.1, -0.1, -1.0, -5.0, -20.0].map(|degrees| night.luminance_cd_m2(at(degrees))[1]);
+        assert!(light.iter().all(|light| *light > 3e-5), "{light:?}");
+        assert!((light[3] / light[4] - 1.0).abs() < 0.05 && light[5] > 0.5 * light[2], "{light:?}");
+        let risen = |degrees: f64| night.risen_share(at(degrees), 0.25_f64.to_radians(), 0.5_f64.to_radians());
+        assert!(risen(0.0) == 1.0 && risen(-0.8) == 0.0 && (risen(-0.5) - 0.5).abs() < 1e-9);
+        // Ground hides what is below, and the air above it is not mirrored.
+        let grounded = LocalSky::new(&surroundings(true, vec![[0.0, -0.05]]), DMat3::IDENTITY, &[], None);
+        assert_eq!(grounded.transmission(at(-20.0)), [0.0; 3]);
+        assert_eq!(grounded.transmission(at(-2.0)), grounded.transmission(at(0.0)));
+        assert!((grounded.risen_share(at(-20.0), 0.004, 0.0) - 1.0).abs() < 1e-12);
     }
 
     #[test]
