@@ -59,6 +59,8 @@ const STEEP_REACHES: f32 = 6.0;
 // Size of the parts of a pixel in which rings are computed, equatorial radii, and their greatest number along each side.
 const RING_PART: f32 = 0.3;
 const MOST_RING_PARTS: f32 = 8.0;
+// Number of these parts along each side at the limb of the globe, at least.
+const LEAST_RING_PARTS_AT_LIMB: f32 = 4.0;
 
 // Body as seen by the eye that looks along a ray. One eye is used for the whole pixel, so that limbs are as smooth as
 // elsewhere.
@@ -90,6 +92,8 @@ struct Contribution {
     distance_m: f32,
     limb: bool,
     rings: bool,
+    // Coverage by rings of the part of a pixel in which they are in front of their globe; otherwise 0.
+    before_globe: f32,
 }
 
 // Contribution of a body to a pixel. `extent`: half the diagonal of the pixel in units of the ray.
@@ -110,7 +114,7 @@ fn body_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec
     let parts = u32(clamp(ceil(reach / SMALL_PART), select(select(1.0, 2.0, steep), LEAST_LIMB_PARTS, contribution.limb), MOST_LIMB_PARTS));
     if parts == 1u {
         contribution.coverage = 1.0;
-        contribution.light = luminance_at(body, middle, entry, footprint);
+        contribution.light = luminance_at(body, middle, entry, footprint) * before_globe(body, middle, entry, footprint);
         return contribution;
     }
     let step = 1.0 / f32(parts);
@@ -136,10 +140,12 @@ fn body_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec
         whole += weight;
         is_covered = is_covered && share >= 1.0;
         if share > 0.0 {
+            let part_entry = entry_of(body, passage);
+            let part = weight * before_globe(body, passage, part_entry, footprint * step);
             if steep {
-                contribution.light += weight * light_of_part(body, passage, share, slopes, footprint * step);
+                contribution.light += part * light_of_part(body, passage, share, slopes, footprint * step);
             } else {
-                contribution.light += weight * share * luminance_at(body, passage, entry_of(body, passage), footprint * step);
+                contribution.light += part * share * luminance_at(body, passage, part_entry, footprint * step);
             }
             contribution.coverage += weight * share;
         }
@@ -183,8 +189,24 @@ fn rings_around(body: ViewBody, place: vec2<f32>, half: f32, mu: vec2<f32>) -> v
     return vec2(reflected * open, coverage);
 }
 
-// Contribution of a body's rings to a pixel: the mean of parts that are narrower than the rings.
-fn rings_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec3<f32>) -> Contribution {
+// Share of the light of a globe that its rings let pass on the way to the eye, in a part of a pixel with a footprint in units of the
+// globe. The shadow of the rings is close behind them, so the light of a part is not that of a larger one.
+fn before_globe(body: ViewBody, passage: Passage, entry: vec4<f32>, footprint: f32) -> f32 {
+    if body.around != AROUND_RINGS {
+        return 1.0;
+    }
+    let place = on_equator(body, passage.ray);
+    if place.w == 0.0 || place.z >= entry.w {
+        return 1.0;
+    }
+    let in_world = passage.along * vec3(1.0, 1.0, body.flattening);
+    let mu_eye = max(abs(in_world.z) * inverseSqrt(dot(in_world, in_world)), 1e-3);
+    return 1.0 - rings_around(body, place.xy, clamp(0.5 * footprint / mu_eye, 1e-5, 1.0), vec2(mu_eye, 1.0)).y;
+}
+
+// Contribution of a body's rings to a pixel, without the parts behind the globe: the mean of parts that are narrower than the
+// rings.
+fn rings_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec3<f32>, at_limb: bool) -> Contribution {
     var contribution: Contribution;
     contribution.rings = true;
     let own = on_equator(body, ray);
@@ -204,20 +226,38 @@ fn rings_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: ve
     let mu = max(vec2(abs(in_world.z) * inverseSqrt(dot(in_world, in_world)), abs(body.to_sun.z)), vec2(1e-3));
     // Rays that come from above go down.
     let is_lit = -in_world.z * body.to_sun.z > 0.0;
-    let parts = u32(clamp(ceil(reach / RING_PART), 1.0, MOST_RING_PARTS));
+    let least = select(1.0, LEAST_RING_PARTS_AT_LIMB, at_limb);
+    let parts = u32(clamp(ceil(reach / RING_PART), least, MOST_RING_PARTS));
     var sum = vec2(0.0);
     for (var i = 0u; i < parts * parts; i++) {
         let position = (vec2(f32(i % parts), f32(i / parts)) + 0.5) / f32(parts);
-        let place = on_equator(body, ray_of(viewport, corner + position, ray));
+        let part_ray = ray_of(viewport, corner + position, ray);
+        let place = on_equator(body, part_ray);
+        let on_globe = passage_of(body, part_ray);
+        if on_globe.s < 1.0 && entry_of(body, on_globe).w < place.z {
+            continue;
+        }
         let beside = abs(length(place.xy + (right.xy - own.xy) / f32(parts)) - length(place.xy));
         let below = abs(length(place.xy + (down.xy - own.xy) / f32(parts)) - length(place.xy));
-        sum += place.w * rings_around(body, place.xy, clamp(beside + below, 1e-5, 1.0), mu);
+        let part = place.w * rings_around(body, place.xy, clamp(beside + below, 1e-5, 1.0), mu);
+        sum += part;
+        contribution.before_globe += select(0.0, part.y, on_globe.s < 1.0);
     }
     sum /= f32(parts * parts);
+    contribution.before_globe /= f32(parts * parts);
     contribution.coverage = sum.y;
     contribution.light = body.around_light * select(0.0, sum.x, is_lit);
     contribution.distance_m = own.z;
     return contribution;
+}
+
+// Contribution of a globe, whose light is already dimmed by the rings before it, and of its rings in a pixel that shows both.
+fn globe_with_rings(globe: Contribution, rings: Contribution) -> Contribution {
+    var both = globe;
+    both.light += rings.light;
+    both.coverage = min(globe.coverage + rings.coverage - rings.before_globe, 1.0);
+    both.distance_m = min(globe.distance_m, rings.distance_m);
+    return both;
 }
 
 // Luminance of a corona relative to the disc's mean, at a distance from the sun's centre in radii: see
@@ -431,6 +471,14 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
         let body = body_for(viewport, b, ray);
         let extent = extent_of(viewport, corner, ray);
         var contribution = body_in_pixel(viewport, body, corner, ray, extent);
+        var rings: Contribution;
+        if body.around == AROUND_RINGS {
+            rings = rings_in_pixel(viewport, body, corner, ray, contribution.limb);
+            if contribution.coverage > 0.0 && rings.coverage > 0.0 {
+                contribution = globe_with_rings(contribution, rings);
+                rings.coverage = 0.0;
+            }
+        }
         if contribution.coverage > 0.0 || contribution.limb {
             if contribution.limb || body.part < 1.0 {
                 flags |= COVER_LIMB;
@@ -443,13 +491,10 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
             corona += corona_in_pixel(viewport, body, corner, ray, extent);
             corona_m = min(corona_m, body.distance_m * length(body.centre) - 1.0 / body.inverse_smallest);
         }
-        if body.around == AROUND_RINGS {
-            var rings = rings_in_pixel(viewport, body, corner, ray);
-            if rings.coverage > 0.0 {
-                rings.light *= body.part;
-                rings.coverage *= body.part;
-                count = insert_hit(&hits, count, rings);
-            }
+        if rings.coverage > 0.0 {
+            rings.light *= body.part;
+            rings.coverage *= body.part;
+            count = insert_hit(&hits, count, rings);
         }
     }
     var light = vec3(0.0);

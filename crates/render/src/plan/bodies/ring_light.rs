@@ -13,8 +13,8 @@ use crate::{
     scene::bodies::{Body, Light, SolarBody},
 };
 
-/// Places along each side of the square around the rings at which globe and rings are compared.
-const PLACES: i32 = 72;
+/// Places along each side of the rectangle around the rings at which globe and rings are compared.
+const PLACES: i32 = 108;
 
 /// Whether a body has rings: Saturn with its measured light.
 pub(super) fn has_rings(body: &Body) -> bool {
@@ -60,9 +60,11 @@ fn open_shares(body: &Body, to_eye: DVec3, to_sun: DVec3) -> [f64; 2] {
     let up = to_eye.cross(side);
     let (mu_eye, mu_sun) = (to_eye.z.abs(), to_sun.z.abs());
     let [mut globe, mut ring] = [[0.0; 2]; 2];
+    // Little open rings are narrow: the square is flattened to globe and rings.
+    let half_height = 1.0_f64.max(rings::OUTER * mu_eye);
     for (i, j) in (0..PLACES).flat_map(|i| (0..PLACES).map(move |j| (i, j))) {
-        let place = |index: i32| ((f64::from(index) + 0.5) / f64::from(PLACES) * 2.0 - 1.0) * rings::OUTER;
-        let place = side * place(i) + up * place(j);
+        let place = |index: i32| (f64::from(index) + 0.5) / f64::from(PLACES) * 2.0 - 1.0;
+        let place = side * (rings::OUTER * place(i)) + up * (half_height * place(j));
         // Positions along the line of sight, towards the eye: of the globe's front, and of the plane of the rings.
         let on_globe = meets_globe(place, to_eye, shape);
         let at_rings = -place.z / to_eye.z;
