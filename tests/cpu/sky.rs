@@ -37,6 +37,53 @@ fn body<'a>(objects: &'a SceneObjects, name: &str) -> &'a Body {
 
 const GREENWICH: &str = "[scene.observer]\nlatitude_deg = 51.4779\nlongitude_deg = 0.0\nheight_m = 46\n";
 
+/// Share of the light that Titan reflects back to the Sun in the shadow of a Saturn with these radii: rays from parts of its disc, weighted
+/// as by a Lambert sphere, to parts of the Sun's disc, which an ellipsoid hides or not.
+fn light_of_titan(objects: &SceneObjects, saturn_radii_m: DVec3) -> f64 {
+    let [sun, saturn, titan] = ["sun", "saturn", "titan"].map(|name| body(objects, name));
+    let (side, up) = (sun.position_m - titan.position_m).normalize().any_orthonormal_pair();
+    let disc: Vec<[f64; 2]> = (0..24 * 24)
+        .map(|index| [index % 24, index / 24].map(|at| (f64::from(at) + 0.5) / 12.0 - 1.0))
+        .filter(|[x, y]| x * x + y * y < 1.0)
+        .collect();
+    let to_saturn = saturn.orientation.conjugate();
+    let (mut free, mut all) = (0.0, 0.0);
+    for [x, y] in &disc {
+        let from_m = titan.position_m + (side * *x + up * *y) * titan.radii_m.x;
+        let from = to_saturn * (from_m - saturn.position_m) / saturn_radii_m;
+        let weight = (1.0 - x * x - y * y).sqrt();
+        for [x, y] in &disc {
+            let to_m = sun.position_m + (side * *x + up * *y) * sun.radii_m.x;
+            let ray = to_saturn * (to_m - from_m) / saturn_radii_m;
+            all += weight;
+            free += if from.cross(ray).length() > ray.length() { weight } else { 0.0 };
+        }
+    }
+    free / all
+}
+
+#[test]
+fn saturn_s_flattening_leaves_light_on_titan_in_the_eclipse_of_october_2024() {
+    let objects = config("[scene]\nsolar_system = true\n").objects().unwrap();
+    for (time, is_deep) in
+        [("2024-10-27T18:00:00Z", false), ("2024-10-27T20:15:00Z", false), ("2024-10-27T20:53:00Z", true)]
+    {
+        let objects = SceneObjects { time_s: time_s(time), ..objects.clone() }.placed();
+        let [titan, sun] = ["titan", "sun"].map(|name| body(&objects, name));
+        let mut alone = objects.clone();
+        alone.bodies.retain(|body| body.name != "saturn");
+        let [drawn, whole] = [&objects, &alone].map(|objects| {
+            luminance(illuminance_of(titan, titan.position_m.lerp(sun.position_m, 0.99), &suns(objects), 0.0))
+        });
+        let radii_m = body(&objects, "saturn").radii_m;
+        let [expected, of_sphere] = [radii_m, DVec3::splat(radii_m.x)].map(|radii_m| light_of_titan(&objects, radii_m));
+        println!("{time}: {:.3} of the light, summed {expected:.3}, behind a sphere {of_sphere:.3}", drawn / whole);
+        assert!((drawn / whole - expected).abs() < 0.02, "{time}: {} {expected}", drawn / whole);
+        // A sphere leaves nothing where Saturn leaves a third.
+        assert_eq!(expected < 0.5 && of_sphere < 0.001, is_deep, "{time}: {expected} {of_sphere}");
+    }
+}
+
 #[test]
 fn an_observer_has_the_solar_system_and_looks_along_the_horizon() {
     let text = |look: &str| format!("[scene]\ntime = 2026-11-23T20:00:00Z\n{GREENWICH}{look}");
