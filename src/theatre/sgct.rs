@@ -25,6 +25,8 @@ use crate::files;
 const MOST_TEXT: usize = 16 << 20;
 /// Columns and rows of the grid of a viewport without a mesh.
 const PLAIN: [usize; 2] = [65, 65];
+/// Distance between the eyes of a user of SGCT that has none, m.
+const EYE_SEPARATION_M: f64 = 0.06;
 
 impl Reader<'_> {
     pub(super) fn sgct(&mut self, bytes: &[u8]) -> Result<Vec<Region>, Fault> {
@@ -123,14 +125,8 @@ impl Reader<'_> {
                 return Err(Fault::new(mirror.place, "a mirrored window", "must be false"));
             }
         }
-        if let Some(stereo) = window.get("stereo")?
-            && !["none", "no_stereo"].contains(&stereo.text()?)
-        {
-            return Err(Fault::new(
-                &stereo.place,
-                format!("`{}`", stereo.text()?.escape_debug()),
-                "only one eye (none) is supported",
-            ));
+        if let Some(stereo) = window.get("stereo")? {
+            check_stereo(&stereo)?;
         }
         let area = self.area(window, viewport)?;
         let mesh = match (viewport.get("mesh")?, window.get("scalablemesh")?) {
@@ -193,26 +189,47 @@ impl Reader<'_> {
         Ok(Area { position, size, size_px, aspect })
     }
 
-    /// Position of the eye: from the viewport's user, or from the options.
+    /// Position of the eye for which a viewport is drawn: that of its user, or half the separation of the eyes to the side.
     fn eye(&mut self, viewport: &Field, users: &[Field]) -> Result<DVec3, Fault> {
-        let user = match viewport.get("user")? {
-            None => users.first().cloned(),
-            Some(wanted) => {
-                let name = wanted.text()?;
-                let mut found = None;
-                for user in users {
-                    if let Some(own) = user.get("name")?
-                        && own.text()? == name
-                    {
-                        found = Some(user.clone());
-                    }
+        let side = match viewport.get("eye")? {
+            None => 0.0,
+            Some(eye) => match eye.text()?.to_ascii_lowercase().as_str() {
+                "center" => 0.0,
+                "left" => -0.5,
+                "right" => 0.5,
+                other => {
+                    let problem = format!("`{}`", other.escape_debug());
+                    return Err(Fault::new(&eye.place, problem, "must be one of center, left and right"));
                 }
-                Some(found.ok_or_else(|| {
-                    let problem = format!("no user `{}`", name.escape_debug());
-                    Fault::new(&wanted.place, problem, "must be one of `users`")
-                })?)
-            }
+            },
         };
+        let user = user_of(viewport, users)?;
+        let middle = self.middle_of_eyes(user.as_ref())?;
+        if side == 0.0 {
+            return Ok(middle);
+        }
+        for key in ["orientation", "matrix"] {
+            if let Some(turned) = user.as_ref().map(|user| user.get(key)).transpose()?.flatten() {
+                let problem = "a turned user in front of a viewport for one eye";
+                return Err(Fault::new(
+                    turned.place,
+                    problem,
+                    "must be absent: the eyes are beside each other along x",
+                ));
+            }
+        }
+        let separation = user.map(|user| user.optional_number("eyeseparation")).transpose()?.flatten();
+        let separation_m = separation.unwrap_or(EYE_SEPARATION_M);
+        let eye = middle + DVec3::X * (side * separation_m);
+        self.note(format!(
+            "{}: for one eye, at {eye} m; the scene is drawn from the middle of both, which matters for objects within some metres",
+            viewport.place
+        ));
+        Ok(eye)
+    }
+
+    /// Position of the middle between the eyes: from the viewport's user, or from the options.
+    fn middle_of_eyes(&mut self, user: Option<&Field>) -> Result<DVec3, Fault> {
         let position = match user {
             Some(user) => user.get("pos")?.map(|position| Ok((position.vector()?, position.place))).transpose()?,
             None => None,
@@ -380,4 +397,56 @@ impl Reader<'_> {
 /// The name of a window, if it has one.
 fn window_name<'a>(window: &Field<'a>) -> Result<Option<&'a str>, Fault> {
     Ok(window.get("name")?.map(|name| name.text()).transpose()?.filter(|name| !name.is_empty()))
+}
+
+/// Ways in which a window of SGCT shows two eyes.
+const STEREO: [&str; 14] = [
+    "active",
+    "quadbuffer",
+    "anaglyph_red_cyan",
+    "anaglyph_amber_blue",
+    "anaglyph_red_cyan_wimmer",
+    "checkerboard",
+    "checkerboard_inverted",
+    "vertical_interlaced",
+    "vertical_interlaced_inverted",
+    "dummy",
+    "side_by_side",
+    "side_by_side_inverted",
+    "top_bottom",
+    "top_bottom_inverted",
+];
+
+/// Refuses a window that shows two eyes.
+fn check_stereo(stereo: &Field) -> Result<(), Fault> {
+    let mode = stereo.text()?.to_ascii_lowercase();
+    if ["none", "no_stereo", "off"].contains(&&*mode) {
+        return Ok(());
+    }
+    let shown = mode.escape_debug();
+    Err(if STEREO.contains(&&*mode) {
+        let problem = format!("`{shown}`: a window that shows two pictures, one for each eye");
+        let reason = "a projector has one picture: give each eye a window with stereo `none`, whose viewports have eye `left` or `right`";
+        Fault::new(&stereo.place, problem, reason)
+    } else {
+        Fault::new(&stereo.place, format!("`{shown}`"), format!("must be none; SGCT also knows {}", STEREO.join(", ")))
+    })
+}
+
+/// The user of a viewport: the one that it names, or the first.
+fn user_of<'a>(viewport: &Field, users: &[Field<'a>]) -> Result<Option<Field<'a>>, Fault> {
+    let Some(wanted) = viewport.get("user")? else { return Ok(users.first().cloned()) };
+    let name = wanted.text()?;
+    let mut found = None;
+    for user in users {
+        if let Some(own) = user.get("name")?
+            && own.text()? == name
+        {
+            found = Some(user.clone());
+        }
+    }
+    found.map(Some).ok_or_else(|| {
+        let problem = format!("no user `{}`", name.escape_debug());
+        Fault::new(&wanted.place, problem, "must be one of `users`")
+    })
 }

@@ -159,6 +159,40 @@ fn masks_of_sgct_multiply_the_codes() {
 }
 
 #[test]
+fn viewports_of_sgct_for_one_eye_are_read_and_stereo_windows_say_why_not() {
+    let user = |pos: &str, more: &str| format!(r#""users":[{{"eyeseparation":0.08,"pos":{pos}{more}}}]}}"#);
+    let json = |eye: &str, user: &str| {
+        let text = sgct(SIZE, PLANAR, &format!(r#","eye":"{eye}""#));
+        format!("{}{user}", text.split_once(r#""users""#).unwrap().0)
+    };
+    let grid = |json: &str| one(&[("set", json.as_bytes())]).grid.samples;
+    let origin = user(r#"{"x":0,"y":1,"z":0}"#, "");
+    // An eye is where a user half the separation to the side would be.
+    for (eye, x) in [("left", "-0.04"), ("Right", "0.04"), ("center", "0")] {
+        let beside = user(&format!(r#"{{"x":{x},"y":1,"z":0}}"#), "");
+        assert_eq!(grid(&json(eye, &origin)), grid(&json("center", &beside)), "{eye}");
+    }
+    assert_ne!(grid(&json("left", &origin)), grid(&json("right", &origin)));
+    let notes = read_files(&[("set", json("left", &origin).as_bytes())], &sized()).unwrap().notes;
+    assert!(notes.iter().any(|note| note.contains("for one eye, at [-0.04, 1, 0] m")), "{notes:?}");
+
+    let refused = |json: &str| read_files(&[("set", json.as_bytes())], &sized()).unwrap_err().to_string();
+    assert!(refused(&json("both", &origin)).contains("must be one of center, left and right"));
+    let turned = user(r#"{"x":0,"y":1,"z":0}"#, r#","orientation":{"yaw":10,"pitch":0,"roll":0}"#);
+    assert!(refused(&json("left", &turned)).contains("a turned user"));
+    let window = |stereo: &str| {
+        sgct(SIZE, PLANAR, "").replacen(r#""viewports""#, &format!(r#""stereo":"{stereo}","viewports""#), 1)
+    };
+    assert_eq!(grid(&window("none")), grid(&sgct(SIZE, PLANAR, "")));
+    for mode in ["active", "side_by_side", "TOP_BOTTOM", "anaglyph_red_cyan"] {
+        let problem = refused(&window(mode));
+        assert!(problem.contains("two pictures, one for each eye") && problem.contains("eye `left`"), "{problem}");
+    }
+    let unknown = refused(&window("3d"));
+    assert!(unknown.contains("`3d`") && unknown.contains("must be none; SGCT also knows active"), "{unknown}");
+}
+
+#[test]
 fn the_raster_of_sgct_is_the_window_and_not_the_internal_picture() {
     let json =
         sgct(SIZE, PLANAR, "").replace(r#""viewports""#, r#""res":{"x":128,"y":128},"name":"Left one","viewports""#);
