@@ -137,8 +137,26 @@ fn check_make(command: &str) -> Result<(), String> {
     if found { Ok(()) } else { Err(format!("`{command}`: the Makefile does not have this target")) }
 }
 
-/// Checks a `grpcurl` command by its calls.
+/// Checks the mask of a `grpcurl` command: grpcurl reads masks as messages whose paths have the names of the protocol.
+fn check_mask(command: &str) -> Result<(), String> {
+    let Some((_, rest)) = command.split_once("-d '") else { return Ok(()) };
+    let text = rest.split('\'').next().unwrap_or_default();
+    let message: serde_json::Value = serde_json::from_str(text).map_err(|error| format!("`{command}`: {error}"))?;
+    let Some(mask) = message.get("updateMask").or(message.get("update_mask")) else { return Ok(()) };
+    let paths: Vec<&str> =
+        mask["paths"].as_array().into_iter().flatten().map(|path| path.as_str().unwrap_or_default()).collect();
+    let protocol = fs::read_dir(repository().join("proto/steradian/v1")).unwrap();
+    let protocol: String = protocol.map(|file| fs::read_to_string(file.unwrap().path()).unwrap()).collect();
+    let is_field = |name: &str| protocol.contains(&format!(" {name} = "));
+    if !paths.is_empty() && paths.iter().all(|path| path.split('.').all(is_field)) {
+        return Ok(());
+    }
+    Err(format!("`{command}`: the mask must be {{\"paths\": [...]}} with names of the protocol"))
+}
+
+/// Checks a `grpcurl` command by its calls and its mask.
 fn check_grpcurl(command: &str) -> Result<(), String> {
+    check_mask(command)?;
     let mut calls = command.split_whitespace().filter(|word| word.contains('/') && word.starts_with("steradian"));
     match calls.find(|call| !has_call(call)) {
         Some(call) => Err(format!("`{command}`: the protocol has no {call}")),
@@ -350,6 +368,9 @@ fn wrong_commands_are_detected() {
         "make no-such-target",
         "grpcurl -plaintext 127.0.0.1:7143 steradian.v1.ViewService/NoSuchCall",
         "grpcurl -plaintext 127.0.0.1:7143 steradian.v1.NoSuchService/ListViews",
+        "grpcurl -d '{\"updateMask\": \"exposure\"}' 127.0.0.1:7143 steradian.v1.ViewService/UpdateView",
+        "grpcurl -d '{\"updateMask\": {\"paths\": [\"definition.fovDeg\"]}}' 127.0.0.1:7143 steradian.v1.ViewService/UpdateView",
+        "grpcurl -d '{\"updateMask\": }' 127.0.0.1:7143 steradian.v1.ViewService/UpdateView",
         "cargo run --release --example no_such_example -- --out out",
         "cargo run --release --example render_view -- --no-such-option",
         "PYTHONPATH=python/src python3 python/examples/no_such.py",
