@@ -4,6 +4,7 @@
 use testkit::exr_file;
 use testkit::figures;
 
+mod adapters;
 mod atlas_cache;
 mod command_line;
 mod configuration_reference;

@@ -48,8 +48,14 @@ pub enum GpuError {
     Readback(#[from] wgpu::MapRangeError),
 }
 
-/// Graphics interfaces that are tried.
-const BACKENDS: wgpu::Backends = wgpu::Backends::VULKAN;
+/// Graphics interfaces that are tried on this system.
+const BACKENDS: wgpu::Backends = if cfg!(target_vendor = "apple") {
+    wgpu::Backends::METAL
+} else if cfg!(windows) {
+    wgpu::Backends::VULKAN.union(wgpu::Backends::DX12)
+} else {
+    wgpu::Backends::VULKAN
+};
 
 /// Longest time for submitted work before the device counts as lost.
 pub(crate) const SUBMISSION_TIMEOUT: Duration = Duration::from_secs(600);

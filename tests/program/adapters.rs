@@ -1,0 +1,146 @@
+//! What adapters get that offer less, and the same pictures on a second, independent driver.
+
+use std::{
+    collections::BTreeMap,
+    fs::{self, File},
+    io::BufReader,
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+};
+
+use testkit::exr_file::channels;
+
+/// The driver that Debian's package of the browser contains.
+const SECOND_DRIVER: &str = "/usr/lib/chromium/vk_swiftshader_icd.json";
+
+/// Configurations with all kinds of objects, and overrides that make their views small.
+const PICTURES: [(&str, &[&str]); 3] = [
+    ("tonight", &["views.dome.size=[192,192]", "views.south.size=[256,144]"]),
+    ("asteroids", &["views.window.size=[240,136]", "views.headset.size=[96,96]", "views.dome.size=[128,128]"]),
+    ("overlay", &["views.window.size=[320,200]", "views.dome.size=[192,192]", "views.cube.face_size=64"]),
+];
+
+fn steradian(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_steradian"));
+    command.args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).stdin(Stdio::null());
+    command.env_remove("STERADIAN_LOG").env_remove("STERADIAN_SHADERS");
+    command
+}
+
+/// Standard output and standard error of a command that ends with `code`.
+fn run(mut command: Command, code: i32) -> [String; 2] {
+    let output = command.output().unwrap();
+    let texts = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text).into_owned());
+    assert_eq!(output.status.code(), Some(code), "{command:?}\n{}\n{}", texts[0], texts[1]);
+    texts
+}
+
+#[test]
+fn an_adapter_with_too_little_is_refused_with_what_it_lacks() {
+    let [out, error] = run(steradian(&["info", "--adapter-limits", "storage-buffers=4"]), 69);
+    assert!(out.is_empty(), "{out}");
+    assert!(error.contains("offers too little: 4 storage buffers per stage: at least 8 needed"), "{error}");
+    let [_, error] = run(steradian(&["info", "--adapter-limits", "binding-mib=0"]), 64);
+    assert!(error.contains("`binding-mib=0` is not a restriction"), "{error}");
+}
+
+#[test]
+fn info_lists_needs_offers_and_what_is_done_instead() {
+    let report = |limits: &str| -> serde_json::Value {
+        let [out, _] = run(steradian(&["info", "--json", "--adapter-limits", limits]), 0);
+        serde_json::from_str(&out).unwrap()
+    };
+    let webgpu = report("webgpu");
+    let needs = webgpu["needs"].as_array().unwrap();
+    let buffers = needs.iter().find(|need| need["name"] == "storage buffers per stage").unwrap();
+    assert_eq!((&buffers["needed"], &buffers["offered"]), (&8.into(), &8.into()), "{buffers}");
+    let instead = webgpu["fallbacks"].to_string();
+    for part in ["32-bit words", "not measured", "16-bit floats", "in a texture", "separate pass", "without a map"] {
+        assert!(instead.contains(part), "{part}: {instead}");
+    }
+    let timestamps = report("no-timestamps")["fallbacks"].to_string();
+    assert!(timestamps.contains("not measured") && !timestamps.contains("in a texture"), "{timestamps}");
+    assert!(report("storage-buffers=9")["fallbacks"].to_string().contains("separate pass"));
+}
+
+/// Renders the pictures, with arguments and environment of one adapter.
+fn render(folder: &Path, limits: Option<&str>, driver: Option<&str>) -> Vec<PathBuf> {
+    for (name, overrides) in PICTURES {
+        let (config, out) = (format!("configs/{name}.toml"), folder.join(name).display().to_string());
+        let mut command = steradian(&["render", "--config", &config, "--out", &out]);
+        command.args(overrides.iter().flat_map(|entry| ["--set", entry]));
+        command.args(limits.iter().flat_map(|limits| ["--adapter-limits", limits]));
+        if let Some(driver) = driver {
+            command.env("VK_DRIVER_FILES", driver);
+        }
+        run(command, 0);
+    }
+    let files = PICTURES.iter().flat_map(|(name, _)| fs::read_dir(folder.join(name)).unwrap());
+    let mut files: Vec<PathBuf> = files.map(|file| file.unwrap().path()).collect();
+    files.retain(|file| file.extension().is_some_and(|of| of == "exr" || of == "png"));
+    files.sort();
+    files.iter().map(|file| file.strip_prefix(folder).unwrap().to_owned()).collect()
+}
+
+/// Illuminance of an HDR picture, lx.
+fn light_lx(file: &Path) -> f64 {
+    let [red, green, blue, omega] = channels(&fs::read(file).unwrap(), ["R", "G", "B", "omega"]);
+    let weighted = |i: usize| 0.2126 * f64::from(red[i]) + 0.7152 * f64::from(green[i]) + 0.0722 * f64::from(blue[i]);
+    (0..omega.len()).map(|i| weighted(i) * f64::from(omega[i])).sum()
+}
+
+fn codes(file: &Path) -> Vec<u8> {
+    let mut reader = png::Decoder::new(BufReader::new(File::open(file).unwrap())).read_info().unwrap();
+    let mut codes = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut codes).unwrap();
+    codes
+}
+
+/// Largest difference between two pictures, and the one that 99.9 % of the codes do not exceed.
+fn code_differences(one: &[u8], other: &[u8]) -> [u8; 2] {
+    assert_eq!(one.len(), other.len());
+    let mut differences: Vec<u8> = one.iter().zip(other).map(|(a, b)| a.abs_diff(*b)).collect();
+    differences.sort_unstable();
+    [differences[differences.len() - 1], differences[(differences.len() - 1) * 999 / 1000]]
+}
+
+/// Largest differences over all pictures of two adapters: light, relative; codes; codes of 99.9 % of the pixels.
+fn differences(one: &Path, other: &Path, files: &[PathBuf]) -> (f64, u8, u8) {
+    let (mut light, mut most, mut usual) = (0.0_f64, 0, 0);
+    for file in files {
+        if file.extension().is_some_and(|of| of == "exr") {
+            light = light.max((light_lx(&one.join(file)) / light_lx(&other.join(file)) - 1.0).abs());
+        } else {
+            let [largest, of_most] = code_differences(&codes(&one.join(file)), &codes(&other.join(file)));
+            println!("{}: largest difference {largest} codes, 99.9 % within {of_most}", file.display());
+            (most, usual) = (most.max(largest), usual.max(of_most));
+        }
+    }
+    (light, most, usual)
+}
+
+#[test]
+fn restricted_adapters_and_a_second_driver_draw_the_same_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    let files = render(&place("own"), None, None);
+    assert!(files.len() >= 16, "{files:?}");
+    let second = Path::new(SECOND_DRIVER).exists().then_some(SECOND_DRIVER);
+    assert!(second.is_some() || std::env::var_os("STERADIAN_REQUIRE_PAGE").is_none(), "{SECOND_DRIVER} is missing");
+    let mut others = BTreeMap::from([("webgpu", (Some("webgpu"), None)), ("64 MiB", (Some("binding-mib=64"), None))]);
+    others.extend(second.map(|driver| ("second driver", (None, Some(driver)))));
+    for (name, (limits, driver)) in others {
+        assert_eq!(render(&place(name), limits, driver), files, "{name}");
+        let (light, most, usual) = differences(&place("own"), &place(name), &files);
+        println!("{name}: light {light:.1e} relative, {most} codes, 99.9 % within {usual}");
+        assert!(light < 2e-3 && usual <= 2, "{name}: light {light:.1e} relative, {most} codes, 99.9 % within {usual}");
+    }
+}
+
+#[test]
+fn different_pictures_are_found() {
+    assert_eq!(code_differences(&[10, 20, 30], &[10, 26, 30]), [6, 0]);
+    let mut wrong = vec![0; 1000];
+    wrong[..5].fill(9);
+    assert_eq!(code_differences(&vec![0; 1000], &wrong), [9, 9]);
+}
