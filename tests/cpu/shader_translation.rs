@@ -17,8 +17,7 @@ fn parsed(text: &str, able: Capabilities) -> Result<(naga::Module, ModuleInfo), 
     let unset = module.overrides.iter().filter(|(_, constant)| constant.init.is_none());
     let mut constants = PipelineConstants::default();
     constants.extend(unset.filter_map(|(_, constant)| Some((constant.name.clone()?, ANY_VALUE))));
-    let (module, info) =
-        process_overrides(&module, &info, None, &constants).map_err(|error| error.to_string())?;
+    let (module, info) = process_overrides(&module, &info, None, &constants).map_err(|error| error.to_string())?;
     Ok((module.into_owned(), info.into_owned()))
 }
 
@@ -38,15 +37,12 @@ fn metal(text: &str) -> Result<String, String> {
 /// The shading language of Direct3D of a shader, or why it has none. Version 6.6 has 64-bit atomics.
 fn direct3d(text: &str, wide: bool) -> Result<String, String> {
     let able = hlsl::supported_capabilities();
-    let (module, info) =
-        parsed(text, if wide { able } else { able - Capabilities::SHADER_INT64_ATOMIC_ALL_OPS })?;
+    let (module, info) = parsed(text, if wide { able } else { able - Capabilities::SHADER_INT64_ATOMIC_ALL_OPS })?;
     let shader_model = if wide { hlsl::ShaderModel::V6_6 } else { hlsl::ShaderModel::V6_0 };
     let options = hlsl::Options { shader_model, fake_missing_bindings: true, ..hlsl::Options::default() };
     let mut text = String::new();
     let pipeline = hlsl::PipelineOptions::default();
-    hlsl::Writer::new(&mut text, &options, &pipeline)
-        .write(&module, &info, None)
-        .map_err(|error| error.to_string())?;
+    hlsl::Writer::new(&mut text, &options, &pipeline).write(&module, &info, None).map_err(|error| error.to_string())?;
     Ok(text)
 }
 
@@ -74,7 +70,9 @@ fn every_shader_is_translated_for_metal_and_direct3d() {
         assert!(text.contains(source.entry_point), "{shader}: no entry point");
         for_both += 1;
     }
-    println!("{for_both} variants for both; {wide} with 64-bit atomics for Direct3D alone, each with a variant for both");
+    println!(
+        "{for_both} variants for both; {wide} with 64-bit atomics for Direct3D alone, each with a variant for both"
+    );
     assert!(for_both > 100 && wide > 10);
 }
 
