@@ -126,7 +126,7 @@ fn table() -> String {
         let Used { storage_buffers, uniform_buffers, textures, groups, workgroup_bytes, .. } = used;
         writeln!(
             text,
-            "| `{name}` | {storage_buffers} | {most} | {uniform_buffers} | {textures} | {groups} | {workgroup_bytes} |"
+            "| `{name}.wgsl` | {storage_buffers} | {most} | {uniform_buffers} | {textures} | {groups} | {workgroup_bytes} |"
         )
         .unwrap();
     }
