@@ -13,11 +13,15 @@ use testkit::exr_file::channels;
 /// The driver that Debian's package of the browser contains.
 const SECOND_DRIVER: &str = "/usr/lib/chromium/vk_swiftshader_icd.json";
 
-/// Configurations with all kinds of objects, and overrides that make their views small.
-const PICTURES: [(&str, &[&str]); 3] = [
+/// A configuration, and overrides that make its views small.
+type Picture = (&'static str, &'static [&'static str]);
+
+/// Configurations with all kinds of objects. The last one is not drawn by the second driver, which compiles the shaders that cull
+/// asteroids for minutes.
+const PICTURES: [Picture; 3] = [
     ("tonight", &["views.dome.size=[192,192]", "views.south.size=[256,144]"]),
-    ("asteroids", &["views.window.size=[240,136]", "views.headset.size=[96,96]", "views.dome.size=[128,128]"]),
     ("overlay", &["views.window.size=[320,200]", "views.dome.size=[192,192]", "views.cube.face_size=64"]),
+    ("asteroids", &["views.window.size=[240,136]", "views.headset.size=[96,96]", "views.dome.size=[128,128]"]),
 ];
 
 fn steradian(arguments: &[&str]) -> Command {
@@ -64,8 +68,8 @@ fn info_lists_needs_offers_and_what_is_done_instead() {
 }
 
 /// Renders the pictures, with arguments and environment of one adapter.
-fn render(folder: &Path, limits: Option<&str>, driver: Option<&str>) -> Vec<PathBuf> {
-    for (name, overrides) in PICTURES {
+fn render(pictures: &[Picture], folder: &Path, limits: Option<&str>, driver: Option<&str>) -> Vec<PathBuf> {
+    for (name, overrides) in pictures {
         let (config, out) = (format!("configs/{name}.toml"), folder.join(name).display().to_string());
         let mut command = steradian(&["render", "--config", &config, "--out", &out]);
         command.args(overrides.iter().flat_map(|entry| ["--set", entry]));
@@ -75,7 +79,7 @@ fn render(folder: &Path, limits: Option<&str>, driver: Option<&str>) -> Vec<Path
         }
         run(command, 0);
     }
-    let files = PICTURES.iter().flat_map(|(name, _)| fs::read_dir(folder.join(name)).unwrap());
+    let files = pictures.iter().flat_map(|(name, _)| fs::read_dir(folder.join(name)).unwrap());
     let mut files: Vec<PathBuf> = files.map(|file| file.unwrap().path()).collect();
     files.retain(|file| file.extension().is_some_and(|of| of == "exr" || of == "png"));
     files.sort();
@@ -123,14 +127,17 @@ fn differences(one: &Path, other: &Path, files: &[PathBuf]) -> (f64, u8, u8) {
 fn restricted_adapters_and_a_second_driver_draw_the_same_pictures() {
     let folder = tempfile::tempdir().unwrap();
     let place = |name: &str| folder.path().join(name);
-    let files = render(&place("own"), None, None);
-    assert!(files.len() >= 16, "{files:?}");
+    let all = render(&PICTURES, &place("own"), None, None);
+    assert!(all.len() >= 16, "{all:?}");
     let second = Path::new(SECOND_DRIVER).exists().then_some(SECOND_DRIVER);
     assert!(second.is_some() || std::env::var_os("STERADIAN_REQUIRE_PAGE").is_none(), "{SECOND_DRIVER} is missing");
     let mut others = BTreeMap::from([("webgpu", (Some("webgpu"), None)), ("64 MiB", (Some("binding-mib=64"), None))]);
     others.extend(second.map(|driver| ("second driver", (None, Some(driver)))));
     for (name, (limits, driver)) in others {
-        assert_eq!(render(&place(name), limits, driver), files, "{name}");
+        let pictures = if driver.is_some() { &PICTURES[..2] } else { &PICTURES[..] };
+        let files = render(pictures, &place(name), limits, driver);
+        let expected = all.iter().filter(|file| pictures.iter().any(|(name, _)| file.starts_with(name)));
+        assert!(files.iter().eq(expected), "{name}: {files:?}");
         let (light, most, usual) = differences(&place("own"), &place(name), &files);
         println!("{name}: light {light:.1e} relative, {most} codes, 99.9 % within {usual}");
         assert!(light < 2e-3 && usual <= 2, "{name}: light {light:.1e} relative, {most} codes, 99.9 % within {usual}");
