@@ -242,6 +242,8 @@ fn plan_exit_code(error: &PlanError) -> u8 {
     match error {
         PlanError::TooLarge { .. }
         | PlanError::TooManyImages { .. }
+        | PlanError::TooManyFields { .. }
+        | PlanError::TooManyShapes { .. }
         | PlanError::TooManyPixels { .. }
         | PlanError::AtRestOnly(_)
         | PlanError::GlareOfCatalogue(_) => BAD_USAGE,

@@ -84,7 +84,7 @@ impl GrowingBuffer {
 
     /// Fills the start of a list that shaders declare with `capacity` items, and returns the buffer.
     pub(crate) fn upload_list<T: NoUninit>(&mut self, gpu: &Gpu, items: &[T], capacity: usize) -> &wgpu::Buffer {
-        debug_assert!(items.len() <= capacity, "{}: {} items, {capacity} fit", self.label, items.len());
+        assert!(items.len() <= capacity, "{}: {} items, {capacity} fit", self.label, items.len());
         self.with_room(gpu, (capacity * size_of::<T>()) as u64);
         self.upload(gpu, items)
     }

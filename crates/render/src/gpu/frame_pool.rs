@@ -174,7 +174,7 @@ impl Gpu {
         items: &[T],
         capacity: usize,
     ) -> wgpu::Buffer {
-        debug_assert!(items.len() <= capacity, "{label}: {} items, {capacity} fit", items.len());
+        assert!(items.len() <= capacity, "{label}: {} items, {capacity} fit", items.len());
         self.frame_buffer(label, items, capacity, wgpu::BufferUsages::UNIFORM)
     }
 

@@ -108,6 +108,14 @@ pub enum PlanError {
         /// Maximum number.
         limit: usize,
     },
+    /// The fields of the scene have too many shapes.
+    #[error("{shapes} shapes in all asteroid fields: a scene has at most {limit}")]
+    TooManyShapes {
+        /// Number of shapes.
+        shapes: usize,
+        /// Maximum number.
+        limit: usize,
+    },
     /// The scene has more asteroids than the adapter can bind at once.
     #[error("{asteroids} asteroids in all fields: this adapter binds at most {limit} at once ({bytes} bytes)")]
     TooManyAsteroids {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::kinds::MAX_FIELDS;
+use super::kinds::{MAX_FIELDS, MAX_SHAPES};
 use super::{
     bounds::direction_error_bound_rad,
     classes::ClassRules,
@@ -152,6 +152,10 @@ pub fn check(objects: &SceneObjects, limits: &Limits) -> Result<(), PlanError> {
     let asteroids = objects.fields.iter().map(|field| field.instances.packed.len() as u64).sum();
     if objects.fields.len() > MAX_FIELDS {
         return Err(PlanError::TooManyFields { fields: objects.fields.len(), limit: MAX_FIELDS });
+    }
+    let shapes: usize = objects.fields.iter().map(|field| field.shapes.shapes.len()).sum();
+    if shapes > MAX_SHAPES {
+        return Err(PlanError::TooManyShapes { shapes, limit: MAX_SHAPES });
     }
     let bytes = limits.max_binding_bytes;
     let limit = (bytes / size_of::<PackedAsteroid>() as u64).min(u64::from(u32::MAX));

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::*;
+use crate::plan::Limits;
+use crate::plan::asteroids::kinds::{MAX_FIELDS, MAX_SHAPES};
 use crate::plan::{
     asteroids::{
         classes::ClassRules,
@@ -246,6 +248,23 @@ fn too_many_asteroids_for_a_binding_are_refused_with_the_limit() {
     check(&cloud(2000, 1), &limits).unwrap();
     let error = check(&cloud(2001, 1), &limits).unwrap_err();
     assert!(matches!(error, PlanError::TooManyAsteroids { asteroids: 2001, limit: 2000, .. }), "{error}");
+}
+
+#[test]
+fn too_many_fields_or_shapes_are_refused_with_the_limit() {
+    let limits = Limits::default();
+    let field = &cloud(1, 1).fields[0];
+    let scene = |fields: usize, shapes: usize| {
+        let one = &field.shapes.shapes[0];
+        let set = ShapeSet { shapes: vec![one.clone(); shapes], digest: 9 };
+        let field = Arc::new(AsteroidField { shapes: Arc::new(set), ..(**field).clone() });
+        SceneObjects { fields: vec![field; fields], ..SceneObjects::default() }
+    };
+    check(&scene(MAX_FIELDS, 1), &limits).unwrap();
+    let error = check(&scene(MAX_FIELDS + 1, 1), &limits).unwrap_err();
+    assert!(matches!(error, PlanError::TooManyFields { limit: MAX_FIELDS, .. }), "{error}");
+    let error = check(&scene(200, MAX_SHAPES / 200 + 1), &limits).unwrap_err();
+    assert!(matches!(error, PlanError::TooManyShapes { limit: MAX_SHAPES, .. }), "{error}");
 }
 
 /// The bend table bounds how far the image of a short arc departs from its chord, for every projection.
