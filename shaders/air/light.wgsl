@@ -39,11 +39,6 @@ override HAS_LANDSCAPE: bool = false;
 // Whether the light added by the air is interpolated between the points of the grid.
 override FROM_GRID: bool = false;
 
-// Sine of the altitude that has the air of a direction: without ground the sky below the horizon mirrors that above it.
-fn mirrored(sine: f32) -> f32 {
-    return select(abs(sine), sine, parameters.has_ground != 0u);
-}
-
 fn horizon_sine(heading: vec2<f32>) -> f32 {
     if parameters.is_flat != 0u {
         return parameters.level_sine;
@@ -133,7 +128,7 @@ fn add_air(@builtin(global_invocation_id) id: vec3<u32>) {
             if parameters.has_air != 0u {
                 if any(light > vec3(0.0)) {
                     let towards = normalize(world_direction(viewport, direction_of_point(viewport, vec2<f32>(pixel) + 0.5)));
-                    light *= exp2(parameters.extinction * air_mass(mirrored(dot(towards, parameters.zenith))));
+                    light *= exp2(parameters.extinction * air_mass(mirrored(dot(towards, parameters.zenith), parameters.has_ground != 0u)));
                 }
                 light += parameters.light_share * grid_in_row(&column, pixel.y);
             }
@@ -158,7 +153,7 @@ fn add_air(@builtin(global_invocation_id) id: vec3<u32>) {
         let sine = dot(towards, parameters.zenith);
         let heading = vec2(-dot(towards, parameters.south), dot(towards, parameters.east));
         if parameters.has_air != 0u {
-            let passed = exp2(parameters.extinction * air_mass(mirrored(sine)));
+            let passed = exp2(parameters.extinction * air_mass(mirrored(sine, parameters.has_ground != 0u)));
             var added: vec3<f32>;
             if FROM_GRID {
                 added = grid_in_row(&column, pixel.y);

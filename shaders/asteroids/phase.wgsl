@@ -1,5 +1,5 @@
 // Total light of an asteroid: the phase functions of crates/sky/src/photometry/reflection.rs, and projected areas from a table.
-// An area is stored beside the next one.
+// An entry of the table holds an area and the next one.
 
 #import asteroids/instance
 #import asteroids/shape

@@ -9,11 +9,11 @@ use tokio::runtime::Runtime;
 use tokio::task;
 
 use super::{
-    CliError, cache,
+    CliError,
     load::{self, LoadedScene},
     results, show,
 };
-use crate::config::{Config, ConfigError, PackingConfig, parse_listen};
+use crate::config::{Config, PackingConfig, parse_listen};
 use crate::gpu::{Gpu, GpuOptions};
 use crate::plan::view_settings::FrameGroup;
 use crate::render::{FrameRequest, Renderer, Wanted};
@@ -53,8 +53,7 @@ pub struct ServeArguments {
 
 /// Runs the command.
 pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliError> {
-    let mut config = load_config(&arguments)?;
-    cache::place(&mut config);
+    let config = load::configuration(arguments.config.as_deref(), &arguments.set)?;
     // The clock starts when the configuration is read.
     let clock = config.clock();
     let (rig, camera) = (config.rig()?, config.camera()?);
@@ -111,15 +110,12 @@ pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliErr
     })
 }
 
-fn load_config(ServeArguments { config, set, .. }: &ServeArguments) -> Result<Config, ConfigError> {
-    Config::load_or_built_in(config.as_deref(), set)
-}
-
 /// Returns the source of access rules, which reads the configuration again on each reload.
 fn access(arguments: &ServeArguments) -> AccessSource {
     let arguments = arguments.clone();
     Arc::new(move || {
-        let config = load_config(&arguments).map_err(|error| error.to_string())?;
+        let config =
+            Config::load_or_built_in(arguments.config.as_deref(), &arguments.set).map_err(|error| error.to_string())?;
         Access::from_config(&config.server, &config.folder).map_err(|problem| format!("{}: {problem}", config.origin))
     })
 }

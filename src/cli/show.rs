@@ -11,7 +11,7 @@ use clap::Args;
 
 use super::ending::ended_by_signal;
 use super::{
-    CliError, cache,
+    CliError,
     load::{self, LoadedScene},
     lock, results,
 };
@@ -65,8 +65,7 @@ pub fn run(arguments: ShowArguments, options: &GpuOptions) -> Result<(), CliErro
         }
         return Ok(());
     }
-    let mut config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
-    cache::place(&mut config);
+    let config = load::configuration(arguments.config.as_deref(), &arguments.set)?;
     // The clock starts when the configuration is read.
     let clock = config.clock();
     let (rig, camera, groups) = (config.rig()?, config.camera()?, config.frame_groups()?);

@@ -8,8 +8,7 @@ use std::time::SystemTime;
 
 use clap::Args;
 
-use super::{CliError, cache, load, lock, results};
-use crate::config::Config;
+use super::{CliError, load, lock, results};
 use crate::plan::settings::{AfterExit, HeadsetSettings};
 use crate::render::Wanted;
 use crate::scene::{EndNotice, SceneClock, SceneSnapshot, SeenStars};
@@ -43,8 +42,7 @@ pub fn run(arguments: XrArguments, gpu: &GpuOptions) -> Result<(), CliError> {
     if let Some(adapter) = &gpu.adapter {
         return Err(CliError::Usage(format!("--adapter {adapter}: the headset's runtime chooses the adapter")));
     }
-    let mut config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
-    cache::place(&mut config);
+    let config = load::configuration(arguments.config.as_deref(), &arguments.set)?;
     // The clock starts when the configuration is read.
     let clock = config.clock();
     let camera = config.camera()?;

@@ -1,4 +1,4 @@
-//! Judges an adapter: what all passes need, what it offers, and what is done instead of what it lacks.
+//! Judges an adapter: compares its limits with the needs of all passes, and chooses replacements for missing features.
 
 use std::{fmt, str::FromStr};
 
@@ -80,7 +80,7 @@ fn positive(text: &str) -> Option<u32> {
 /// Something that all passes need of an adapter.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Need {
-    /// What it is.
+    /// Name of the limit.
     pub name: &'static str,
     /// How much is needed.
     pub needed: u64,
@@ -99,7 +99,7 @@ impl fmt::Display for Need {
 pub struct Skipped {
     /// Its name.
     pub adapter: String,
-    /// What it lacks.
+    /// The needs that it does not meet.
     pub lacks: Vec<Need>,
 }
 
@@ -116,7 +116,7 @@ pub(super) fn unusable(skipped: &[Skipped]) -> String {
     skipped.join("; ")
 }
 
-/// What all passes need, beside what these limits offer. The table of `docs/adapters.md` has the use of every shader.
+/// Lists the needs of all passes with the offered limits. The table of `docs/adapters.md` has the use of every shader.
 fn needs(offered: &wgpu::Limits) -> Vec<Need> {
     let least = wgpu::Limits::default();
     let need = |name, needed: u32, offered: u32| Need { name, needed: u64::from(needed), offered: u64::from(offered) };
@@ -215,7 +215,7 @@ impl Selection {
     ///
     /// # Errors
     ///
-    /// What it lacks, if passes cannot do without it.
+    /// The needs that the adapter does not meet.
     pub(super) fn new(adapter: &wgpu::Adapter, options: &GpuOptions) -> Result<Self, Vec<Need>> {
         let limits = used_limits(&adapter.limits(), options);
         let needs = needs(&limits);

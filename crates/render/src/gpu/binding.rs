@@ -64,18 +64,22 @@ impl Tables {
     }
 }
 
-fn table_texture(gpu: &Gpu, groups: &[[u32; 4]]) -> wgpu::TextureView {
-    let size = wgpu::Extent3d { width: TABLE_COLUMNS, height: table_rows(groups.len()), depth_or_array_layers: 1 };
-    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+/// Creates a texture for tables with a number of rows.
+pub(super) fn empty_table_texture(device: &wgpu::Device, rows: u32) -> wgpu::Texture {
+    device.create_texture(&wgpu::TextureDescriptor {
         label: Some("mapping tables"),
-        size,
+        size: wgpu::Extent3d { width: TABLE_COLUMNS, height: rows, depth_or_array_layers: 1 },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
         format: wgpu::TextureFormat::Rgba32Uint,
         usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
         view_formats: &[],
-    });
+    })
+}
+
+fn table_texture(gpu: &Gpu, groups: &[[u32; 4]]) -> wgpu::TextureView {
+    let texture = empty_table_texture(&gpu.device, table_rows(groups.len()));
     // All full rows, then the last one.
     let full = groups.len() / TABLE_COLUMNS as usize;
     let (rows, last) = groups.split_at(full * TABLE_COLUMNS as usize);

@@ -57,6 +57,11 @@ impl GrowingBuffer {
         Self { label, usage, buffer: None }
     }
 
+    /// A buffer for a list that shaders declare as uniform: see [`GrowingBuffer::upload_list`].
+    pub(crate) fn for_list(label: &'static str) -> Self {
+        Self::new(label, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST)
+    }
+
     /// Returns the buffer, with at least `bytes` bytes.
     pub(crate) fn with_room(&mut self, gpu: &Gpu, bytes: u64) -> &wgpu::Buffer {
         let bytes = bytes.max(16).next_multiple_of(16);

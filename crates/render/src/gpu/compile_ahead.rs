@@ -8,7 +8,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use wgpu::naga;
 
-use super::{ShaderSource, adapter::Selection};
+use super::{ShaderSource, adapter::Selection, binding::empty_table_texture};
 
 /// Size of every buffer, bytes; larger if a structure of the shader needs it.
 const LEAST_BUFFER_BYTES: u64 = 1 << 16;
@@ -172,25 +172,15 @@ enum Resource {
 
 impl Resource {
     fn new(device: &wgpu::Device, kind: BindingKind) -> Self {
-        let label = Some("compile ahead");
         match kind {
             BindingKind::Buffer { usage, bytes } => Self::Buffer(device.create_buffer(&wgpu::BufferDescriptor {
-                label,
+                label: Some("compile ahead"),
                 size: bytes,
                 usage,
                 mapped_at_creation: false,
             })),
             BindingKind::Table => {
-                let texture = device.create_texture(&wgpu::TextureDescriptor {
-                    label,
-                    size: wgpu::Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
-                    mip_level_count: 1,
-                    sample_count: 1,
-                    dimension: wgpu::TextureDimension::D2,
-                    format: wgpu::TextureFormat::Rgba32Uint,
-                    usage: wgpu::TextureUsages::TEXTURE_BINDING,
-                    view_formats: &[],
-                });
+                let texture = empty_table_texture(device, 1);
                 Self::Table(texture.create_view(&wgpu::TextureViewDescriptor::default()))
             }
         }

@@ -225,7 +225,7 @@ impl Gpu {
         &self.report
     }
 
-    /// What all passes need of the adapter, and what it offers.
+    /// The needs of all passes, each with the limit of the adapter.
     pub fn needs(&self) -> &[Need] {
         &self.needs
     }

@@ -47,9 +47,8 @@ struct BatchBuffers {
 impl BatchBuffers {
     fn new() -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-        let list = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         Self {
-            tiles: GrowingBuffer::new("tiles", list),
+            tiles: GrowingBuffer::for_list("tiles"),
             pixels: GrowingBuffer::new("pixels", usage),
             high_words: GrowingBuffer::new("high words", usage),
             bright: GrowingBuffer::new("bright sums", usage),
@@ -183,7 +182,6 @@ pub(crate) struct Targets {
 impl Targets {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-        let list = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         // As large as the largest structure or list of an unused binding.
         let nothing = [[0_u32; 4]; MAX_VIEWPORTS];
         let stand_in = filled_buffer(gpu, "nothing", &nothing, usage | wgpu::BufferUsages::UNIFORM);
@@ -195,7 +193,7 @@ impl Targets {
         });
         Self {
             batch_buffers: Vec::new(),
-            viewport_buffer: GrowingBuffer::new("viewports", list),
+            viewport_buffer: GrowingBuffer::for_list("viewports"),
             counter_buffer: GrowingBuffer::new("counters", usage),
             partial_buffer: GrowingBuffer::new("partial sums", usage),
             point_buffer: GrowingBuffer::new("grid points", wgpu::BufferUsages::STORAGE),

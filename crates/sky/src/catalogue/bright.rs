@@ -3,6 +3,8 @@
 //! The table `bright_stars.csv` is compiled into the program and is read by the same CSV reader as any other
 //! catalogue. Its header names the columns and the sources of their values.
 
+use std::sync::LazyLock;
+
 use super::StarRecord;
 use super::names::NamedStar;
 use super::reader::{CatalogueRead, read_csv_from};
@@ -55,26 +57,43 @@ pub fn bright_stars(years: f64) -> Vec<StarRecord> {
 
 /// Returns the same stars with their velocities.
 pub fn read(years: f64) -> CatalogueRead {
+    read_table(TABLE, years)
+}
+
+/// Reads the table, or some of its rows after its head.
+fn read_table(table: &str, years: f64) -> CatalogueRead {
     // The table is part of the program: a row that cannot be read is a bug, which the tests below catch.
-    let read = read_csv_from(TABLE.as_bytes(), NAME, years).expect("the built-in table is a catalogue");
+    let read = read_csv_from(table.as_bytes(), NAME, years).expect("the built-in table is a catalogue");
     assert_eq!(read.report.rejected, 0, "the built-in table has unusable rows: {}", read.report);
     read
 }
 
 /// Rows of the variable stars with an ephemeris, in the order of [`VARIABLE_STARS`]: indices of the stars in the table.
 pub fn variable_rows() -> [usize; variable::COUNT] {
-    let numbers: Vec<&str> = rows().map(|row| row.split(',').next().unwrap_or_default()).collect();
-    // The table is part of the program, and a test finds every star in it.
-    VARIABLE_STARS
-        .map(|star| numbers.iter().position(|number| *number == star.hr.to_string()).expect("a star of the table"))
+    *VARIABLE_ROWS
 }
+
+static VARIABLE_ROWS: LazyLock<[usize; variable::COUNT]> = LazyLock::new(|| {
+    VARIABLE_STARS.map(|star| {
+        let start = format!("{},", star.hr);
+        // The table is part of the program, and a test finds every star in it.
+        rows().position(|row| row.starts_with(&start)).expect("a star of the table")
+    })
+});
+
+/// The table with the rows of the variable stars alone, in the order of [`VARIABLE_STARS`].
+static VARIABLE_TABLE: LazyLock<String> = LazyLock::new(|| {
+    let head = TABLE.lines().take(TABLE.lines().count() - rows().count());
+    let rows: Vec<&str> = rows().collect();
+    head.chain(variable_rows().map(|row| rows[row])).flat_map(|line| [line, "\n"]).collect()
+});
 
 /// The variable stars with an ephemeris at their positions `years` Julian years after J2000.0, with the brightness of another time,
 /// `brightness_years` after J2000.0; in the order of [`VARIABLE_STARS`].
 pub fn variable_stars(years: f64, brightness_years: f64) -> Vec<StarRecord> {
-    let stars = bright_stars(years);
-    let varied = variable_rows().into_iter().zip(variable::magnitudes(brightness_years));
-    varied.map(|(row, magnitude)| with_apparent_magnitude(stars[row], magnitude)).collect()
+    let stars = read_table(&VARIABLE_TABLE, years).stars;
+    let varied = stars.into_iter().zip(variable::magnitudes(brightness_years));
+    varied.map(|(star, magnitude)| with_apparent_magnitude(star, magnitude)).collect()
 }
 
 fn with_apparent_magnitude(star: StarRecord, magnitude: f64) -> StarRecord {

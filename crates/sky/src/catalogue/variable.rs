@@ -12,10 +12,8 @@
 
 use std::f64::consts::{PI, TAU};
 
-use crate::units::{DAY_S, JULIAN_YEAR_S};
+use crate::units::{DAY_S, J2000_JD, JULIAN_YEAR_S};
 
-/// Julian date of J2000.0.
-const J2000_JD: f64 = 2_451_545.0;
 /// Magnitudes are rounded to multiples of this, so that stars are updated only if one has changed visibly.
 const STEP_MAG: f64 = 0.02;
 

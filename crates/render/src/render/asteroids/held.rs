@@ -68,7 +68,7 @@ struct Atlases {
 
 /// Encodes the shapes of all sets for `shaders/asteroids/shape.wgsl`, after room for the tables of pictures: for each shape its
 /// first kind, number of levels, bound, first level and first area; then error and longest edge of each level; then projected areas,
-/// each beside the next one. Indices are below 2^24, so they are exact as floats: see [`crate::plan::asteroids::kinds::MAX_SHAPES`].
+/// each with the next one. Indices are below 2^24, so they are exact as floats: see [`crate::plan::asteroids::kinds::MAX_SHAPES`].
 fn encode_shapes(kinds: &Kinds, areas_of_sets: &[Vec<f32>]) -> Vec<[f32; 2]> {
     let shapes = || kinds.sets.iter().flat_map(|set| set.shapes.shapes.iter().zip(&set.shape_kinds));
     let mut tables = vec![[0.0; 2]; FIRST_SHAPE as usize];

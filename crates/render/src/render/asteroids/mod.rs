@@ -170,14 +170,13 @@ pub(super) struct Asteroids {
 impl FrameBuffers {
     fn new() -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-        let list = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let buffer = |label: &'static str| GrowingBuffer::new(label, usage);
         Self {
             items: buffer("asteroid groups"),
             links: buffer("asteroid links"),
-            planes: GrowingBuffer::new("asteroid planes", list),
-            views: GrowingBuffer::new("asteroid views", list),
-            fields: GrowingBuffer::new("asteroid fields", list),
+            planes: GrowingBuffer::for_list("asteroid planes"),
+            views: GrowingBuffer::for_list("asteroid views"),
+            fields: GrowingBuffer::for_list("asteroid fields"),
             counts: buffer("asteroid counts"),
             totals: buffer("asteroid totals"),
             bases: buffer("asteroid bases"),

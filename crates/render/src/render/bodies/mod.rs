@@ -129,7 +129,7 @@ impl Bodies {
             points: OnceLock::new(),
             batches: Vec::new(),
             view_bodies: GrowingBuffer::new("view bodies", usage),
-            body_runs: GrowingBuffer::new("body runs", wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST),
+            body_runs: GrowingBuffer::for_list("body runs"),
             suns: GrowingBuffer::new("body suns", usage),
             point_buffers: Vec::new(),
             point_counts: Vec::new(),

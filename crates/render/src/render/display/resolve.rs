@@ -10,7 +10,7 @@ use crate::plan::stars::cull::MAX_VIEWPORTS;
 use crate::{
     gpu::{self, Gpu, ShaderSource, Variants, bind_buffers},
     photometry::exposure::white_luminance_cd_m2,
-    plan::{settings::ToneMapSettings, stars::range::Ranges},
+    plan::{Limits, settings::ToneMapSettings, stars::range::Ranges},
     render::{display::layout, layout::AirAbove, tabulated::projecting, targets::Targets},
 };
 
@@ -38,6 +38,9 @@ pub(crate) struct ResolveOutputs {
 /// Pipelines of the resolve pass.
 pub(crate) struct ResolvePass {
     source: ShaderSource,
+    /// See [`Limits::fuses_display`] and [`Limits::reads_faint_map`]: whether the shader has these bindings.
+    fuses_display: bool,
+    reads_faint_map: bool,
     /// One pipeline per set of outputs and tone-mapping variant.
     pipelines: Variants<(ResolveOutputs, DisplayVariant), wgpu::ComputePipeline>,
     /// Placeholder for missing bright sums, smooth light and sky pictures.
@@ -80,15 +83,17 @@ impl ResolveOutputs {
 
 impl ResolvePass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        let limits = gpu.limits();
+        let Limits { fuses_display, reads_faint_map, .. } = gpu.limits();
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::UNIFORM;
         let decode = if gpu.wide_accumulator { "display/decode_u64" } else { "display/decode_u32" };
         Self {
             source: projecting(gpu, "display/resolve")
                 .with("decode", decode)
-                .with("faint", if limits.reads_faint_map { "display/faint_map" } else { "display/faint_map_off" })
-                .with("shown", if limits.fuses_display { "display/shown" } else { "display/shown_off" })
+                .with("faint", if reads_faint_map { "display/faint_map" } else { "display/faint_map_off" })
+                .with("shown", if fuses_display { "display/shown" } else { "display/shown_off" })
                 .source(),
+            fuses_display,
+            reads_faint_map,
             pipelines: Variants::new(),
             nothing: gpu::filled_buffer(gpu, "no light", &[[0_u32; 4]; MAX_VIEWPORTS], usage),
             no_display: gpu::storage_buffer(gpu, "no display", &[0_u32]),
@@ -177,11 +182,10 @@ impl ResolvePass {
             (14, diffuse.map_or(nothing, |diffuse| &diffuse.texels)),
             (15, smooth.map_or(nothing, |smooth| &smooth.list)),
         ];
-        let limits = gpu.limits();
-        if limits.fuses_display {
+        if self.fuses_display {
             bindings.push((6, display.unwrap_or(&self.no_display)));
         }
-        if limits.reads_faint_map {
+        if self.reads_faint_map {
             bindings.push((13, sky.map_or(nothing, |sky| &sky.texels)));
         }
         let bindings: Vec<_> =

@@ -55,7 +55,7 @@ impl Technique for Glare {
             self.pyramid.release();
         }
         if frame.plan.glare.in_sums.is_some() {
-            SkyCube::encode_in_sums(gpu, frame, targets);
+            SkyCube::reserve_grid(gpu, frame, targets);
         }
     }
 

@@ -29,10 +29,7 @@ use crate::{
         glare::sky_cube::{SkyCubeSettings, eye_class_m, map_place_pc, pixel_class_rad},
     },
     relativity::Motion,
-    render::{
-        targets::Targets,
-        technique::{FrameInputs, Holding, PipelineJob, Recording, Series, Wish, begin_pass},
-    },
+    render::technique::{Holding, PipelineJob, Recording, Series, Wish, begin_pass},
     scene::{SceneSnapshot, surroundings::LocalSky},
     units::PARSEC_M,
     view::Viewport,
@@ -184,11 +181,6 @@ impl SkyCube {
     /// Ensures one entry per series, and releases the maps of series that no longer exist.
     pub(super) fn keep(&mut self, series: Series) {
         self.held.resize_with(series.slots, || [None, None]);
-    }
-
-    /// Reserves what a frame whose veil is in the sums needs.
-    pub(super) fn encode_in_sums(gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
-        veil::reserve_grid(gpu, frame, targets);
     }
 
     /// Records the glare of a frame over its pictures.

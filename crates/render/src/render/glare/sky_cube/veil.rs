@@ -101,13 +101,13 @@ impl VeilFrame {
     }
 }
 
-/// Reserves the grids of the smooth part over all pictures of a frame.
-pub(super) fn reserve_grid(gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
-    let grids = point_grids(&frame.plan.views.viewports, SPACING);
-    targets.veil = Some(targets.reserve_points(gpu, "veil grids", grids));
-}
-
 impl SkyCube {
+    /// Reserves the grids of the smooth part over all pictures of a frame whose veil is in the sums.
+    pub(in crate::render::glare) fn reserve_grid(gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
+        let grids = point_grids(&frame.plan.views.viewports, SPACING);
+        targets.veil = Some(targets.reserve_points(gpu, "veil grids", grids));
+    }
+
     /// Records the veil of single sources into the sums of a batch; with the first batch also the smooth part of all
     /// pictures.
     pub(super) fn record_veil(&mut self, recording: &mut Recording<'_>, number: usize) {
