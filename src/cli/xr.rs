@@ -42,6 +42,11 @@ pub fn run(arguments: XrArguments, gpu: &GpuOptions) -> Result<(), CliError> {
     if let Some(adapter) = &gpu.adapter {
         return Err(CliError::Usage(format!("--adapter {adapter}: the headset's runtime chooses the adapter")));
     }
+    if *gpu != GpuOptions::default() {
+        return Err(CliError::Usage(
+            "--adapter-limits: a headset is drawn with all that its adapter offers".to_owned(),
+        ));
+    }
     let config = load::configuration(arguments.config.as_deref(), &arguments.set)?;
     // The clock starts when the configuration is read.
     let clock = config.clock();

@@ -44,6 +44,10 @@ fn an_adapter_with_too_little_is_refused_with_what_it_lacks() {
     assert!(error.contains("offers too little: 4 storage buffers per stage: at least 8 needed"), "{error}");
     let [_, error] = run(steradian(&["info", "--adapter-limits", "binding-mib=0"]), 64);
     assert!(error.contains("`binding-mib=0` is not a restriction"), "{error}");
+    if cfg!(feature = "xr") {
+        let [_, error] = run(steradian(&["xr", "--adapter-limits", "webgpu"]), 64);
+        assert!(error.contains("--adapter-limits: a headset"), "{error}");
+    }
 }
 
 #[test]
