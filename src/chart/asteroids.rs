@@ -77,7 +77,7 @@ pub(super) fn run(
     report_step: ReportStep<'_>,
 ) -> Result<Vec<Row>, ChartError> {
     let extent = &extent.asteroids;
-    let variants = Variant::all(&extent.cache);
+    let variants = Variant::all();
     // All numbers in the first view, one number in each of the others.
     let workloads: Vec<Workload> = extent
         .instances

@@ -1,36 +1,127 @@
-//! The user's cache folder of the program: `STERADIAN_CACHE_DIR`, or `steradian` in the one of the XDG Base Directory Specification 0.8.
+//! `cache info`, `cache clear`: what the program keeps between runs, and where.
 
-use std::{
-    env,
-    ffi::OsString,
-    path::{Path, PathBuf},
-};
+use std::{collections::BTreeMap, env, ffi::OsString, path::PathBuf};
 
-use crate::{config::Config, plan::settings::AsteroidSettings};
+use clap::{Args, Subcommand};
+use directories::ProjectDirs;
+
+use super::{CliError, results};
+use crate::cache::{self, Cache, Entry};
 
 /// Names the folder itself; empty: none.
-const VARIABLE: &str = "STERADIAN_CACHE_DIR";
+const FOLDER_VARIABLE: &str = "STERADIAN_CACHE_DIR";
+/// Names the size limit, MiB.
+const LIMIT_VARIABLE: &str = "STERADIAN_CACHE_MIB";
+/// Size limit without that variable, MiB.
+const MOST_MIB: u64 = 2048;
 
-/// Replaces `asteroids.cache = "auto"` by a folder of the user, or by none if the user has no cache folder.
-pub fn place(config: &mut Config) {
-    if config.asteroids.cache != Path::new(AsteroidSettings::USER_CACHE) {
-        return;
-    }
-    let folder = folder(|name| env::var_os(name));
-    if folder.is_none() {
-        tracing::info!("baked atlases of asteroids are not kept: no cache folder is known");
-    }
-    config.asteroids.cache = folder.map(|folder| folder.join("atlases")).unwrap_or_default();
+/// Arguments of `cache`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    steradian cache info\n  \
+    steradian cache clear\n\n\
+    Kept are synthetic stars, tables of projectors and atlases of asteroids, each under a hash of its inputs. The folder is\n\
+    STERADIAN_CACHE_DIR, otherwise that of the system for the user; an empty variable or --no-cache switches it off.\n\
+    STERADIAN_CACHE_MIB is its size limit in MiB (2048); what was not used for the longest time is removed first.")]
+pub struct CacheArguments {
+    #[command(subcommand)]
+    command: CacheCommand,
 }
 
-/// The cache folder from environment variables; `None`: there is none. The specification ignores relative paths.
-fn folder(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
-    if let Some(folder) = variable(VARIABLE) {
-        return Some(PathBuf::from(folder)).filter(|folder| !folder.as_os_str().is_empty());
+#[derive(Clone, Copy, Debug, Subcommand)]
+enum CacheCommand {
+    /// Show folder, size limit, and number and size of the entries of each kind.
+    Info {
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Remove all entries; other files of the folder stay.
+    Clear,
+}
+
+/// Sets the cache of this process from the environment; `unused`: there is none.
+pub fn set(unused: bool) -> Result<(), CliError> {
+    let cache = if unused { None } else { from_environment(|name| env::var_os(name))? };
+    if cache.is_none() && !unused {
+        tracing::debug!("nothing is kept between runs: there is no cache folder");
     }
-    let absolute = |name| variable(name).map(PathBuf::from).filter(|folder| folder.is_absolute());
-    let caches = absolute("XDG_CACHE_HOME").or_else(|| Some(absolute("HOME")?.join(".cache")));
-    caches.map(|caches| caches.join("steradian"))
+    cache::set_for_process(cache);
+    Ok(())
+}
+
+/// Runs the command.
+pub fn run(CacheArguments { command }: &CacheArguments) -> Result<(), CliError> {
+    let Some(cache) = from_environment(|name| env::var_os(name))? else {
+        let problem = format!("there is no cache folder: set {FOLDER_VARIABLE}, or the home folder of the user");
+        return Err(CliError::Usage(problem));
+    };
+    let problem = |source| CliError::Cache { folder: cache.folder.clone(), source };
+    match command {
+        CacheCommand::Info { json } => {
+            let info = Info::new(&cache, &cache.entries().map_err(problem)?);
+            if *json { results::line(serde_json::json!(info)) } else { info.print() }
+        }
+        CacheCommand::Clear => {
+            let removed = cache.clear().map_err(problem)?;
+            let bytes: u64 = removed.iter().map(|entry| entry.bytes).sum();
+            results::line(format!("removed {} entries, {}, from {}", removed.len(), mib(bytes), cache.folder.display()))
+        }
+    }
+}
+
+#[derive(serde::Serialize)]
+struct Info {
+    folder: PathBuf,
+    most_bytes: u64,
+    bytes: u64,
+    parts: BTreeMap<String, PartInfo>,
+}
+
+#[derive(Default, serde::Serialize)]
+struct PartInfo {
+    entries: usize,
+    bytes: u64,
+}
+
+impl Info {
+    fn new(cache: &Cache, entries: &[Entry]) -> Self {
+        let mut parts: BTreeMap<String, PartInfo> = BTreeMap::new();
+        for entry in entries {
+            let part = parts.entry(entry.part.clone()).or_default();
+            part.entries += 1;
+            part.bytes += entry.bytes;
+        }
+        let bytes = entries.iter().map(|entry| entry.bytes).sum();
+        Self { folder: cache.folder.clone(), most_bytes: cache.most_bytes, bytes, parts }
+    }
+
+    fn print(&self) -> Result<(), CliError> {
+        results::line(format!("folder: {}", self.folder.display()))?;
+        results::line(format!("size:   {} of at most {}", mib(self.bytes), mib(self.most_bytes)))?;
+        self.parts
+            .iter()
+            .try_for_each(|(name, part)| results::line(format!("{name}: {} entries, {}", part.entries, mib(part.bytes))))
+    }
+}
+
+fn mib(bytes: u64) -> String {
+    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
+}
+
+/// The cache from environment variables; `None`: there is none.
+fn from_environment(variable: impl Fn(&str) -> Option<OsString>) -> Result<Option<Cache>, CliError> {
+    let most_mib = match variable(LIMIT_VARIABLE) {
+        None => MOST_MIB,
+        Some(text) => text.to_str().and_then(|text| text.parse().ok()).filter(|mib| (1..1 << 40).contains(mib)).ok_or_else(
+            || CliError::Usage(format!("{LIMIT_VARIABLE}={}: must be a whole number of MiB, at least 1", text.display())),
+        )?,
+    };
+    let folder = match variable(FOLDER_VARIABLE) {
+        Some(folder) => Some(PathBuf::from(folder)).filter(|folder| !folder.as_os_str().is_empty()),
+        None => ProjectDirs::from("", "", "steradian").map(|folders| folders.cache_dir().to_owned()),
+    };
+    Ok(folder.map(|folder| Cache { folder, most_bytes: most_mib << 20 }))
 }
 
 #[cfg(test)]
@@ -38,16 +129,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_usable_variable_decides() {
+    fn variables_name_folder_and_limit_and_wrong_ones_are_refused() {
         let found = |set: &[(&str, &str)]| {
-            folder(|name| set.iter().find(|(known, _)| *known == name).map(|(_, value)| value.into()))
+            from_environment(|name| set.iter().find(|(known, _)| *known == name).map(|(_, value)| value.into()))
         };
-        let home = ("HOME", "/home/u");
-        assert_eq!(found(&[home]), Some("/home/u/.cache/steradian".into()));
-        assert_eq!(found(&[home, ("XDG_CACHE_HOME", "/c")]), Some("/c/steradian".into()));
-        assert_eq!(found(&[home, ("XDG_CACHE_HOME", "c")]), Some("/home/u/.cache/steradian".into()), "relative");
-        assert_eq!(found(&[home, ("XDG_CACHE_HOME", "/c"), (VARIABLE, "own")]), Some("own".into()));
-        assert_eq!(found(&[home, (VARIABLE, "")]), None, "switched off");
-        assert_eq!(found(&[]), None);
+        let cache = found(&[(FOLDER_VARIABLE, "own"), (LIMIT_VARIABLE, "3")]).unwrap();
+        assert_eq!(cache, Some(Cache { folder: "own".into(), most_bytes: 3 << 20 }));
+        assert_eq!(found(&[(FOLDER_VARIABLE, "")]).unwrap(), None, "switched off");
+        let of_user = found(&[]).unwrap().expect("the user has a home folder");
+        assert!(of_user.folder.ends_with("steradian") && of_user.most_bytes == 2 << 30, "{of_user:?}");
+        for wrong in ["", "0", "-1", "2.5", "many", "99999999999999999999"] {
+            let problem = found(&[(LIMIT_VARIABLE, wrong)]).unwrap_err().to_string();
+            assert!(problem.contains(&format!("{LIMIT_VARIABLE}={wrong}: ")), "{problem}");
+        }
     }
 }

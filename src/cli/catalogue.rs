@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 
 use super::{CliError, load, results};
+use crate::cache;
 use crate::catalogue::bright;
 use crate::catalogue::galaxy::{GalaxyParameters, MOST_STARS};
 use crate::catalogue::packed::PackedStar;
@@ -79,6 +80,8 @@ pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
             write(&sources, &out)
         }
         CatalogueCommand::Synth { stars, seed, fainter_than, out } => {
+            // The store is kept already.
+            cache::set_for_process(None);
             write(&[StarSource::Galaxy(GalaxyParameters { stars, seed, fainter_than, unresolved_light: false })], &out)
         }
         CatalogueCommand::Info { store } => info(&store),

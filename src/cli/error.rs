@@ -54,6 +54,14 @@ pub enum CliError {
     /// A store cannot be written.
     #[error("cannot write the store: {0}")]
     WriteStore(StoreError),
+    /// The cache folder cannot be read or cleared.
+    #[error("{}: {source}", folder.display())]
+    Cache {
+        /// The folder.
+        folder: PathBuf,
+        /// Reason.
+        source: io::Error,
+    },
     /// These arguments do not describe a synthetic galaxy.
     #[error(transparent)]
     Galaxy(#[from] GalaxyError),
@@ -213,7 +221,7 @@ impl CliError {
             CliError::ReadInput { .. } | CliError::ReadManifest { .. } | CliError::OtherInput { .. } => BAD_DATA,
             CliError::Chart(_) | CliError::Client(_) | CliError::Record(_) => FAILED,
             CliError::WriteStore(_) | CliError::Output(_) | CliError::Json(_) | CliError::Stdout(_) => FAILED,
-            CliError::WriteFile { .. } | CliError::Checks { .. } | CliError::Audit(_) | CliError::Token(_) => FAILED,
+            CliError::Cache { .. } | CliError::WriteFile { .. } | CliError::Checks { .. } | CliError::Audit(_) | CliError::Token(_) => FAILED,
         }
     }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
-use super::{CliError, cache};
+use super::CliError;
 use crate::config::{CatalogueConfig, Config};
 use crate::files;
 use crate::gpu::AdapterReport;
@@ -98,8 +98,7 @@ impl Inputs {
         Ok(Self::new(config?, opened, recorded.configuration.folder.clone()))
     }
 
-    fn new(mut config: Config, opened: Vec<PathBuf>, folder: PathBuf) -> Self {
-        cache::place(&mut config);
+    fn new(config: Config, opened: Vec<PathBuf>, folder: PathBuf) -> Self {
         let mut paths = config.named_files();
         paths.extend(opened);
         let shapes = config.shape_files();

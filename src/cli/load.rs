@@ -1,14 +1,13 @@
 //! Preparation of the first frame: loads stars and compiles pipelines, with progress.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use super::progress::Progress;
-use super::{CliError, cache};
+use super::CliError;
 use crate::catalogue::chunks::StarSet;
 use crate::catalogue::epoch::Epoch;
 use crate::catalogue::store::Store;
-use crate::config::{Config, ConfigError};
+use crate::config::Config;
 use crate::plan::view_settings::FrameGroup;
 use crate::render::{RenderError, Renderer, Wanted};
 use crate::scene::SceneObjects;
@@ -24,13 +23,6 @@ pub struct LoadedScene {
     pub objects: Arc<SceneObjects>,
     /// Whether the driver accepted all shaders.
     pub prepared: Result<(), RenderError>,
-}
-
-/// Loads a configuration, or the built-in one, and names the user's cache folder.
-pub fn configuration(path: Option<&Path>, overrides: &[String]) -> Result<Config, ConfigError> {
-    let mut config = Config::load_or_built_in(path, overrides)?;
-    cache::place(&mut config);
-    Ok(config)
 }
 
 /// Loads the scene of a configuration and meanwhile compiles the pipelines for display and HDR images of all views.

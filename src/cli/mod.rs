@@ -79,6 +79,9 @@ pub struct Cli {
     /// Default: the environment variable STERADIAN_LOG, otherwise info.
     #[arg(long, global = true, value_name = "FILTER")]
     pub log: Option<String>,
+    /// Make everything anew, and keep nothing for later runs; see `steradian cache --help`.
+    #[arg(long, global = true)]
+    pub no_cache: bool,
     /// Command to run.
     #[command(subcommand)]
     pub command: Command,
@@ -113,6 +116,8 @@ pub enum Command {
     Catalogue(catalogue::CatalogueArguments),
     /// Compute the point-spread function of an aperture, or convert one.
     Psf(psf::PsfArguments),
+    /// Show or remove what is kept between runs: synthetic stars, tables of projectors, atlases of asteroids.
+    Cache(cache::CacheArguments),
     /// Make an access token for a client, and the configuration lines that accept it.
     Token(token::TokenArguments),
     /// Show a scene in the headset of the system's OpenXR runtime.
@@ -125,6 +130,7 @@ pub fn run(arguments: Cli) -> Result<(), CliError> {
     if let Some(folder) = checked_shader_folder()? {
         tracing::warn!("shaders are read from {} ({SHADER_FOLDER_VARIABLE})", folder.display());
     }
+    cache::set(arguments.no_cache)?;
     let gpu = GpuOptions { adapter: arguments.adapter, ..arguments.adapter_limits.unwrap_or_default() };
     match arguments.command {
         Command::Render(command) => render::run(command, &gpu),
@@ -138,6 +144,7 @@ pub fn run(arguments: Cli) -> Result<(), CliError> {
         Command::Projectors(command) => projectors::run(&command),
         Command::Catalogue(command) => catalogue::run(command),
         Command::Psf(command) => psf::run(&command),
+        Command::Cache(command) => cache::run(&command),
         Command::Token(command) => token::run(&command),
         Command::Xr(command) => xr::run(command, &gpu),
     }

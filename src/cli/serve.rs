@@ -53,7 +53,7 @@ pub struct ServeArguments {
 
 /// Runs the command.
 pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliError> {
-    let config = load::configuration(arguments.config.as_deref(), &arguments.set)?;
+    let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
     // The clock starts when the configuration is read.
     let clock = config.clock();
     let (rig, camera) = (config.rig()?, config.camera()?);

@@ -65,7 +65,7 @@ pub fn run(arguments: ShowArguments, options: &GpuOptions) -> Result<(), CliErro
         }
         return Ok(());
     }
-    let config = load::configuration(arguments.config.as_deref(), &arguments.set)?;
+    let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
     // The clock starts when the configuration is read.
     let clock = config.clock();
     let (rig, camera, groups) = (config.rig()?, config.camera()?, config.frame_groups()?);

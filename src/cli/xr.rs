@@ -9,6 +9,7 @@ use std::time::SystemTime;
 use clap::Args;
 
 use super::{CliError, load, lock, results};
+use crate::config::Config;
 use crate::plan::settings::{AfterExit, HeadsetSettings};
 use crate::render::Wanted;
 use crate::scene::{EndNotice, SceneClock, SceneSnapshot, SeenStars};
@@ -47,7 +48,7 @@ pub fn run(arguments: XrArguments, gpu: &GpuOptions) -> Result<(), CliError> {
             "--adapter-limits: a headset is drawn with all that its adapter offers".to_owned(),
         ));
     }
-    let config = load::configuration(arguments.config.as_deref(), &arguments.set)?;
+    let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
     // The clock starts when the configuration is read.
     let clock = config.clock();
     let camera = config.camera()?;

@@ -311,10 +311,7 @@ impl Config {
         }
         let asteroid_fields = each(&FIELDS, sections.asteroid_fields, FieldConfig::from_table)?;
         let windows = each(&WINDOWS, sections.windows, |table| document::read(Value::Table(table)))?;
-        let mut asteroids = sections.asteroids;
-        if asteroids.cache_folder().is_some() {
-            asteroids.cache = folder.join(&asteroids.cache);
-        }
+        let asteroids = sections.asteroids;
         let mut stars = sections.stars;
         stars.psf_texture.file = stars.psf_texture.file.map(|file| folder.join(file));
         let mut glare = sections.glare;

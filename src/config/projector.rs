@@ -220,7 +220,7 @@ impl ProjectorConfig {
 
     fn view_of(&self, region: &Region, lut: Option<Lut>) -> Result<ViewKind, String> {
         let warp = Warp::new(region.size_px, &region.grid).map_err(|error| error.to_string())?;
-        let mapping = TabulatedMapping::new(warp).map_err(|error| match error {
+        let mapping = TabulatedMapping::kept(warp, &region.grid.identity(region.size_px)).map_err(|error| match error {
             TabulationError::Folded { .. } | TabulationError::NotInverse { .. } | TabulationError::Junction { .. } => {
                 format!("{FOLDS}: {error}")
             }

@@ -300,7 +300,6 @@ fn disagreements(validator: &jsonschema::Validator, key: &str, range: &Range) ->
         "tile_px",
         "samples",
         "monitor",
-        "cache_mib",
     ]
     .contains(&name);
     let angle = key.starts_with("views") && name.ends_with("_deg");

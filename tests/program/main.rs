@@ -5,7 +5,7 @@ use testkit::exr_file;
 use testkit::figures;
 
 mod adapters;
-mod atlas_cache;
+mod cache;
 mod command_line;
 mod configuration_reference;
 #[cfg(unix)]

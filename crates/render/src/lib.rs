@@ -10,7 +10,7 @@ pub use glam;
 
 // Modules of `steradian-sky`, so that `crate::photometry` names the same module in all crates.
 pub(crate) use steradian_sky::{
-    calendar, catalogue, coordinates, ephemeris, files, observer, photometry, picture_file, ranges, relativity,
+    cache, calendar, catalogue, coordinates, ephemeris, files, observer, photometry, picture_file, ranges, relativity,
     sky_pictures, solar_system, units,
 };
 

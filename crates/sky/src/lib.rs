@@ -16,6 +16,7 @@ pub use glam;
 #[macro_use]
 mod names;
 
+pub mod cache;
 pub mod calendar;
 pub mod coordinates;
 #[doc(hidden)]

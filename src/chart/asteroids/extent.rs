@@ -1,6 +1,6 @@
 //! Sizes of the axis `asteroids` in a quick and in a full run.
 
-use std::{path::PathBuf, time::Duration};
+use std::time::Duration;
 
 use crate::chart::ViewShape;
 
@@ -23,8 +23,6 @@ pub struct AsteroidExtent {
     pub rounds: usize,
     /// Maximum time; the share of the whole run may be less.
     pub budget: Duration,
-    /// Folder that keeps baked atlases between runs; empty: atlases are baked in every turn.
-    pub cache: PathBuf,
 }
 
 impl AsteroidExtent {
@@ -39,7 +37,6 @@ impl AsteroidExtent {
             scored_px: 512,
             rounds: 2,
             budget: Duration::from_secs(45),
-            cache: atlas_cache(),
         }
     }
 
@@ -62,12 +59,6 @@ impl AsteroidExtent {
             scored_px: 768,
             rounds: if discrete_gpu { 11 } else { 3 },
             budget: Duration::from_secs(if discrete_gpu { 400 } else { 700 }),
-            cache: atlas_cache(),
         }
     }
-}
-
-/// Folder for baked atlases: they take seconds to bake on a software driver and are the same in every run.
-fn atlas_cache() -> PathBuf {
-    std::env::temp_dir().join("steradian-chart-atlases")
 }

@@ -5,7 +5,7 @@
 //! to four times that distance. Radii are spread so that the largest near asteroids show the finest level of detail and
 //! the smallest far ones are points: all levels occur. The sun shines from the side.
 
-use std::{path::Path, sync::Arc};
+use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
@@ -59,13 +59,12 @@ pub struct Variant {
 }
 
 impl Variant {
-    /// Returns all charted variants; baked atlases are kept in the folder `cache`.
-    pub fn all(cache: &Path) -> Vec<Self> {
+    /// Returns all charted variants.
+    pub fn all() -> Vec<Self> {
         let published = MethodSource::AsteroidFieldRendering;
         let ours = MethodSource::Steradian;
         let variant = |name, source, impostor, culling, note| {
-            let settings =
-                AsteroidSettings { impostor, culling, cache: cache.to_owned(), ..AsteroidSettings::default() };
+            let settings = AsteroidSettings { impostor, culling, ..AsteroidSettings::default() };
             Self { name, source, settings, note }
         };
         vec![

@@ -120,7 +120,7 @@ fn fields_are_made_as_written() {
         "{FIELD}shape = 'box'\nsize_m = [1e3, 2e3, 3e3]\n\
          [[asteroid_fields]]\nname = 'ring'\nposition_m = [0, 0, 0]\norientation = [1, 0, 0, 0]\ninstances = 300\nseed = 9\nshape = 'ring'\ninner_m = 1e7\nouter_m = 2e7\nthickness_m = 0\nradius_m = [5, 6]\nsize_index = 0\nspin_period_s = [60, 61]\ngeometric_albedo = [0.1, 0.2, 0.3]\nlaw = 'lambert'\nshape_seed = 4\n\
          [[asteroid_fields]]\nname = 'belt'\nposition_m = [0, 0, 0]\ninstances = 3\nshape = 'belt'\ninner_m = 1e7\nouter_m = 2e7\nheight_m = 5\nradius_m = [5, 6]\ngeometric_albedo = 0.1\nshapes = ['a.glb', '/b.gltf']\n\
-         [asteroids]\nimpostor = 'octahedral'\nculling = 'cpu'\nquality = 0.5\ntiles = 16\ntile_px = 64\nsamples = 4\ncache = 'baked'\n"
+         [asteroids]\nimpostor = 'octahedral'\nculling = 'cpu'\nquality = 0.5\ntiles = 16\ntile_px = 64\nsamples = 4\n"
     ))
     .unwrap();
     let specs = config.field_specs().unwrap();
@@ -133,16 +133,6 @@ fn fields_are_made_as_written() {
     assert_eq!(specs[2].shapes, ShapeSource::Files(vec!["/sky/a.glb".into(), "/b.gltf".into()]));
     let settings = config.render_settings().asteroids;
     assert_eq!((settings.impostor, settings.tiles, settings.tile_px), (ImpostorMethod::Octahedral, 16, 64));
-    assert_eq!(settings.cache_folder(), Some(Path::new("/sky/baked")));
-    for unkept in ["", "auto"] {
-        let config = parse(&format!("asteroids.cache = '{unkept}'")).unwrap();
-        assert_eq!(
-            config.render_settings().asteroids.cache_folder(),
-            None,
-            "`{unkept}`: only the program has a folder"
-        );
-    }
-    assert!(parse("asteroids.cache_mib = 0").unwrap_err().to_string().contains("cache_mib"));
     let message = config.objects().unwrap_err().to_string();
     assert!(
         message.contains("asteroid_fields[2].shapes (field `belt`)") && message.contains("/sky/a.glb"),

@@ -288,7 +288,7 @@ fn read(source: &StarSource, index: usize, years: f64) -> Result<Read, LoadError
         }
         StarSource::Galaxy(parameters) => {
             let Galaxy { stars, unresolved } =
-                galaxy::generate(parameters).map_err(|source| LoadError::Galaxy { index, source })?;
+                galaxy::kept_or_generated(parameters).map_err(|source| LoadError::Galaxy { index, source })?;
             Ok(Read { stars, unresolved, ..Read::default() })
         }
         StarSource::Light(map) => Ok(Read { unresolved: Some(map.read()?), ..Read::default() }),

@@ -9,8 +9,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{
-    photometry::rec709,
-    sky_pictures::{SkyPictures, TexelPlace},
+    cache, photometry::rec709,
+    sky_pictures::{SKY_FACES, SkyPictures, TexelPlace},
 };
 
 /// Luminance of a texel's unit, cd/m^2.
@@ -57,6 +57,28 @@ impl DiffuseSky {
         sky.mean_cd_m2 = sky.mean();
         sky.roughness_cd_m2 = sky.roughness();
         sky
+    }
+
+    /// The bytes of the faces: side and mean, then texels, then roughness.
+    pub(super) fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = self.pictures.side.to_le_bytes().to_vec();
+        bytes.extend(self.mean_cd_m2.to_le_bytes());
+        bytes.extend_from_slice(bytemuck::cast_slice(&self.texels));
+        bytes.extend_from_slice(bytemuck::cast_slice(&self.roughness_cd_m2));
+        bytes
+    }
+
+    /// The faces of such bytes; `None` if their length does not match.
+    pub(super) fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let (side, bytes) = bytes.split_first_chunk()?;
+        let (mean, bytes) = bytes.split_first_chunk()?;
+        let pictures = SkyPictures { side: u32::from_le_bytes(*side) };
+        let blocks = u64::from(pictures.side.div_ceil(ROUGHNESS_BLOCK)).checked_pow(2)?.checked_mul(u64::from(SKY_FACES))?;
+        let of_texels = usize::try_from(pictures.texels()).ok()?.checked_mul(size_of::<u32>())?;
+        let (texels, roughness) = bytes.split_at_checked(of_texels)?;
+        let (texels, roughness_cd_m2) = (cache::values(texels)?, cache::values(roughness)?);
+        let complete = roughness_cd_m2.len() as u64 == blocks;
+        complete.then(|| Self { pictures, texels, mean_cd_m2: f64::from_le_bytes(*mean), roughness_cd_m2 })
     }
 
     /// Size of the faces.

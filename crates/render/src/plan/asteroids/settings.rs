@@ -1,7 +1,5 @@
 //! Settings of asteroid fields.
 
-use std::path::{Path, PathBuf};
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -77,11 +75,6 @@ pub struct AsteroidSettings {
     pub samples: u32,
     /// Draws every asteroid with the finest mesh, as a reference.
     pub finest_only: bool,
-    /// Folder that keeps baked atlases between runs, see [asteroid-methods.md](asteroid-methods.md); empty for none, `auto` for the user's cache folder.
-    pub cache: PathBuf,
-    /// Maximum size of the atlases in that folder together; those that were not used for the longest time are removed.
-    #[schemars(range(min = AsteroidSettings::CACHE_MIB[0], max = AsteroidSettings::CACHE_MIB[1]), extend("x-unit" = "MiB"))]
-    pub cache_mib: u32,
 }
 
 impl Default for AsteroidSettings {
@@ -94,8 +87,6 @@ impl Default for AsteroidSettings {
             tile_px: 32,
             samples: 2,
             finest_only: false,
-            cache: PathBuf::from(Self::USER_CACHE),
-            cache_mib: 1024,
         }
     }
 }
@@ -109,17 +100,6 @@ impl AsteroidSettings {
     pub const TILE_PX: [f64; 2] = [8.0, 256.0];
     /// Range of `samples`.
     pub const SAMPLES: [f64; 2] = [1.0, 4.0];
-
-    /// Range of `cache_mib`.
-    pub const CACHE_MIB: [f64; 2] = [1.0, 1_048_576.0];
-    /// Value of `cache` that means the user's cache folder. The program replaces it by a path; the library, which has no such folder, keeps
-    /// no atlases.
-    pub const USER_CACHE: &str = "auto";
-
-    /// The folder that keeps baked atlases; `None`: they are not kept.
-    pub fn cache_folder(&self) -> Option<&Path> {
-        Some(&*self.cache).filter(|folder| !folder.as_os_str().is_empty() && *folder != Path::new(Self::USER_CACHE))
-    }
 
     /// The impostor method, never `auto`; `None`: asteroids have no impostors.
     pub fn drawn_impostors(&self) -> Option<ImpostorMethod> {
@@ -148,10 +128,6 @@ impl AsteroidSettings {
             if !(value.is_power_of_two() && (least..=most).contains(&f64::from(value))) {
                 return Err((key, format!("{value}: must be a power of two from {least} to {most}")));
             }
-        }
-        let [least, most] = Self::CACHE_MIB;
-        if !(least..=most).contains(&f64::from(self.cache_mib)) {
-            return Err(("cache_mib", format!("{}: must be between {least} and {most}", self.cache_mib)));
         }
         let [least, most] = Self::SAMPLES;
         if !(least..=most).contains(&f64::from(self.samples)) {

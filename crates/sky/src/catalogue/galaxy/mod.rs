@@ -18,6 +18,7 @@
 
 mod clouds;
 mod dust;
+mod kept;
 mod luminosity_function;
 mod neighbours;
 mod noise;
@@ -27,6 +28,7 @@ mod structure;
 mod unresolved;
 
 use super::{StarRecord, diffuse::DiffuseSky};
+use crate::cache;
 use rayon::prelude::*;
 use sampling::{BLOCKS, MagnitudeRange, Sky};
 use schemars::JsonSchema;
@@ -106,6 +108,18 @@ pub enum GalaxyError {
         /// Number expected in the model.
         available: u64,
     },
+}
+
+/// The galaxy of these parameters: from the cache of the process, or made now and kept there. See [`generate`].
+///
+/// # Errors
+///
+/// As [`generate`].
+pub fn kept_or_generated(parameters: &GalaxyParameters) -> Result<Galaxy, GalaxyError> {
+    let GalaxyParameters { stars, seed, fainter_than, unresolved_light } = *parameters;
+    let fainter_than = fainter_than.map(f64::to_bits);
+    let inputs = format!("{stars} {seed} {fainter_than:?} {unresolved_light}");
+    cache::kept_or_made(kept::PART, &[inputs.as_bytes()], kept::FORM, || generate(parameters))
 }
 
 /// Makes exactly `parameters.stars` stars, and the light of the stars that are fainter than all of them.

@@ -6,30 +6,22 @@
 //! - *surfaces*, `Rgba8Unorm`: albedo divided by [`ImpostorAtlas::albedo_scale`], and depth along the tile's direction
 //!   in units of the shape's bounding radius (0 to 1; 0.5 in the middle, 1 towards the eye).
 //!
-//! Another thread can bake the atlases that a renderer will need in advance ([`BakedImpostors`]).
-//!
-//! A cache file holds the finest level of all layers; its name and header identify shapes and settings. Layout,
-//! little-endian: [`Header`], normals of all layers, surfaces of all layers. The CRC-32 covers every byte after itself.
+//! Another thread can bake the atlases that a renderer will need in advance ([`BakedImpostors`]). The cache of the process keeps the finest
+//! levels.
 //!
 //! No twin: reference/asteroids/impostors/bake.rs.
 
 use std::{
     collections::HashMap,
-    io,
-    path::{Path, PathBuf},
+    convert::Infallible,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
 
-use bytemuck::{Pod, Zeroable};
-
 use rayon::prelude::*;
 
-use super::{
-    cache,
-    texels::{Level, level_count, levels},
-};
+use super::texels::{Level, level_count, levels};
 use crate::{
-    files,
+    cache::{self, Form, Part},
     gpu::{self, Gpu, GpuError},
     plan::asteroids::{AsteroidSettings, ImpostorMethod, areas::projected_areas, bounds::BORDER_PX},
     render::{
@@ -39,11 +31,9 @@ use crate::{
     scene::asteroids::ShapeSet,
 };
 
-const _: () = assert!(cfg!(target_endian = "little"), "atlases are little-endian and read without conversion");
-
-const MAGIC: [u8; 8] = *b"STERIMPO";
-/// Version of the baked content. Increase it whenever baking changes the texels.
-const VERSION: u32 = 2;
+/// The finest levels of all layers.
+const PART: Part = Part { name: "asteroid-atlas", version: 2 };
+const FORM: Form<Vec<Level>> = Form { to_bytes, from_bytes };
 
 /// Reason why an atlas cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -101,7 +91,7 @@ pub(crate) struct ImpostorAtlas {
 
 impl ImpostorAtlas {
     /// Returns the atlas of a method for all shapes of a set: baked in advance, read from the cache, or baked now and
-    /// cached. Returns `None` for methods without an atlas. An unusable cache file is logged and replaced.
+    /// kept. Returns `None` for methods without an atlas.
     pub(crate) fn new(
         gpu: &Gpu,
         ahead: &BakedImpostors,
@@ -113,7 +103,7 @@ impl ImpostorAtlas {
         check(gpu, shapes, size)?;
         let layers = match ahead.take(shapes, size) {
             Some(layers) => layers,
-            None => layers_of(shapes, size, settings),
+            None => layers_of(shapes, size),
         };
         let atlas = Self::upload(gpu, shapes, size, layers);
         gpu.take_failure()?;
@@ -253,7 +243,7 @@ impl BakedImpostors {
         for shapes in sets {
             if let Some(size) = size {
                 check(gpu, shapes, size)?;
-                let layers = layers_of(shapes, size, settings);
+                let layers = layers_of(shapes, size);
                 self.baked().atlases.insert((shapes.digest, size), layers);
             }
             let areas = shapes.shapes.iter().flat_map(projected_areas).collect();
@@ -263,36 +253,39 @@ impl BakedImpostors {
     }
 }
 
-/// Returns all levels of all layers, from the cache, or baked now and cached.
-fn layers_of(shapes: &ShapeSet, size: AtlasSize, settings: &AsteroidSettings) -> Vec<Vec<Level>> {
-    let header = Header::new(shapes, size);
-    let path = settings.cache_folder().map(|folder| folder.join(header.file_name(size)));
-    let kept = path.as_deref().and_then(|path| match read(path, &header) {
-        Ok(kept) => {
-            if kept.is_some() {
-                cache::mark_used(path);
-            }
-            kept
-        }
-        Err(problem) => {
-            tracing::warn!(file = %path.display(), %problem, "cannot use the cached impostor atlas; baking it again");
-            None
-        }
-    });
-    let finest = match kept {
-        Some(finest) => finest,
-        None => {
-            let finest = bake_all(shapes, size);
-            if let Some(path) = &path
-                && let Err(problem) = keep(path, header, &finest, settings)
-            {
-                tracing::warn!(file = %path.display(), %problem, "cannot write the impostor atlas to the cache");
-            }
-            finest
-        }
-    };
+/// Returns all levels of all layers; the finest ones are from the cache, or baked now and kept.
+fn layers_of(shapes: &ShapeSet, size: AtlasSize) -> Vec<Vec<Level>> {
+    let parameters = [size.layout as u32, size.tiles, size.tile_px, shapes.shapes.len() as u32];
+    let inputs: [&[u8]; 3] =
+        [&shapes.digest.to_le_bytes(), bytemuck::bytes_of(&parameters), &albedo_scale(shapes).to_le_bytes()];
+    let finest = cache::kept_or_made(PART, &inputs, FORM, || Ok::<_, Infallible>(bake_all(shapes, size)));
+    let Ok(finest) = finest;
     let count = level_count(size.tile_px);
     finest.into_par_iter().map(|finest| levels(finest, size.tiles * size.tile_px, count)).collect()
+}
+
+/// Number of bytes of a layer's normals, then normals and surfaces, of every layer.
+fn to_bytes(finest: &Vec<Level>) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(finest.iter().map(|level| 8 + level.normals.len() + level.surfaces.len()).sum());
+    for level in finest {
+        bytes.extend((level.normals.len() as u64).to_le_bytes());
+        bytes.extend_from_slice(&level.normals);
+        bytes.extend_from_slice(&level.surfaces);
+    }
+    bytes
+}
+
+fn from_bytes(mut bytes: &[u8]) -> Option<Vec<Level>> {
+    let mut finest = Vec::new();
+    while let Some((length, rest)) = bytes.split_first_chunk() {
+        let length = usize::try_from(u64::from_le_bytes(*length)).ok().filter(|length| length % 4 == 0)?;
+        let (normals, rest) = rest.split_at_checked(length)?;
+        // A texel has four bytes of normals and two of its surface.
+        let (surfaces, rest) = rest.split_at_checked(length / 2)?;
+        finest.push(Level { normals: normals.to_vec(), surfaces: surfaces.to_vec() });
+        bytes = rest;
+    }
+    bytes.is_empty().then_some(finest)
 }
 
 fn bake_all(shapes: &ShapeSet, size: AtlasSize) -> Vec<Level> {
@@ -313,110 +306,24 @@ fn write_level(gpu: &Gpu, texture: &wgpu::Texture, bytes: &[u8], side: u32, leve
     gpu.queue.write_texture(to, bytes, layout, wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 });
 }
 
-/// The first 48 bytes of a cache file.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-struct Header {
-    magic: [u8; 8],
-    crc32: u32,
-    version: u32,
-    digest: u64,
-    layout: u32,
-    tiles: u32,
-    tile_px: u32,
-    shapes: u32,
-    albedo_scale: f32,
-    reserved: u32,
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// Bytes at the start of the header that the checksum does not cover.
-const UNCHECKED: usize = 12;
-
-impl Header {
-    fn new(shapes: &ShapeSet, size: AtlasSize) -> Self {
-        Self {
-            magic: MAGIC,
-            crc32: 0,
-            version: VERSION,
-            digest: shapes.digest,
-            layout: size.layout as u32,
-            tiles: size.tiles,
-            tile_px: size.tile_px,
-            shapes: shapes.shapes.len() as u32,
-            albedo_scale: albedo_scale(shapes),
-            reserved: 0,
-        }
+    #[test]
+    fn levels_survive_their_bytes_and_incomplete_ones_are_refused() {
+        let level = |texels: u8| Level { normals: (0..4 * texels).collect(), surfaces: (0..2 * texels).collect() };
+        let levels = vec![level(16), level(4), level(1)];
+        let bytes = to_bytes(&levels);
+        let same = |a: &[Level], b: &[Level]| {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.normals == b.normals && a.surfaces == b.surfaces)
+        };
+        assert!(from_bytes(&bytes).is_some_and(|read| same(&read, &levels)));
+        let cuts = [1, 7, 8, bytes.len() - 1].map(|length| &bytes[..length]);
+        assert!(cuts.into_iter().all(|cut| from_bytes(cut).is_none()));
+        assert!(from_bytes(&[&bytes[..], &[0]].concat()).is_none());
+        let mut other_length = bytes;
+        other_length[0] = 63;
+        assert!(from_bytes(&other_length).is_none());
     }
-
-    fn file_name(&self, size: AtlasSize) -> PathBuf {
-        let (layout, prefix, suffix) = (size.layout.name(), cache::PREFIX, cache::SUFFIX);
-        format!("{prefix}{layout}-{}x{}-{:016x}{suffix}", self.tiles, self.tile_px, self.digest).into()
-    }
-
-    /// Number of texels of a layer.
-    fn texels(&self) -> usize {
-        (self.tiles as usize * self.tile_px as usize).pow(2)
-    }
-}
-
-/// Reason why a cache file cannot be used.
-#[derive(Debug, thiserror::Error)]
-enum CacheError {
-    #[error(transparent)]
-    Io(#[from] io::Error),
-    #[error("{found} bytes long, not {expected}")]
-    Length { found: usize, expected: usize },
-    #[error("checksum mismatch")]
-    Checksum,
-    #[error("the header belongs to another atlas or to another program version")]
-    Header,
-}
-
-/// Reads the finest levels from a cache file; `None` if the file does not exist.
-fn read(path: &Path, wanted: &Header) -> Result<Option<Vec<Level>>, CacheError> {
-    let (texels, shapes) = (wanted.texels(), wanted.shapes as usize);
-    let expected = size_of::<Header>() + 6 * texels * shapes;
-    let bytes = match files::read_bounded(path, expected as u64) {
-        Ok(bytes) => bytes,
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(error.into()),
-    };
-    if bytes.len() != expected {
-        return Err(CacheError::Length { found: bytes.len(), expected });
-    }
-    let (head, data) = bytes.split_at(size_of::<Header>());
-    let header: Header = bytemuck::pod_read_unaligned(head);
-    if header.crc32 != crc32fast::hash(&bytes[UNCHECKED..]) {
-        return Err(CacheError::Checksum);
-    }
-    if (Header { crc32: 0, ..header }) != *wanted {
-        return Err(CacheError::Header);
-    }
-    let (normals, surfaces) = data.split_at(4 * texels * shapes);
-    let layers = normals.chunks_exact(4 * texels).zip(surfaces.chunks_exact(2 * texels));
-    Ok(Some(layers.map(|(n, s)| Level { normals: n.to_vec(), surfaces: s.to_vec() }).collect()))
-}
-
-/// Writes a cache file, unless it alone exceeds the bound of the cache, and removes the files that exceed it.
-fn keep(path: &Path, header: Header, finest: &[Level], settings: &AsteroidSettings) -> io::Result<()> {
-    let most_bytes = u64::from(settings.cache_mib) << 20;
-    let bytes = (size_of::<Header>() + 6 * header.texels() * finest.len()) as u64;
-    if bytes > most_bytes {
-        tracing::info!(bytes, most_bytes, "the impostor atlas is larger than asteroids.cache_mib and is not kept");
-        return Ok(());
-    }
-    write(path, header, finest)?;
-    cache::trim(path, most_bytes)
-}
-
-fn write(path: &Path, header: Header, finest: &[Level]) -> io::Result<()> {
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder)?;
-    }
-    let mut bytes = bytemuck::bytes_of(&header).to_vec();
-    finest.iter().for_each(|level| bytes.extend_from_slice(&level.normals));
-    finest.iter().for_each(|level| bytes.extend_from_slice(&level.surfaces));
-    let crc32 = crc32fast::hash(&bytes[UNCHECKED..]);
-    bytes[..size_of::<Header>()].copy_from_slice(bytemuck::bytes_of(&Header { crc32, ..header }));
-    files::write_whole(path, &bytes)
 }

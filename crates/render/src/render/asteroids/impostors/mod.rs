@@ -2,7 +2,6 @@
 
 pub(crate) mod atlas;
 pub(crate) mod bake;
-mod cache;
 pub(crate) mod draw;
 pub mod probe;
 pub(crate) mod splat;

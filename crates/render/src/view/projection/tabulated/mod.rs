@@ -15,6 +15,7 @@
 mod bake;
 mod check;
 mod error;
+mod kept;
 mod nodes;
 mod outside;
 mod patches;
@@ -41,6 +42,7 @@ use self::{
     starts::{Beginning, Starts},
 };
 use super::{BoundingCone, Footprint, PlaneMapping, Tap};
+use crate::cache;
 
 /// Number of four-word groups before the directions of a table: see [`TabulatedMapping::words`].
 pub const HEADER: u32 = 4;
@@ -68,6 +70,31 @@ impl PartialEq for TabulatedMapping {
     }
 }
 
+/// Everything that is baked.
+struct Tables {
+    baked: Baked,
+    starts: Starts,
+    accuracy: TableAccuracy,
+}
+
+fn tables(source: &(dyn PlaneMapping + Send)) -> Result<Tables, TabulationError> {
+    let baked = bake::bake(source)?;
+    let all = source.shows_full_sphere();
+    let around = (baked.axis, if all || baked.reach_rad[1] > 0.98 * PI { PI } else { baked.reach_rad[1] });
+    let mut starts = starts::starts(source, &baked.nodes, around, baked.pixels)
+        .map_err(|starts::Junction(pixel)| TabulationError::Junction { pixel })?;
+    let compare = |starts: &Starts| check::compare(source, &baked.nodes, |n| lookup(starts, &baked.nodes, n, all));
+    let mut found = compare(&starts);
+    let directions = found.to_refine(baked.pixels)?;
+    if !directions.is_empty() {
+        let base = HEADER as usize + baked.nodes.values.len() + starts.cells.len();
+        patches::refine(&mut starts, source, &directions, base as u32);
+        found = compare(&starts);
+    }
+    let accuracy = found.accuracy(source)?;
+    Ok(Tables { baked, starts, accuracy })
+}
+
 impl TabulatedMapping {
     /// Bakes a mapping. A million pixels take one to six seconds on two cores: closed forms are faster than splines.
     ///
@@ -84,23 +111,24 @@ impl TabulatedMapping {
     ///
     /// As [`TabulatedMapping::new`].
     pub fn shared(source: Arc<dyn PlaneMapping + Send>) -> Result<Self, TabulationError> {
-        let baked = bake::bake(&*source)?;
-        let all = source.shows_full_sphere();
-        let around = (baked.axis, if all || baked.reach_rad[1] > 0.98 * PI { PI } else { baked.reach_rad[1] });
-        let mut starts = starts::starts(&*source, &baked.nodes, around, baked.pixels)
-            .map_err(|starts::Junction(pixel)| TabulationError::Junction { pixel })?;
-        let compare =
-            |starts: &Starts| check::compare(&*source, &baked.nodes, |n| lookup(starts, &baked.nodes, n, all));
-        let mut found = compare(&starts);
-        let directions = found.to_refine(baked.pixels)?;
-        if !directions.is_empty() {
-            let base = HEADER as usize + baked.nodes.values.len() + starts.cells.len();
-            patches::refine(&mut starts, &*source, &directions, base as u32);
-            found = compare(&starts);
-        }
-        let accuracy = found.accuracy(&*source)?;
+        let tables = tables(&*source)?;
+        Ok(Self::with_tables(source, tables))
+    }
+
+    /// As [`TabulatedMapping::new`]; the table is kept in the cache of the process under these inputs, which must determine the mapping.
+    ///
+    /// # Errors
+    ///
+    /// As [`TabulatedMapping::new`].
+    pub fn kept(source: impl PlaneMapping + Send + 'static, inputs: &[u8]) -> Result<Self, TabulationError> {
+        let tables = cache::kept_or_made(kept::PART, &[inputs], kept::FORM, || tables(&source))?;
+        Ok(Self::with_tables(Arc::new(source), tables))
+    }
+
+    fn with_tables(source: Arc<dyn PlaneMapping + Send>, tables: Tables) -> Self {
+        let Tables { baked, starts, accuracy } = tables;
         let has_cut = starts.has_cut();
-        Ok(Self { source, baked, starts, has_cut, accuracy })
+        Self { source, baked, starts, has_cut, accuracy }
     }
 
     /// Accuracy of the table.

@@ -52,6 +52,21 @@ pub struct DirectionGrid {
     pub interpolation: Interpolation,
 }
 
+impl DirectionGrid {
+    /// Bytes that determine the projection of a raster of `size` pixels, and differ from those of any other.
+    pub fn identity(&self, size: [u32; 2]) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(32 + 25 * self.samples.len());
+        size.iter().for_each(|side| bytes.extend(side.to_le_bytes()));
+        [self.columns, self.rows].iter().for_each(|side| bytes.extend((*side as u64).to_le_bytes()));
+        bytes.extend([self.placement as u8, self.interpolation as u8]);
+        for sample in &self.samples {
+            bytes.push(u8::from(sample.is_some()));
+            sample.iter().flat_map(|direction| direction.to_array()).for_each(|part| bytes.extend(part.to_le_bytes()));
+        }
+        bytes
+    }
+}
+
 /// Reasons why a grid is not a valid projection.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WarpError {

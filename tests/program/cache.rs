@@ -1,0 +1,140 @@
+//! What the program keeps between runs.
+
+use std::{
+    ffi::OsString,
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Output, Stdio},
+};
+
+const CONFIGURATION: &str = "[scene]\ncatalogues = [{ galaxy = { stars = 500 } }]\n[asteroids]\ntiles = 4\ntile_px = 8\n\
+     [[asteroid_fields]]\nname = 'f'\nposition_m = [0, 0, -1e4]\ninstances = 3\nradius_m = [10, 20]\ngeometric_albedo = 0.1\n\
+     shape = 'box'\nsize_m = [1e3, 1e3, 1e3]\n\
+     [[views]]\nname = 'v'\ntype = 'perspective'\nsize = [16, 16]\nfov_y_deg = 40\n";
+
+/// Runs the program in a folder with a cache folder.
+fn run(folder: &Path, cache: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_steradian"))
+        .args(arguments)
+        .current_dir(folder)
+        .env("STERADIAN_CACHE_DIR", cache)
+        .env_remove("STERADIAN_CACHE_MIB")
+        .env_remove("STERADIAN_LOG")
+        .stdin(Stdio::null())
+        .output()
+        .unwrap()
+}
+
+/// Renders into the folder `out` with more arguments, and returns the log.
+fn render_to(out: &str, folder: &Path, cache: &Path, more: &[&str]) -> String {
+    let arguments = [&["render", "--config", "c.toml", "--out", out, "--files", "png"], more].concat();
+    let output = run(folder, cache, &arguments);
+    let log = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{log}");
+    log
+}
+
+fn render(folder: &Path, cache: &Path, more: &[&str]) -> String {
+    render_to("out", folder, cache, more)
+}
+
+/// The entries, in the order of their names.
+fn entries(cache: &Path) -> Vec<PathBuf> {
+    let Ok(entries) = fs::read_dir(cache) else { return Vec::new() };
+    let mut entries: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    entries.sort();
+    entries
+}
+
+#[test]
+fn stars_and_atlases_are_kept_mended_and_switched_off() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("c.toml"), CONFIGURATION).unwrap();
+    let cache = folder.path().join("cache");
+    render(folder.path(), &cache, &["--no-cache"]);
+    render(folder.path(), Path::new(""), &[]);
+    assert!(!cache.exists(), "switched off by the argument and by the variable");
+    let picture = fs::read(folder.path().join("out/v.png")).unwrap();
+
+    render(folder.path(), &cache, &[]);
+    let kept = entries(&cache);
+    let [atlas, galaxy] = &kept[..] else { panic!("{kept:?}") };
+    let part = |path: &Path| path.file_name().unwrap().to_str().unwrap().rsplit_once('-').unwrap().0.to_owned();
+    assert_eq!((part(atlas).as_str(), part(galaxy).as_str()), ("asteroid-atlas", "galaxy"));
+    let valid = [atlas, galaxy].map(|path| fs::read(path).unwrap());
+    let written = || [atlas, galaxy].map(|path| fs::metadata(path).unwrap().modified().unwrap());
+    let first = written();
+    let log = render(folder.path(), &cache, &[]);
+    assert!(written() == first && !log.contains("cached"), "the second run reads them: {log}");
+    assert!(fs::read(folder.path().join("out/v.png")).unwrap() == picture);
+
+    // Other inputs make other stars; the first ones stay.
+    render(folder.path(), &cache, &["--set", "scene.catalogues=[{ galaxy = { stars = 501 } }]"]);
+    assert_eq!(entries(&cache).len(), 3);
+
+    for (path, valid) in [(atlas, &valid[0]), (galaxy, &valid[1])] {
+        fs::write(path, &valid[..valid.len() - 1]).unwrap();
+        let log = render(folder.path(), &cache, &[]);
+        assert!(log.contains(&format!("cannot use the cached {}; making it again", part(path))), "{log}");
+        assert!(fs::read(path).unwrap() == *valid);
+        assert!(fs::read(folder.path().join("out/v.png")).unwrap() == picture);
+    }
+
+    // Two programs at once, with damaged files.
+    [atlas, galaxy].iter().for_each(|path| fs::write(path, b"damaged").unwrap());
+    std::thread::scope(|scope| {
+        (0..2).for_each(|copy| {
+            let (folder, cache, name) = (folder.path(), &cache, format!("out{copy}"));
+            scope.spawn(move || render_to(&name, folder, cache, &[]));
+        });
+    });
+    assert!([atlas, galaxy].iter().zip(&valid).all(|(path, valid)| fs::read(path).unwrap() == *valid));
+    assert_eq!(entries(&cache).len(), 3);
+}
+
+#[test]
+fn the_cache_is_shown_limited_and_cleared() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("c.toml"), CONFIGURATION).unwrap();
+    let cache = folder.path().join("cache");
+    let printed = |arguments: &[&str]| {
+        let output = run(folder.path(), &cache, arguments);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    assert!(printed(&["cache", "info"]).contains("size:   0.0 MiB of at most 2048.0 MiB"), "the folder does not exist");
+    render(folder.path(), &cache, &[]);
+    let info: serde_json::Value = serde_json::from_str(&printed(&["cache", "info", "--json"])).unwrap();
+    let bytes: u64 = entries(&cache).iter().map(|path| fs::metadata(path).unwrap().len()).sum();
+    assert_eq!(info["bytes"], bytes);
+    assert_eq!((&info["parts"]["galaxy"]["entries"], &info["parts"]["asteroid-atlas"]["entries"]), (&1.into(), &1.into()));
+    let text = printed(&["cache", "info"]);
+    assert!(text.contains("galaxy: 1 entries, ") && text.contains(cache.to_str().unwrap()), "{text}");
+
+    fs::write(cache.join("notes.txt"), "mine").unwrap();
+    assert!(printed(&["cache", "clear"]).starts_with("removed 2 entries, "));
+    assert_eq!(entries(&cache), [cache.join("notes.txt")]);
+
+    // Without a folder, or with a wrong limit, the problem is named.
+    for (variable, value, problem) in [
+        ("STERADIAN_CACHE_DIR", "", "there is no cache folder"),
+        ("STERADIAN_CACHE_MIB", "much", "STERADIAN_CACHE_MIB=much: must be a whole number of MiB"),
+    ] {
+        let output = Command::new(env!("CARGO_BIN_EXE_steradian"))
+            .args(["cache", "info"])
+            .env(variable, value)
+            .stdin(Stdio::null())
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(64));
+        let log = String::from_utf8(output.stderr).unwrap();
+        assert!(log.contains(problem), "{log}");
+    }
+}
+
+#[test]
+fn tests_keep_their_caches_out_of_the_users_folder() {
+    let folder = std::env::var_os("STERADIAN_CACHE_DIR").filter(|folder| *folder != OsString::new());
+    let folder = PathBuf::from(folder.expect(".cargo/config.toml sets it"));
+    assert!(folder.starts_with(Path::new(env!("CARGO_MANIFEST_DIR")).join("target")), "{}", folder.display());
+}
