@@ -11,6 +11,7 @@ use crate::config::Config;
 use crate::plan::view_settings::FrameGroup;
 use crate::render::{RenderError, Renderer, Wanted};
 use crate::scene::SceneObjects;
+use crate::service::StartProgress;
 use crate::scene::loader::{LoadError, LoadReport, StarSource, import_stars, load_stars};
 
 /// The scene of a configuration.
@@ -25,14 +26,20 @@ pub struct LoadedScene {
     pub prepared: Result<(), RenderError>,
 }
 
-/// Loads the scene of a configuration and meanwhile compiles the pipelines for display and HDR images of all views.
-pub fn scene(config: &Config, groups: &[FrameGroup], renderer: &mut Renderer) -> Result<LoadedScene, CliError> {
+/// Loads the scene of a configuration and meanwhile compiles the pipelines for display and HDR images of all views. `told` is told of the
+/// progress.
+pub fn scene(
+    config: &Config,
+    groups: &[FrameGroup],
+    renderer: &mut Renderer,
+    told: Option<&StartProgress>,
+) -> Result<LoadedScene, CliError> {
     let objects = Arc::new(config.objects()?);
     warn_of_asteroids_between_eyes(config, groups);
     let (prepared, loaded) = std::thread::scope(|scope| {
         let preparing = scope.spawn(|| {
             tracing::info!("preparing shaders");
-            let progress = Progress::new();
+            let progress = Progress::of_start(told, "shaders");
             let mut report_step = |step| progress.prepare_step(step);
             let prepared = groups.iter().try_for_each(|FrameGroup { rig, settings, .. }| {
                 renderer.prepare(&objects, rig, settings, Wanted::both(), &[], &mut report_step)
@@ -40,7 +47,7 @@ pub fn scene(config: &Config, groups: &[FrameGroup], renderer: &mut Renderer) ->
             tracing::info!("shaders ready after {:.1} s", progress.finish());
             prepared
         });
-        let loaded = stars(&config.star_sources(), &config.epoch(), &config.origin);
+        let loaded = stars_telling(&config.star_sources(), &config.epoch(), &config.origin, told);
         (preparing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)), loaded)
     });
     let (stars, report) = loaded?;
@@ -68,7 +75,16 @@ fn warn_of_asteroids_between_eyes(config: &Config, groups: &[FrameGroup]) {
 /// Loads the catalogues with progress, and warns of rejected rows and of stars listed in two catalogues. `origin` names
 /// the configuration in errors; it is empty for command-line arguments.
 pub fn stars(sources: &[StarSource], epoch: &Epoch, origin: &str) -> Result<(StarSet, LoadReport), CliError> {
-    let progress = Progress::new();
+    stars_telling(sources, epoch, origin, None)
+}
+
+fn stars_telling(
+    sources: &[StarSource],
+    epoch: &Epoch,
+    origin: &str,
+    told: Option<&StartProgress>,
+) -> Result<(StarSet, LoadReport), CliError> {
+    let progress = Progress::of_start(told, "stars");
     let loaded = load_stars(sources, epoch, &mut |step| progress.load_step(&step));
     let (set, report) = loaded.map_err(|source| CliError::Load {
         origin: if origin.is_empty() { String::new() } else { format!("{origin}: ") },

@@ -8,6 +8,7 @@ use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
 use crate::render::PrepareStep;
 use crate::scene::loader::LoadStep;
+use crate::service::StartProgress;
 
 /// All bars, because several kinds of work run at the same time.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
@@ -29,15 +30,28 @@ fn bar_like(template: &str) -> Option<ProgressBar> {
 }
 
 /// Progress of one piece of work.
-pub struct Progress {
+pub struct Progress<'a> {
     bar: Option<ProgressBar>,
     started: Instant,
+    /// Who is told besides, and the name of the work.
+    told: Option<(&'a StartProgress, &'static str)>,
 }
 
-impl Progress {
+impl<'a> Progress<'a> {
     /// Starts the progress.
     pub fn new() -> Self {
-        Self { bar: bar(), started: Instant::now() }
+        Self { bar: bar(), started: Instant::now(), told: None }
+    }
+
+    /// Starts the progress of a part of a start.
+    pub fn of_start(told: Option<&'a StartProgress>, work: &'static str) -> Self {
+        Self { told: told.map(|told| (told, work)), ..Self::new() }
+    }
+
+    fn tell(&self, step: String) {
+        if let Some((told, work)) = self.told {
+            told.tell(work, step);
+        }
     }
 
     /// Shows a step on the bar, with `done` of `total` steps before it; without a bar, calls `log`.
@@ -54,6 +68,7 @@ impl Progress {
 
     /// Reports the next step of making pipelines.
     pub fn prepare_step(&self, PrepareStep { name, done, total }: PrepareStep) {
+        self.tell(format!("shaders: {name} ({done} of {total})"));
         self.step(done, total, format!("shaders: {name}"), |text| tracing::debug!("{text} ({done} of {total})"));
     }
 
@@ -64,6 +79,7 @@ impl Progress {
             LoadStep::Overlaps => "looking for stars listed in two catalogues".to_owned(),
             LoadStep::Chunks { stars } => format!("sorting {stars} stars"),
         };
+        self.tell(text.clone());
         match (&self.bar, step) {
             (_, LoadStep::Catalogue { index, of, .. }) => {
                 // One step per catalogue, plus one for sorting.
@@ -80,6 +96,9 @@ impl Progress {
 
     /// Ends the progress and returns its duration in seconds.
     pub fn finish(self) -> f64 {
+        if let Some((told, work)) = self.told {
+            told.done(work);
+        }
         if let Some(bar) = self.bar {
             bar.finish_and_clear();
         }

@@ -99,7 +99,7 @@ pub fn run(arguments: RenderArguments, options: &GpuOptions) -> Result<(), CliEr
     }
     // Load the scene and draw one frame per group of views.
     let groups = config.frame_groups()?;
-    let LoadedScene { stars, report, objects, prepared } = load::scene(config, &groups, &mut renderer)?;
+    let LoadedScene { stars, report, objects, prepared } = load::scene(config, &groups, &mut renderer, None)?;
     prepared.map_err(|error| CliError::render(error, &config.origin))?;
     let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
     let wanted = Wanted {

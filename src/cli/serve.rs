@@ -20,8 +20,8 @@ use crate::render::{FrameRequest, Renderer, Wanted};
 use crate::scene::loader::{LoadReport, LoadedCatalogue};
 use crate::scene::{Camera, SceneSnapshot};
 use crate::service::{
-    self, Access, AccessSource, Address, HeadsetOptions, SceneCatalogue, ServeError, ServeOptions, Shutdown,
-    WindowsEnd, WindowsOptions,
+    self, Access, AccessSource, Address, EarlyServer, HeadsetOptions, NetworkOptions, SceneCatalogue, ServeError,
+    ServeOptions, Shutdown, StartProgress, WindowsEnd, WindowsOptions,
 };
 use crate::view::Rig;
 use crate::windows::{self, WindowsError, WithoutDisplay};
@@ -33,7 +33,8 @@ use crate::xr::{self, FirstFailure};
     steradian serve\n  \
     steradian serve --config configs/mission-control.toml --listen unix:steradian.socket\n  \
     steradian serve --listen 127.0.0.1:0     # selects a free port and prints it\n\n\
-    Prints `listening on ADDR` when clients can connect. SIGINT and SIGTERM drain calls and shut down.\n\
+    Listens at once; prints `listening on ADDR` when it serves. Until then health is NOT_SERVING, and calls get\n\
+    UNAVAILABLE with the progress. SIGINT and SIGTERM drain calls and shut down.\n\
     Every address except loopback and unix:PATH needs [server.tls], and [[server.tokens]] or\n\
     [[server.certificates]] in the configuration. SIGHUP reads these again.")]
 pub struct ServeArguments {
@@ -76,19 +77,32 @@ pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliErr
     block_on_and_leave(runtime, async {
         // From here on a signal shuts down in order, also while stars are still loading.
         let mut signals = Box::pin(service::signals().map_err(CliError::Runtime)?);
+        let network = NetworkOptions { listen, hosts: config.server.hosts.clone(), access: Some(access) };
+        let progress = Arc::new(StartProgress::default());
+        let early = EarlyServer::open(&network, Arc::clone(&progress)).await.map_err(CliError::Serve)?;
         let of_scene = config.clone();
         // Compile the shaders before a client can request a frame.
-        let starting = task::spawn_blocking(move || start(&of_scene, &groups, camera, renderer));
-        let (renderer, scene, report) = tokio::select! {
-            () = &mut signals => return Ok(()),
+        let starting = task::spawn_blocking(move || start(&of_scene, &groups, camera, renderer, &progress));
+        let started = tokio::select! {
+            () = &mut signals => None,
             started = starting => match started {
-                Ok(started) => started?,
+                Ok(started) => Some(started),
                 // The task is never cancelled, so it panicked: propagate the panic.
                 Err(error) => std::panic::resume_unwind(error.into_panic()),
             },
         };
+        let (renderer, scene, report) = match started {
+            Some(Ok(started)) => started,
+            not_started => {
+                early.give_up().await;
+                return not_started.map_or(Ok(()), |started| started.map(drop));
+            }
+        };
         let adapter_name = renderer.adapter().adapter.clone();
-        let mut options = ServeOptions::new(listen, Box::new(renderer), scene, rig, config.render_settings(), announce);
+        let settings = config.render_settings();
+        let mut options = ServeOptions::new("", Box::new(renderer), scene, rig, settings, announce);
+        options.network = network;
+        options.early = Some(early);
         let catalogue = |loaded: LoadedCatalogue| SceneCatalogue { name: loaded.name, stars: loaded.stars as u64 };
         options.scene.clock = Some(clock);
         options.scene.catalogues = report.catalogues.into_iter().map(catalogue).collect();
@@ -97,8 +111,6 @@ pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliErr
         options.scene.star_sources = config.star_sources();
         options.views.specs.clone_from(&config.views);
         options.views.folder.clone_from(&config.folder);
-        options.network.hosts.clone_from(&config.server.hosts);
-        options.network.access = Some(access);
         options.state = state;
         options.headset = headset(&config);
         options.windows = windows(&config, &options.views.rig, adapter_name);
@@ -127,8 +139,10 @@ fn start(
     groups: &[FrameGroup],
     camera: Camera,
     mut renderer: Renderer,
+    progress: &StartProgress,
 ) -> Result<(Renderer, SceneSnapshot, LoadReport), CliError> {
-    let LoadedScene { stars, report, objects, prepared } = load::scene(config, groups, &mut renderer)?;
+    let LoadedScene { stars, report, objects, prepared } = load::scene(config, groups, &mut renderer, Some(progress))?;
+    progress.tell("frame", "first frame".to_owned());
     let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
     let drawn = prepared.and_then(|()| {
         let mut requests = (0..groups.len()).map(|number| FrameRequest::for_group(&scene, groups, number));

@@ -62,8 +62,8 @@ pub use client::{
     stats::StatsReceiver,
 };
 pub use daemon::{
-    Address, LimitOptions, NetworkOptions, Reloads, SceneOptions, ServeError, ServeOptions, Shutdown, ViewOptions,
-    check_listen, run, signals,
+    Address, EarlyServer, LimitOptions, NetworkOptions, Reloads, SceneOptions, ServeError, ServeOptions, Shutdown,
+    StartProgress, ViewOptions, check_listen, run, signals,
 };
 pub use displays::{
     headset::{Drive, HeadsetOptions},

@@ -22,6 +22,7 @@ mod quality;
 mod rig;
 mod scene;
 mod sky;
+mod starting;
 mod state;
 mod streams;
 mod verify;

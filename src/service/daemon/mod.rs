@@ -3,6 +3,7 @@
 //! abandoned. The rules for listening are in [`listen`].
 
 mod displays;
+mod early;
 mod initial_state;
 mod listen;
 mod options;
@@ -26,6 +27,7 @@ use self::{
     threads::{FAREWELL, Threads},
 };
 pub use self::{
+    early::{EarlyServer, StartProgress},
     listen::check_listen,
     options::{Address, LimitOptions, NetworkOptions, Reloads, SceneOptions, ServeOptions, Shutdown, ViewOptions},
 };
@@ -216,17 +218,35 @@ fn reflection<'a>() -> tonic_reflection::server::Builder<'a> {
 ///
 /// See [`ServeError`]. An orderly end returns none, even if clients had to be cut off.
 pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
-    let ServeOptions { engine, network, limits, scene, views, headset, windows, state, ready, reloads, shutdown } =
+    let ServeOptions { engine, network, early, limits, scene, views, headset, windows, state, ready, reloads, shutdown } =
         options;
     let NetworkOptions { listen, hosts, access } = network;
     let LimitOptions { drain, pending_renders, subscribers } = limits;
-    let file = state.map(|path| StateFile::open(&path)).transpose()?;
     let catalogues = scene.catalogues.clone();
     let time = scene.time.clone();
-    let (Begun { scene, objects, clock, views, settings }, seen_stars) =
-        Begun::new(scene, views, headset.as_ref(), file.as_ref())?;
-    let first = access.as_ref().map_or_else(|| Ok(Access::default()), |source| source()).map_err(ServeError::Access)?;
-    let (listener, address) = bind(&listen, &first).await?;
+    let begin = || -> Result<_, ServeError> {
+        let file = state.map(|path| StateFile::open(&path)).transpose()?;
+        let begun = Begun::new(scene, views, headset.as_ref(), file.as_ref())?;
+        Ok((file, begun))
+    };
+    let (file, (Begun { scene, objects, clock, views, settings }, seen_stars)) = match begin() {
+        Ok(begun) => begun,
+        Err(problem) => {
+            if let Some(early) = early {
+                early.give_up().await;
+            }
+            return Err(problem);
+        }
+    };
+    let (listener, address, first, early) = match early.map(EarlyServer::hand_over) {
+        Some((listener, address, first, end)) => (listener, address, first, Some(end)),
+        None => {
+            let first = access.as_ref().map_or_else(|| Ok(Access::default()), |source| source());
+            let first = first.map_err(ServeError::Access)?;
+            let (listener, address) = bind(&listen, &first).await?;
+            (listener, address, first, None)
+        }
+    };
     let (new_access, current_access) = watch::channel(Arc::new(first));
     let hangups = signal::unix::signal(signal::unix::SignalKind::hangup())?;
     let access_keeper = tokio::spawn(keep_access(reloads, hangups, access, new_access, time.clone()));
@@ -281,6 +301,9 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
             let _ = closed.await;
         });
     tokio::pin!(serving);
+    if let Some(end) = early {
+        end.await;
+    }
     tracing::info!("serving on {address}");
     ready(address.clone());
 

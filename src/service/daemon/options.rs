@@ -4,6 +4,7 @@ use std::{fmt, net::SocketAddr, path::PathBuf, pin::Pin, sync::Arc, time::Durati
 
 use tokio::{signal, sync::mpsc};
 
+use super::EarlyServer;
 use crate::{
     config::{ObserverConfig, UNIX_PREFIX, ViewSpec},
     plan::settings::RenderSettings,
@@ -145,6 +146,8 @@ pub struct ServeOptions {
     pub engine: Box<dyn Engine>,
     /// Network and access.
     pub network: NetworkOptions,
+    /// The server that has listened there since the start; `None`: the daemon binds the address.
+    pub early: Option<EarlyServer>,
     /// Limits of load and time.
     pub limits: LimitOptions,
     /// The scene.
@@ -179,6 +182,7 @@ impl ServeOptions {
         Self {
             engine,
             network: NetworkOptions { listen: listen.into(), hosts: Vec::new(), access: None },
+            early: None,
             limits: LimitOptions::default(),
             scene: SceneOptions {
                 snapshot: scene,

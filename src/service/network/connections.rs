@@ -50,6 +50,22 @@ pub(crate) enum Listener {
 }
 
 impl Listener {
+    /// Two listeners for the same socket.
+    pub(crate) fn twice(self) -> io::Result<(Self, Self)> {
+        Ok(match self {
+            Self::Tcp(listener) => {
+                let listener = listener.into_std()?;
+                let other = TcpListener::from_std(listener.try_clone()?)?;
+                (Self::Tcp(TcpListener::from_std(listener)?), Self::Tcp(other))
+            }
+            Self::Unix(listener) => {
+                let listener = listener.into_std()?;
+                let other = UnixListener::from_std(listener.try_clone()?)?;
+                (Self::Unix(UnixListener::from_std(listener)?), Self::Unix(other))
+            }
+        })
+    }
+
     fn poll_accept(&self, context: &mut Context<'_>) -> Poll<io::Result<(Stream, From)>> {
         match self {
             Self::Tcp(listener) => {

@@ -14,7 +14,7 @@ use crate::{
     gpu::{Gpu, GpuOptions},
     plan::asteroids::{
         AsteroidSettings,
-        ImpostorMethod::{self, EulerAtlas, Octahedral, OctahedralBlend},
+        ImpostorMethod::{EulerAtlas, Octahedral, OctahedralBlend},
         tiles::{AtlasLayout, AtlasTile},
     },
     reference::asteroids::impostors::{

@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn a_table_survives_its_bytes_and_incomplete_ones_are_refused() {
-        let fisheye = Fisheye::new(FisheyeMapping::Equidistant, [48, 48], 360_f64.to_radians()).unwrap();
+        let fisheye = Fisheye::new([48, 48], FisheyeMapping::Equidistant, 360_f64.to_radians()).unwrap();
         let table = TabulatedMapping::new(fisheye).unwrap();
         let (words, accuracy) = (table.words(), table.accuracy());
         let TabulatedMapping { source, baked, starts, accuracy: found, .. } = table;

@@ -1,0 +1,173 @@
+//! The time before the daemon serves: it listens at once and tells clients what it waits for.
+//!
+//! Health is NOT_SERVING; every other call gets UNAVAILABLE, and every page the status 503, with the progress. The rules of access hold
+//! already. Afterwards the same socket belongs to the daemon, so no client is refused a connection between both.
+
+use std::{
+    collections::BTreeMap,
+    fmt,
+    sync::{Arc, Mutex, PoisonError},
+    time::Duration,
+};
+
+use tokio::{
+    sync::{oneshot, watch},
+    task::JoinHandle,
+    time::timeout,
+};
+use tonic::{
+    Status,
+    body::Body,
+    codegen::http::{HeaderValue, Request, Response, StatusCode, header},
+    transport::Server,
+};
+use tonic_health::{ServingStatus, server::HealthReporter};
+
+use super::{Address, NetworkOptions, ServeError, end_health, listen::bind, report_health};
+use crate::service::network::{
+    access::{Access, Gate},
+    clients::Shares,
+    connections::{Bounds, Incoming, Listener},
+    http_handler::{HEALTH, HandleFirst, HttpHandler},
+};
+
+/// Calls of the health service.
+const HEALTH_CALLS: &str = "/grpc.health.v1.Health/";
+/// Connections that do not end within this time after the start are cut off.
+const FAREWELL: Duration = Duration::from_secs(1);
+/// Streams that clients may watch the health with.
+const WATCHES: usize = 256;
+
+/// What the daemon waits for, by kind of work.
+#[derive(Debug, Default)]
+pub struct StartProgress(Mutex<BTreeMap<&'static str, String>>);
+
+impl StartProgress {
+    /// States the present step of a kind of work.
+    pub fn tell(&self, work: &'static str, step: String) {
+        // No code panics while it holds the lock, so the content is consistent even if the lock is poisoned.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).insert(work, step);
+    }
+
+    /// States that a kind of work is done.
+    pub fn done(&self, work: &'static str) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).remove(work);
+    }
+}
+
+impl fmt::Display for StartProgress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let steps: Vec<String> = self.0.lock().unwrap_or_else(PoisonError::into_inner).values().cloned().collect();
+        f.write_str(if steps.is_empty() { "it begins".to_owned() } else { steps.join("; ") }.as_str())
+    }
+}
+
+/// The server of the time before the daemon serves.
+pub struct EarlyServer {
+    listener: Listener,
+    address: Address,
+    access: Access,
+    server: Running,
+}
+
+struct Running {
+    close: oneshot::Sender<()>,
+    health: HealthReporter,
+    task: JoinHandle<()>,
+}
+
+impl EarlyServer {
+    /// Listens on the address of the network's options. Needs a tokio runtime with I/O and time.
+    ///
+    /// # Errors
+    ///
+    /// As [`super::run`]: the access rules or the address.
+    pub async fn open(network: &NetworkOptions, progress: Arc<StartProgress>) -> Result<Self, ServeError> {
+        let access = network.access.as_ref().map_or_else(|| Ok(Access::default()), |source| source());
+        let access = access.map_err(ServeError::Access)?;
+        let (listener, address) = bind(&network.listen, &access).await?;
+        let (listener, early) = listener.twice()?;
+        // The rules cannot be reloaded before the daemon serves.
+        let (rules, current) = watch::channel(Arc::new(access.clone()));
+        let (health, health_service) = tonic_health::server::health_reporter();
+        report_health(&health, ServingStatus::NotServing).await;
+        let (close, closed) = oneshot::channel::<()>();
+        let serving = Server::builder()
+            .accept_http1(true)
+            .layer(Bounds::new(network.hosts.clone()))
+            .layer(Gate::new(current.clone()))
+            .layer(HandleFirst(Starting(progress)))
+            .add_service(health_service)
+            .serve_with_incoming_shutdown(Incoming::new(early, current, Arc::new(Shares::new(WATCHES))), async move {
+                // A dropped sender has the same meaning.
+                let _ = closed.await;
+            });
+        let task = tokio::spawn(async move {
+            if let Err(error) = serving.await {
+                tracing::warn!("clients cannot follow the start: {error}");
+            }
+            drop(rules);
+        });
+        tracing::info!("starting on {address}");
+        Ok(Self { listener, address, access, server: Running { close, health, task } })
+    }
+
+    /// The address.
+    pub fn address(&self) -> &Address {
+        &self.address
+    }
+
+    /// Gives the socket to the daemon; the future ends the server.
+    pub(super) fn hand_over(self) -> (Listener, Address, Access, impl Future<Output = ()>) {
+        let Self { listener, address, access, server } = self;
+        (listener, address, access, server.end())
+    }
+
+    /// Ends the server, because the daemon will not serve.
+    pub async fn give_up(self) {
+        let Self { address, server, .. } = self;
+        server.end().await;
+        address.remove_socket();
+    }
+}
+
+impl Running {
+    async fn end(self) {
+        let Self { close, mut health, mut task } = self;
+        drop(close);
+        end_health(&mut health).await;
+        if timeout(FAREWELL, &mut task).await.is_err() {
+            task.abort();
+        }
+    }
+}
+
+/// Answers everything but the calls of the health service.
+#[derive(Clone)]
+struct Starting(Arc<StartProgress>);
+
+impl HttpHandler for Starting {
+    fn answer(&self, request: &Request<Body>) -> Option<Response<Body>> {
+        let path = request.uri().path();
+        if path.starts_with(HEALTH_CALLS) {
+            return None;
+        }
+        let text = format!("the daemon is starting: {}", self.0);
+        let kind = request.headers().get(header::CONTENT_TYPE);
+        if let Some(kind) = kind.filter(|kind| kind.as_bytes().starts_with(b"application/grpc")) {
+            let mut response = Status::unavailable(text).into_http();
+            response.headers_mut().insert(header::CONTENT_TYPE, kind.clone());
+            return Some(response);
+        }
+        // Anybody may ask for the health, so it tells nothing else.
+        let text = if path == HEALTH { "starting".to_owned() } else { text };
+        let mut response = Response::new(Body::new(text + "\n"));
+        *response.status_mut() = StatusCode::SERVICE_UNAVAILABLE;
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("text/plain; charset=utf-8"));
+        // A browser asks again after a second.
+        headers.insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
+        headers.insert(header::REFRESH, HeaderValue::from_static("1"));
+        Some(response)
+    }
+}
