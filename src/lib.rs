@@ -70,6 +70,8 @@ pub use self::{
 };
 use steradian_sky::{files, picture_file};
 
+mod platform;
+
 pub mod theatre;
 
 pub mod config;

@@ -11,7 +11,7 @@ use std::{
 
 use crate::service;
 
-/// Returns a flag that becomes true on SIGINT or SIGTERM. From then on these signals no longer end the process by
+/// Returns a flag that becomes true on SIGINT or SIGTERM, or their counterparts on Windows. From then on these signals no longer end the process by
 /// themselves.
 pub fn ended_by_signal() -> io::Result<Arc<AtomicBool>> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;

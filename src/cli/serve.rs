@@ -4,7 +4,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
-use sd_notify::NotifyState;
 use tokio::runtime::Runtime;
 use tokio::task;
 
@@ -16,6 +15,7 @@ use super::{
 use crate::config::{Config, PackingConfig, parse_listen};
 use crate::gpu::{Gpu, GpuOptions};
 use crate::plan::view_settings::FrameGroup;
+use crate::platform::supervisor;
 use crate::render::{FrameRequest, Renderer, Wanted};
 use crate::scene::loader::{LoadReport, LoadedCatalogue};
 use crate::scene::{Camera, SceneSnapshot};
@@ -116,7 +116,7 @@ pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliErr
         options.windows = windows(&config, &options.views.rig, adapter_name);
         options.shutdown = Shutdown::When(Box::pin(async move {
             signals.await;
-            notify_supervisor(NotifyState::Stopping);
+            supervisor::stopping();
         }));
         service::run(options).await.map_err(CliError::Serve)
     })
@@ -187,20 +187,13 @@ fn block_on_and_leave<T>(runtime: Runtime, future: impl Future<Output = T>) -> T
     value
 }
 
-/// Notifies systemd if it started the daemon and waits for notifications.
-fn notify_supervisor(state: NotifyState<'_>) {
-    if let Err(error) = sd_notify::notify(&[state]) {
-        tracing::warn!("cannot notify systemd: {error}");
-    }
-}
-
 /// Prints the line that scripts wait for.
 fn announce(address: Address) {
     if let Err(error) = results::line(format!("listening on {address}")) {
         // The daemon works without a reader of its output.
         tracing::warn!("{error}");
     }
-    notify_supervisor(NotifyState::Ready);
+    supervisor::ready();
 }
 
 #[cfg(test)]

@@ -9,21 +9,19 @@ use tokio::{
     time::{Instant, timeout_at},
 };
 
-/// Difference of priority in the steps of the system's `nice` value.
-const STEPS: i32 = 10;
+use crate::platform::process;
 
 thread_local! {
     static STANDS_BACK: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Lowers the priority of the calling thread and of the threads that it starts afterwards. On systems without thread
-/// priorities, all threads stay equal.
+/// Lowers the priority of the calling thread, on Linux also of the threads that it starts afterwards. On systems without thread
+/// priorities, all threads stay equal and the log states it.
 pub(crate) fn stand_back() {
     if STANDS_BACK.replace(true) {
         return;
     }
-    #[cfg(target_os = "linux")]
-    if let Err(error) = rustix::process::setpriority_process(None, STEPS) {
+    if let Err(error) = process::lower_thread_priority() {
         tracing::debug!("cannot lower the priority of a thread: {error}");
     }
 }

@@ -16,21 +16,17 @@ use winit::{
     event::{ElementState, KeyEvent, WindowEvent},
     event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy},
     keyboard::{Key, NamedKey},
-    platform::{wayland::EventLoopBuilderExtWayland, x11::ActiveEventLoopExtX11, x11::EventLoopBuilderExtX11},
-    raw_window_handle::{HasWindowHandle, RawWindowHandle},
     window::{Fullscreen, Window, WindowId},
 };
 
 use super::{
     WindowsError,
     desk::Desk,
-    display::check_display,
-    display_loss::outlive_the_display,
     host::{Command, Host},
     monitors::{self, Monitor, MonitorReport},
+    platform::{Desktop, check_display, on_any_thread, outlive_the_display},
     presenter::Presenter,
     statistics::WindowState,
-    x11::X11,
 };
 use crate::config::{MonitorChoice, WindowConfig};
 
@@ -84,7 +80,7 @@ pub fn open(
         placed: configs.iter().map(Placed::from_config).collect(),
         numbers: HashMap::new(),
         known: Vec::new(),
-        x11: None,
+        desktop: None,
         looked: None,
         focused: false,
         outcome: Ok(()),
@@ -103,7 +99,7 @@ pub fn monitors() -> Result<Vec<MonitorReport>, WindowsError> {
     struct Look(Result<Vec<MonitorReport>, String>);
     impl ApplicationHandler<Notice> for Look {
         fn resumed(&mut self, events: &ActiveEventLoop) {
-            let found = x11_of(events).and_then(|x11| monitors::monitors(events, x11.as_ref()));
+            let found = Desktop::of(events).and_then(|desktop| monitors::monitors(events, desktop.as_ref()));
             self.0 = found.map(|found| found.into_iter().map(|monitor| monitor.report).collect());
             events.exit();
         }
@@ -115,17 +111,11 @@ pub fn monitors() -> Result<Vec<MonitorReport>, WindowsError> {
     look.0.map_err(WindowsError::Display)
 }
 
-/// Opens a separate X11 connection if the display is X11.
-fn x11_of(events: &ActiveEventLoop) -> Result<Option<X11>, String> {
-    events.is_x11().then(X11::connect).transpose()
-}
-
 /// Creates the event loop on any thread, because the main thread of a daemon has other work.
 fn event_loop() -> Result<EventLoop<Notice>, WindowsError> {
     check_display()?;
     let mut builder = EventLoop::with_user_event();
-    EventLoopBuilderExtX11::with_any_thread(&mut builder, true);
-    EventLoopBuilderExtWayland::with_any_thread(&mut builder, true);
+    on_any_thread(&mut builder);
     builder.build().map_err(|error| WindowsError::Display(error.to_string()))
 }
 
@@ -164,7 +154,8 @@ struct App {
     numbers: HashMap<WindowId, usize>,
     /// The monitors at the last check.
     known: Vec<Monitor>,
-    x11: Option<X11>,
+    /// Set on X11.
+    desktop: Option<Desktop>,
     /// Time of the last check.
     looked: Option<Instant>,
     /// Whether one of the windows has the keyboard focus.
@@ -180,7 +171,7 @@ impl App {
             return;
         }
         self.looked = Some(now);
-        match monitors::monitors(events, self.x11.as_ref()) {
+        match monitors::monitors(events, self.desktop.as_ref()) {
             Ok(found) if found != self.known => {
                 self.known = found;
                 for monitor in &self.known {
@@ -336,7 +327,7 @@ impl App {
 
     /// Returns the monitor on which the desktop has placed a window.
     fn report_of(&self, window: &Window) -> Option<MonitorReport> {
-        let monitor = if self.x11.is_some() {
+        let monitor = if self.desktop.is_some() {
             let (place, size) = (window.inner_position().ok()?, window.inner_size());
             monitors::below(&self.known, [place.x, place.y], [size.width, size.height])
         } else {
@@ -348,9 +339,9 @@ impl App {
 
     /// Asks the X11 window manager to let a window fill its monitor, or to undo that.
     fn fill(&self, window: &Window, fills: bool) -> Result<(), String> {
-        match (&self.x11, identity(window)) {
-            (Some(x11), Some(window)) => x11.fill(window, fills).map_err(|error| error.to_string()),
-            _ => Ok(()),
+        match &self.desktop {
+            Some(desktop) => desktop.fill(window, fills).map_err(|error| error.to_string()),
+            None => Ok(()),
         }
     }
 
@@ -411,11 +402,11 @@ impl App {
 
     /// Gives the keyboard focus to the first visible window if no window manager does.
     fn focus(&mut self) {
-        let Some(x11) = self.x11.as_ref().filter(|_| !self.focused) else { return };
+        let Some(desktop) = self.desktop.as_ref().filter(|_| !self.focused) else { return };
         let desk = self.desk.state().clone();
         let first = desk.windows.iter().find(|window| window.shown).and_then(|window| window.window.clone());
-        let Some(window) = first.and_then(|window| identity(&window)) else { return };
-        if let Err(problem) = x11.focus_without_window_manager(window) {
+        let Some(window) = first else { return };
+        if let Err(problem) = desktop.focus_if_unassigned(&window) {
             tracing::debug!("the keyboard focus is unchanged: {problem}");
         }
     }
@@ -432,25 +423,17 @@ impl App {
     }
 }
 
-/// Returns the X11 identifier of a window; `None` if it is not an X11 window.
-fn identity(window: &Window) -> Option<u32> {
-    match window.window_handle().ok()?.as_raw() {
-        RawWindowHandle::Xlib(handle) => u32::try_from(handle.window).ok(),
-        _ => None,
-    }
-}
-
 impl ApplicationHandler<Notice> for App {
     fn resumed(&mut self, events: &ActiveEventLoop) {
-        match x11_of(events) {
-            Ok(x11) => self.x11 = x11,
+        match Desktop::of(events) {
+            Ok(desktop) => self.desktop = desktop,
             Err(problem) => {
                 self.fail(events, WindowsError::Display(problem));
                 return;
             }
         }
         let by_edid = |config: &&WindowConfig| matches!(config.monitor, Some(MonitorChoice::Edid(_)));
-        if let Some(config) = self.configs.iter().find(by_edid).filter(|_| self.x11.is_none()) {
+        if let Some(config) = self.configs.iter().find(by_edid).filter(|_| self.desktop.is_none()) {
             tracing::warn!("window `{}`: EDIDs can be read only with X11; name the connector", config.name);
         }
         self.look(events);

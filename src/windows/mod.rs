@@ -19,12 +19,6 @@ mod adapter;
 #[cfg(feature = "windows")]
 mod desk;
 #[cfg(feature = "windows")]
-mod display;
-#[cfg(feature = "windows")]
-mod display_loss;
-#[cfg(feature = "windows")]
-mod edid;
-#[cfg(feature = "windows")]
 mod error;
 #[cfg(feature = "windows")]
 mod events;
@@ -38,21 +32,21 @@ mod pixels;
 #[cfg(feature = "windows")]
 mod plate;
 #[cfg(feature = "windows")]
+mod platform;
+#[cfg(feature = "windows")]
 mod presenter;
 #[cfg(feature = "windows")]
 mod recorder;
 #[cfg(feature = "windows")]
 mod screen;
 mod statistics;
-#[cfg(feature = "windows")]
-mod x11;
 
 #[cfg(feature = "windows")]
 pub use self::{
-    display::check_display,
     error::WindowsError,
     events::{WithoutDisplay, monitors, open},
     monitors::MonitorReport,
+    platform::check_display,
 };
 pub use self::{
     host::{Command, Host, Next, ShownImage, WindowFrame, WindowImage},

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use winit::{event_loop::ActiveEventLoop, monitor::MonitorHandle};
 
-use super::x11::X11;
+use super::platform::Desktop;
 use crate::config::MonitorChoice;
 
 /// Description of a monitor.
@@ -59,10 +59,10 @@ pub(super) struct Monitor {
 /// # Errors
 ///
 /// Error of X11.
-pub(super) fn monitors(events: &ActiveEventLoop, x11: Option<&X11>) -> Result<Vec<Monitor>, String> {
-    let mut found: Vec<Monitor> = match x11 {
-        Some(x11) => {
-            let reports = x11.monitors().map_err(|error| format!("monitors: {error}"))?;
+pub(super) fn monitors(events: &ActiveEventLoop, desktop: Option<&Desktop>) -> Result<Vec<Monitor>, String> {
+    let mut found: Vec<Monitor> = match desktop {
+        Some(desktop) => {
+            let reports = desktop.monitors().map_err(|error| format!("monitors: {error}"))?;
             reports.into_iter().map(|report| Monitor { handle: None, report }).collect()
         }
         None => events.available_monitors().map(of_library).collect(),

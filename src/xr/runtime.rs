@@ -7,9 +7,12 @@ use ash::vk::{self, Handle as _};
 use openxr as xr;
 
 use super::error::{During, XrError};
-use crate::gpu::{
-    Gpu, GpuOptions,
-    adopt::{DeviceMaker, NEWEST_API_VERSION, VulkanHandles},
+use crate::{
+    gpu::{
+        Gpu, GpuOptions,
+        adopt::{DeviceMaker, NEWEST_API_VERSION, VulkanHandles},
+    },
+    platform::openxr_clock,
 };
 
 /// View configuration with the two eyes of a headset.
@@ -69,7 +72,7 @@ impl Runtime {
         };
         let mut wanted = xr::ExtensionSet::default();
         wanted.khr_vulkan_enable2 = available.khr_vulkan_enable2;
-        let has_clock = enable_clock(&available, &mut wanted);
+        let has_clock = openxr_clock::enable(&available, &mut wanted);
         let application = xr::ApplicationInfo {
             application_name: "steradian",
             application_version: 1,
@@ -117,18 +120,6 @@ impl Runtime {
         }
         self.instance.now().during("the runtime's clock").map(Some)
     }
-}
-
-#[cfg(not(windows))]
-fn enable_clock(available: &xr::ExtensionSet, wanted: &mut xr::ExtensionSet) -> bool {
-    wanted.khr_convert_timespec_time = available.khr_convert_timespec_time;
-    available.khr_convert_timespec_time
-}
-
-#[cfg(windows)]
-fn enable_clock(available: &xr::ExtensionSet, wanted: &mut xr::ExtensionSet) -> bool {
-    wanted.khr_win32_convert_performance_counter_time = available.khr_win32_convert_performance_counter_time;
-    available.khr_win32_convert_performance_counter_time
 }
 
 struct RuntimesDevice<'a>(&'a Runtime);

@@ -19,7 +19,7 @@ pub const CRATES: [&str; 3] = ["crates/sky/src", "crates/render/src", "src"];
 /// Allowed imports: a module may import every module of the layers above its own, and within a layer only those
 /// listed in [`SIBLINGS`]. A new module must be added here, as far up as its imports permit.
 pub const LAYERS: &[&[&str]] = &[
-    &["names"],
+    &["names", "platform"],
     &["units", "calendar", "polynomial", "solar_system", "coordinates", "sky_pictures", "files", "fits", "ranges"],
     &["photometry", "picture_file"],
     &["ephemeris", "relativity"],

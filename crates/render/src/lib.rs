@@ -14,6 +14,8 @@ pub(crate) use steradian_sky::{
     sky_pictures, solar_system, units,
 };
 
+mod platform;
+
 pub mod scene;
 pub mod view;
 

@@ -16,6 +16,8 @@ use exr::{
 use flate2::read::MultiGzDecoder;
 use tempfile::NamedTempFile;
 
+use crate::platform;
+
 thread_local! {
     /// Files opened by this thread inside [`reading`].
     static OPENED: RefCell<Option<Vec<PathBuf>>> = const { RefCell::new(None) };
@@ -111,13 +113,14 @@ pub fn folder_of(path: &Path) -> &Path {
 /// Creates a temporary file in the folder of `path`, with the permissions of any new file (by default only its owner
 /// can read a temporary file).
 pub fn beside(path: &Path) -> io::Result<NamedTempFile> {
+    beside_with_suffix(path, "")
+}
+
+/// The same; the name of the file ends with `suffix`, for programs that go by it.
+pub fn beside_with_suffix(path: &Path, suffix: &str) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".steradian-");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
+    builder.prefix(".steradian-").suffix(suffix);
+    platform::share(&mut builder);
     builder.tempfile_in(folder_of(path))
 }
 
@@ -161,7 +164,5 @@ mod tests {
         assert_eq!((text[0].as_str(), opened), ("four", vec![path.clone()]));
         write_whole(&path, &[0xff]).unwrap();
         assert_eq!(read_text_bounded(&path, 5).unwrap_err().kind(), io::ErrorKind::InvalidData);
-        #[cfg(unix)]
-        assert!(read_bounded(Path::new("/dev/zero"), 3).unwrap_err().to_string().contains("only regular files"));
     }
 }

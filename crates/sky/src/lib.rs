@@ -15,6 +15,7 @@ pub use glam;
 
 #[macro_use]
 mod names;
+mod platform;
 
 pub mod cache;
 pub mod calendar;

@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 use super::super::OutputError;
 use super::error::FilmError;
 use super::frames::FrameRange;
-use crate::files::folder_of;
+use crate::files::{beside_with_suffix, folder_of};
 
 /// Supported containers, by file extension.
 const EXTENSIONS: [&str; 3] = ["mp4", "mkv", "mov"];
@@ -68,15 +68,7 @@ impl Ffmpeg {
     pub fn encode(&self, folder: &Path, stem: &str, range: FrameRange, fps: f64, file: &Path) -> Result<(), FilmError> {
         let write = |source: io::Error| OutputError::Write { path: file.to_owned(), source };
         let extension = file.extension().and_then(OsStr::to_str).unwrap_or_default();
-        let mut builder = tempfile::Builder::new();
-        let suffix = format!(".{extension}");
-        builder.prefix(".steradian-").suffix(&suffix);
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            builder.permissions(std::fs::Permissions::from_mode(0o666));
-        }
-        let temporary = builder.tempfile_in(folder_of(file)).map_err(write)?;
+        let temporary = beside_with_suffix(file, &format!(".{extension}")).map_err(write)?;
         let target: PathBuf = absolute(temporary.path()).map_err(write)?;
         // ffmpeg runs inside the folder, because a `%` in the folder's name would be part of the pattern.
         let mut command = Command::new("ffmpeg");
@@ -97,7 +89,8 @@ impl Ffmpeg {
             return Err(FilmError::Ffmpeg { status: output.status.to_string(), messages });
         }
         // Sync the file now under that name, because ffmpeg may have replaced the open one.
-        std::fs::File::open(&target).and_then(|video| video.sync_all()).map_err(write)?;
+        // Windows synchronises only files that are open for writing.
+        std::fs::File::options().write(true).open(&target).and_then(|video| video.sync_all()).map_err(write)?;
         temporary.persist(file).map_err(|error| write(error.error))?;
         Ok(())
     }

@@ -3,21 +3,20 @@
 use std::{
     io,
     net::{SocketAddr, ToSocketAddrs},
-    os::unix::{self, fs::FileTypeExt as _},
     path::Path,
     sync::Arc,
     time::Duration,
 };
 
-use tokio::{
-    net::{TcpListener, UnixListener, UnixStream},
-    signal,
-    sync::watch,
-};
+use tokio::{net::TcpListener, sync::watch};
 
 use super::{Address, Reloads, ServeError};
 use crate::{
     config::UNIX_PREFIX,
+    platform::{
+        signals::ReloadSignal,
+        sockets::{LocalListener, LocalSocket},
+    },
     service::{
         network::{
             access::{Access, AccessSource},
@@ -30,7 +29,7 @@ use crate::{
 /// Binds an address if the access rules allow it.
 pub(super) async fn bind(listen: &str, access: &Access) -> Result<(Listener, Address), ServeError> {
     if let Some(path) = listen.strip_prefix(UNIX_PREFIX).map(Path::new) {
-        return Ok((Listener::Unix(bind_unix(path).await?), Address::Unix(path.to_owned())));
+        return Ok((Listener::Local(bind_unix(listen, path).await?), Address::Unix(path.to_owned())));
     }
     let wrong = |problem: String| ServeError::Address { listen: listen.to_owned(), problem };
     let addresses = tokio::net::lookup_host(listen).await.map_err(|error| wrong(error.to_string()))?;
@@ -50,10 +49,9 @@ pub(super) async fn bind(listen: &str, access: &Access) -> Result<(Listener, Add
 /// without encryption or access control.
 pub fn check_listen(listen: &str, access: &Access) -> Result<(), ServeError> {
     if let Some(path) = listen.strip_prefix(UNIX_PREFIX).map(Path::new) {
-        check_socket(path)?;
-        return match unix::net::UnixStream::connect(path) {
-            Ok(_) => Err(ServeError::AddressInUse { address: Address::Unix(path.to_owned()) }),
-            Err(_) => Ok(()),
+        return match socket(listen, path)?.answers() {
+            true => Err(ServeError::AddressInUse { address: Address::Unix(path.to_owned()) }),
+            false => Ok(()),
         };
     }
     let wrong = |problem: String| ServeError::Address { listen: listen.to_owned(), problem };
@@ -70,28 +68,21 @@ pub fn check_listen(listen: &str, access: &Access) -> Result<(), ServeError> {
     first.map_or(Ok(()), Err)
 }
 
-/// Whether a path leads to a socket.
-fn is_socket(path: &Path) -> bool {
-    std::fs::metadata(path).is_ok_and(|metadata| metadata.file_type().is_socket())
-}
-
-/// Checks that a path leads to a socket, or to nothing.
-fn check_socket(path: &Path) -> Result<(), ServeError> {
-    let Ok(metadata) = std::fs::metadata(path) else { return Ok(()) };
-    let what = match metadata.file_type() {
-        kind if kind.is_socket() => return Ok(()),
-        kind if kind.is_dir() => "folder",
-        kind if kind.is_file() => "file",
-        _ => "device",
-    };
-    Err(ServeError::NotSocket { path: path.to_owned(), what })
+/// Returns the socket of a path, which must lead to a socket or to nothing.
+fn socket(listen: &str, path: &Path) -> Result<LocalSocket, ServeError> {
+    let unsupported = |problem: &str| ServeError::Address { listen: listen.to_owned(), problem: problem.to_owned() };
+    let socket = LocalSocket::new(path).map_err(unsupported)?;
+    match socket.obstacle() {
+        Some(what) => Err(ServeError::NotSocket { path: path.to_owned(), what }),
+        None => Ok(socket),
+    }
 }
 
 impl Address {
     /// Removes the file of a Unix socket, unless something else is there by now; a failure is logged.
     pub(super) fn remove_socket(&self) {
         let Self::Unix(path) = self else { return };
-        if !is_socket(path) {
+        if !LocalSocket::new(path).is_ok_and(|socket| socket.exists()) {
             tracing::warn!("{self} is no longer a socket: it is left as it is");
         } else if let Err(error) = std::fs::remove_file(path) {
             tracing::warn!("cannot remove {self}: {error}");
@@ -105,24 +96,14 @@ fn check_addresses(listen: &str, addresses: &[SocketAddr], access: &Access) -> R
 }
 
 /// Binds a Unix socket that its owner and group may open. Replaces a socket that an earlier daemon left behind.
-async fn bind_unix(path: &Path) -> Result<UnixListener, ServeError> {
-    const OWNER_AND_GROUP: u32 = 0o117;
+async fn bind_unix(listen: &str, path: &Path) -> Result<LocalListener, ServeError> {
     let address = || Address::Unix(path.to_owned());
     let refused = |source| ServeError::Bind { address: address(), source };
-    // The system answers for other files as for a socket that nobody listens on.
-    check_socket(path)?;
-    match UnixStream::connect(path).await {
-        Ok(_) => return Err(ServeError::AddressInUse { address: address() }),
-        Err(error) if error.kind() == io::ErrorKind::ConnectionRefused && is_socket(path) => {
-            std::fs::remove_file(path).map_err(refused)?;
-        }
-        // There is no socket, or it cannot be opened: binding reports it.
-        Err(_) => {}
+    let socket = socket(listen, path)?;
+    if !socket.release().await.map_err(refused)? {
+        return Err(ServeError::AddressInUse { address: address() });
     }
-    let mask = rustix::process::umask(rustix::fs::Mode::from_raw_mode(OWNER_AND_GROUP));
-    let listener = UnixListener::bind(path);
-    rustix::process::umask(mask);
-    listener.map_err(refused)
+    socket.bind().map_err(refused)
 }
 
 /// Interval of warnings about a certificate.
@@ -131,7 +112,7 @@ const WARNINGS: Duration = Duration::from_secs(86_400);
 /// Reloads the access rules on each signal, and warns of a certificate that ends.
 pub(super) async fn keep_access(
     mut reloads: Reloads,
-    mut hangups: signal::unix::Signal,
+    mut hangups: ReloadSignal,
     source: Option<AccessSource>,
     access: watch::Sender<Arc<Access>>,
     time: TimeSource,

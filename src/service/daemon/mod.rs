@@ -12,7 +12,6 @@ mod threads;
 use std::{io, path::PathBuf, pin::Pin, sync::Arc, time::Duration};
 
 use tokio::{
-    signal,
     sync::{oneshot, watch},
     time::{Instant, timeout_at},
 };
@@ -32,6 +31,7 @@ pub use self::{
     options::{Address, LimitOptions, NetworkOptions, Reloads, SceneOptions, ServeOptions, Shutdown, ViewOptions},
 };
 use crate::{
+    platform::signals::{self, ReloadSignal},
     service::{
         engine::{
             background_jobs::BackgroundJobs,
@@ -154,22 +154,14 @@ pub enum ServeError {
     },
 }
 
-/// Returns a future that resolves on SIGINT or SIGTERM; the handlers are installed when this function returns. Needs a
-/// tokio runtime with I/O.
+/// Returns a future that resolves on SIGINT or SIGTERM, on Windows on Ctrl-C, Ctrl-Break and the end of the console or session; the handlers are
+/// installed when this function returns. Needs a tokio runtime with I/O.
 ///
 /// # Errors
 ///
 /// The system refuses the handlers.
 pub fn signals() -> io::Result<impl Future<Output = ()> + Send> {
-    use signal::unix::{SignalKind, signal};
-    let mut interrupt = signal(SignalKind::interrupt())?;
-    let mut terminate = signal(SignalKind::terminate())?;
-    Ok(async move {
-        tokio::select! {
-            _ = interrupt.recv() => tracing::info!("SIGINT: ending"),
-            _ = terminate.recv() => tracing::info!("SIGTERM: ending"),
-        }
-    })
+    signals::end()
 }
 
 async fn report_health(health: &HealthReporter, status: ServingStatus) {
@@ -248,7 +240,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         }
     };
     let (new_access, current_access) = watch::channel(Arc::new(first));
-    let hangups = signal::unix::signal(signal::unix::SignalKind::hangup())?;
+    let hangups = ReloadSignal::install()?;
     let access_keeper = tokio::spawn(keep_access(reloads, hangups, access, new_access, time.clone()));
     let mut shutdown = shutdown.future()?;
 

@@ -2,12 +2,13 @@
 
 use std::{fmt, net::SocketAddr, path::PathBuf, pin::Pin, sync::Arc, time::Duration};
 
-use tokio::{signal, sync::mpsc};
+use tokio::sync::mpsc;
 
 use super::EarlyServer;
 use crate::{
     config::{ObserverConfig, UNIX_PREFIX, ViewSpec},
     plan::settings::RenderSettings,
+    platform::signals::ReloadSignal,
     scene::{SceneClock, SceneSnapshot, asteroids::FieldSpec, loader::StarSource},
     service::{
         displays::{headset::HeadsetOptions, windows::WindowsOptions},
@@ -29,7 +30,7 @@ const SUBSCRIBERS: usize = 256;
 
 /// Signal that ends the daemon.
 pub enum Shutdown {
-    /// SIGINT or SIGTERM.
+    /// SIGINT or SIGTERM; on Windows Ctrl-C, Ctrl-Break, and the end of the console or session.
     Signals,
     /// Completion of a future.
     When(Pin<Box<dyn Future<Output = ()> + Send>>),
@@ -47,7 +48,7 @@ impl fmt::Debug for Shutdown {
 /// Signal that reloads [`NetworkOptions::access`].
 #[derive(Debug)]
 pub enum Reloads {
-    /// SIGHUP.
+    /// SIGHUP; on Windows there is no such signal.
     Signals,
     /// Messages.
     When(mpsc::Receiver<()>),
@@ -55,9 +56,9 @@ pub enum Reloads {
 
 impl Reloads {
     /// Waits for the next signal; `None` if there will be none.
-    pub(super) async fn next(&mut self, hangups: &mut signal::unix::Signal) -> Option<()> {
+    pub(super) async fn next(&mut self, hangups: &mut ReloadSignal) -> Option<()> {
         match self {
-            Self::Signals => hangups.recv().await,
+            Self::Signals => hangups.next().await,
             Self::When(messages) => messages.recv().await,
         }
     }

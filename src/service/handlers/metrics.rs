@@ -20,6 +20,7 @@ use tonic::{
 
 use super::service::Service;
 use crate::{
+    platform::process,
     service::network::{
         access::Access,
         http_handler::{HEALTH, HttpHandler, METRICS},
@@ -151,7 +152,7 @@ fn registry(service: &Service) -> Registry {
         all.register("headset_frames", "Frames of the headset", ConstCounter::new(statistics.frames));
         all.register("headset_losses", "Losses of the headset", ConstCounter::new(statistics.losses));
     }
-    if let Some(bytes) = resident_bytes() {
+    if let Some(bytes) = process::resident_bytes() {
         all.register_with_unit(
             "resident_memory",
             "Resident memory of the process",
@@ -160,11 +161,4 @@ fn registry(service: &Service) -> Registry {
         );
     }
     all
-}
-
-/// Returns the resident memory of the process; `None` if the system does not report it.
-fn resident_bytes() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/self/statm").ok()?;
-    let pages: u64 = text.split_whitespace().nth(1)?.parse().ok()?;
-    Some(pages * rustix::param::page_size() as u64)
 }

@@ -14,7 +14,7 @@ use http::{HeaderValue, Request, Response, header};
 use http_body::{Body as HttpBody, Frame, SizeHint};
 use tokio::{
     io::{AsyncRead, AsyncWrite, ReadBuf},
-    net::{TcpListener, TcpStream, UnixListener, UnixStream},
+    net::{TcpListener, TcpStream},
     sync::{OwnedSemaphorePermit, Semaphore, watch},
     time::{Interval, MissedTickBehavior, Sleep, interval, sleep},
 };
@@ -26,6 +26,10 @@ use tower_service::Service;
 use super::{
     access::{Access, digest_of},
     clients::{ClientInfo, From, Held, OpenCall, Shares},
+};
+use crate::platform::{
+    process,
+    sockets::{LocalListener, LocalStream},
 };
 
 /// Maximum number of connections; further ones are closed at once.
@@ -46,7 +50,7 @@ pub(crate) enum Listener {
     /// A TCP port.
     Tcp(TcpListener),
     /// A Unix socket.
-    Unix(UnixListener),
+    Local(LocalListener),
 }
 
 impl Listener {
@@ -73,10 +77,9 @@ impl Listener {
                 stream.set_nodelay(true)?;
                 Poll::Ready(Ok((Stream::Tcp(stream), From::Network(address.to_string()))))
             }
-            Self::Unix(listener) => {
-                let (stream, _) = ready!(listener.poll_accept(context))?;
-                let user = stream.peer_cred()?.uid();
-                Poll::Ready(Ok((Stream::Unix(stream), From::LocalSocket(user))))
+            Self::Local(listener) => {
+                let (stream, user) = ready!(listener.poll_accept(context))?;
+                Poll::Ready(Ok((Stream::Local(stream), From::LocalSocket(user))))
             }
         }
     }
@@ -109,8 +112,8 @@ impl Incoming {
 
 /// Maximum number of connections for the process's descriptors.
 fn most_connections() -> usize {
-    let descriptors = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
-    let share = descriptors.map_or(CONNECTIONS as u64, |descriptors| descriptors / SHARE_OF_DESCRIPTORS);
+    let share =
+        process::open_files_limit().map_or(CONNECTIONS as u64, |descriptors| descriptors / SHARE_OF_DESCRIPTORS);
     CONNECTIONS.min(usize::try_from(share).unwrap_or(CONNECTIONS)).max(1)
 }
 
@@ -165,7 +168,7 @@ fn is_of_one_connection(error: &io::Error) -> bool {
 /// The byte stream of a connection.
 enum Stream {
     Tcp(TcpStream),
-    Unix(UnixStream),
+    Local(LocalStream),
     /// TLS, during the handshake.
     Handshake(Box<Accept<TcpStream>>),
     Tls(Box<TlsStream<TcpStream>>),
@@ -203,7 +206,7 @@ impl Stream {
         ready!(self.poll_open(client, context))?;
         let stream: Pin<&mut dyn Bytes> = match self {
             Self::Tcp(stream) => Pin::new(stream),
-            Self::Unix(stream) => Pin::new(stream),
+            Self::Local(stream) => Pin::new(stream),
             Self::Tls(stream) => Pin::new(stream.as_mut()),
             Self::Handshake(_) | Self::Closed => return Poll::Ready(Err(io::ErrorKind::NotConnected.into())),
         };
@@ -296,7 +299,7 @@ impl AsyncWrite for Connection {
     fn is_write_vectored(&self) -> bool {
         match &self.stream {
             Stream::Tcp(stream) => stream.is_write_vectored(),
-            Stream::Unix(stream) => stream.is_write_vectored(),
+            Stream::Local(stream) => stream.is_write_vectored(),
             Stream::Tls(stream) => stream.is_write_vectored(),
             Stream::Handshake(_) | Stream::Closed => false,
         }

@@ -15,7 +15,7 @@ use super::{
     compile_ahead::CompileAhead,
     frame_pool::{Counters, FramePool},
 };
-use crate::plan::Limits;
+use crate::{plan::Limits, platform::BACKENDS};
 
 /// Why an adapter could not be opened or failed later.
 #[derive(Debug, thiserror::Error)]
@@ -47,15 +47,6 @@ pub enum GpuError {
     #[error("cannot read results back from the device: {0}")]
     Readback(#[from] wgpu::MapRangeError),
 }
-
-/// Graphics interfaces that are tried on this system.
-const BACKENDS: wgpu::Backends = if cfg!(target_vendor = "apple") {
-    wgpu::Backends::METAL
-} else if cfg!(windows) {
-    wgpu::Backends::VULKAN.union(wgpu::Backends::DX12)
-} else {
-    wgpu::Backends::VULKAN
-};
 
 /// Longest time for submitted work before the device counts as lost.
 pub(crate) const SUBMISSION_TIMEOUT: Duration = Duration::from_secs(600);

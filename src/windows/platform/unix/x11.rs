@@ -13,7 +13,13 @@ use x11rb::{
     wrapper::ConnectionExt as _,
 };
 
-use super::{edid, monitors::MonitorReport};
+use winit::{
+    raw_window_handle::{HasWindowHandle, RawWindowHandle},
+    window::Window,
+};
+
+use super::edid;
+use crate::windows::monitors::MonitorReport;
 
 /// Maximum length of a requested EDID, 32-bit words: four blocks.
 const EDID_WORDS: u32 = 128;
@@ -21,7 +27,7 @@ const EDID_WORDS: u32 = 128;
 const SOURCE: u32 = 1;
 
 /// A separate connection.
-pub(super) struct X11 {
+pub(in crate::windows) struct X11 {
     connection: RustConnection,
     root: u32,
     edid: u32,
@@ -49,7 +55,7 @@ impl X11 {
     }
 
     /// Returns the active monitors, without numbers.
-    pub(super) fn monitors(&self) -> Result<Vec<MonitorReport>, ReplyError> {
+    pub(in crate::windows) fn monitors(&self) -> Result<Vec<MonitorReport>, ReplyError> {
         let connection = &self.connection;
         let resources = connection.randr_get_screen_resources_current(self.root)?.reply()?;
         let mut monitors = Vec::new();
@@ -73,8 +79,9 @@ impl X11 {
 
     /// Asks the window manager to let a window fill its monitor, or to undo that. Without a window manager this has no
     /// effect: position and size are then sufficient.
-    pub(super) fn fill(&self, window: u32, fills: bool) -> Result<(), ReplyError> {
+    pub(in crate::windows) fn fill(&self, window: &Window, fills: bool) -> Result<(), ReplyError> {
         let connection = &self.connection;
+        let Some(window) = identity(window) else { return Ok(()) };
         if connection.get_window_attributes(window)?.reply()?.map_state == MapState::UNMAPPED {
             // Initial state for the time when the window becomes visible.
             let states = if fills { &[self.fullscreen][..] } else { &[] };
@@ -89,8 +96,9 @@ impl X11 {
     }
 
     /// Gives the keyboard focus to a window if there is no window manager and no window has it.
-    pub(super) fn focus_without_window_manager(&self, window: u32) -> Result<(), ReplyError> {
+    pub(in crate::windows) fn focus_if_unassigned(&self, window: &Window) -> Result<(), ReplyError> {
         let connection = &self.connection;
+        let Some(window) = identity(window) else { return Ok(()) };
         let manager = connection.get_property(false, self.root, self.manager, AtomEnum::WINDOW, 0, 1)?.reply()?;
         // The focus is on the root, or follows the pointer.
         let unassigned = [u32::from(InputFocus::NONE), u32::from(InputFocus::POINTER_ROOT), self.root];
@@ -102,6 +110,14 @@ impl X11 {
             connection.set_input_focus(InputFocus::POINTER_ROOT, window, x11rb::CURRENT_TIME)?.check()?;
         }
         Ok(())
+    }
+}
+
+/// Returns the X11 identifier of a window; `None` if it is not an X11 window.
+fn identity(window: &Window) -> Option<u32> {
+    match window.window_handle().ok()?.as_raw() {
+        RawWindowHandle::Xlib(handle) => u32::try_from(handle.window).ok(),
+        _ => None,
     }
 }
 

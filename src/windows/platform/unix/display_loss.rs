@@ -14,7 +14,7 @@ use x11_dl::xlib::{Display, Xlib};
 /// # Errors
 ///
 /// Xlib cannot be loaded.
-pub(super) fn outlive_the_display() -> Result<(), String> {
+pub(in crate::windows) fn outlive_the_display() -> Result<(), String> {
     let xlib = Xlib::open().map_err(|error| error.to_string())?;
     // SAFETY: the function has the type that Xlib requires, never returns and does not use the display.
     unsafe { (xlib.XSetIOErrorHandler)(Some(stay)) };

@@ -8,7 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::WindowsError;
+use crate::windows::WindowsError;
 
 /// Checks whether a display server answers.
 ///

@@ -1,0 +1,24 @@
+//! Code that depends on the operating system: permissions of new files.
+
+/// Gives a temporary file the permissions of any new file: on Unix only its owner could read it otherwise. On Windows it inherits those of
+/// its folder, as every new file does.
+pub(crate) fn share(builder: &mut tempfile::Builder<'_, '_>) {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    #[cfg(not(unix))]
+    let _ = builder;
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::path::Path;
+
+    #[test]
+    fn devices_are_not_read() {
+        let error = crate::files::read_bounded(Path::new("/dev/zero"), 3).expect_err("a device has no end");
+        assert!(error.to_string().contains("only regular files"), "{error}");
+    }
+}

@@ -1,0 +1,32 @@
+//! Code that depends on the operating system, one file per subject and system, with the same interface on each.
+//!
+//! | subject | Unix | Windows |
+//! |---|---|---|
+//! | `openxr_clock`: extension that reads the clock of a headset's runtime | `timespec` | performance counter |
+//! | `process`: priority of threads, resident memory, open files | `nice` and `/proc` (Linux only), `getrlimit` | thread priority, working set, no limit |
+//! | `signals`: end, and reload of the access rules | SIGINT, SIGTERM; SIGHUP | Ctrl-C, Ctrl-Break, console closed, logoff, shutdown; no reload |
+//! | `sockets`: local sockets with a path | Unix sockets | refused |
+//! | `supervisor`: readiness and end for the supervisor | systemd | none |
+//!
+//! The crates `steradian-sky` and `steradian-render` have modules of this name too, for the permissions of new files and the graphics
+//! interfaces, and `windows` has one for display servers. `tests/cpu/platform.rs` fails on such code elsewhere.
+
+#[cfg(unix)]
+mod unix;
+#[cfg(unix)]
+use self::unix as system;
+
+#[cfg(windows)]
+mod windows;
+#[cfg(windows)]
+use self::windows as system;
+
+#[cfg(not(any(unix, windows)))]
+compile_error!("`platform` has code for Unix and for Windows only");
+
+#[cfg(feature = "xr")]
+pub(crate) use self::system::openxr_clock;
+#[cfg(feature = "cli")]
+pub(crate) use self::system::supervisor;
+#[cfg(feature = "service")]
+pub(crate) use self::system::{process, signals, sockets};

@@ -1,0 +1,9 @@
+//! Extension of OpenXR that converts the system's clock to the runtime's: `XR_KHR_convert_timespec_time`.
+
+use openxr::ExtensionSet;
+
+/// Requests the extension if it is available; returns whether it is.
+pub(crate) fn enable(available: &ExtensionSet, wanted: &mut ExtensionSet) -> bool {
+    wanted.khr_convert_timespec_time = available.khr_convert_timespec_time;
+    available.khr_convert_timespec_time
+}

@@ -1,0 +1,31 @@
+//! Priority of threads, memory and open files of this process.
+
+use std::io;
+
+/// Lowers the priority of the calling thread and of the threads that it starts afterwards.
+///
+/// # Errors
+///
+/// The system refuses, or has no priorities of threads.
+pub(crate) fn lower_thread_priority() -> io::Result<()> {
+    /// Difference in the steps of the system's `nice` value.
+    #[cfg(target_os = "linux")]
+    const STEPS: i32 = 10;
+    // Elsewhere this call concerns the whole process.
+    #[cfg(target_os = "linux")]
+    return Ok(rustix::process::setpriority_process(None, STEPS)?);
+    #[cfg(not(target_os = "linux"))]
+    Err(io::Error::new(io::ErrorKind::Unsupported, "this system has no priorities of single threads"))
+}
+
+/// Returns the resident memory of the process, bytes; `None` if the system does not report it.
+pub(crate) fn resident_bytes() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/self/statm").ok()?;
+    let pages: u64 = text.split_whitespace().nth(1)?.parse().ok()?;
+    Some(pages * rustix::param::page_size() as u64)
+}
+
+/// Returns the maximum number of open files and sockets of the process; `None`: no limit.
+pub(crate) fn open_files_limit() -> Option<u64> {
+    rustix::process::getrlimit(rustix::process::Resource::Nofile).current
+}

@@ -1,0 +1,88 @@
+//! Unix sockets.
+
+use std::{
+    io,
+    os::unix::{self, fs::FileTypeExt as _},
+    path::{Path, PathBuf},
+    task::{Context, Poll, ready},
+};
+
+use tokio::net::UnixListener;
+pub(crate) use tokio::net::UnixStream as LocalStream;
+
+/// A path to listen on.
+pub(crate) struct LocalSocket(PathBuf);
+
+impl LocalSocket {
+    /// Names a path.
+    ///
+    /// # Errors
+    ///
+    /// The system has no such sockets: never on Unix.
+    pub(crate) fn new(path: &Path) -> Result<Self, &'static str> {
+        Ok(Self(path.to_owned()))
+    }
+
+    /// Whether the path leads to a socket.
+    pub(crate) fn exists(&self) -> bool {
+        std::fs::metadata(&self.0).is_ok_and(|metadata| metadata.file_type().is_socket())
+    }
+
+    /// Returns what the path leads to if that is neither a socket nor nothing.
+    pub(crate) fn obstacle(&self) -> Option<&'static str> {
+        match std::fs::metadata(&self.0).ok()?.file_type() {
+            kind if kind.is_socket() => None,
+            kind if kind.is_dir() => Some("folder"),
+            kind if kind.is_file() => Some("file"),
+            _ => Some("device"),
+        }
+    }
+
+    /// Whether a process listens there. Blocks.
+    pub(crate) fn answers(&self) -> bool {
+        unix::net::UnixStream::connect(&self.0).is_ok()
+    }
+
+    /// Removes a socket that a daemon left behind. Returns whether the path is free: false if a process listens there.
+    ///
+    /// # Errors
+    ///
+    /// The socket cannot be removed.
+    pub(crate) async fn release(&self) -> io::Result<bool> {
+        match LocalStream::connect(&self.0).await {
+            Ok(_) => return Ok(false),
+            // The system answers for other files as for a socket that no process listens on.
+            Err(error) if error.kind() == io::ErrorKind::ConnectionRefused && self.exists() => {
+                std::fs::remove_file(&self.0)?;
+            }
+            // There is no socket, or it cannot be opened: binding reports it.
+            Err(_) => {}
+        }
+        Ok(true)
+    }
+
+    /// Binds a socket that its owner and group may open.
+    ///
+    /// # Errors
+    ///
+    /// Error of the system.
+    pub(crate) fn bind(&self) -> io::Result<LocalListener> {
+        const OWNER_AND_GROUP: u32 = 0o117;
+        let mask = rustix::process::umask(rustix::fs::Mode::from_raw_mode(OWNER_AND_GROUP));
+        let listener = UnixListener::bind(&self.0);
+        rustix::process::umask(mask);
+        listener.map(LocalListener)
+    }
+}
+
+/// Listening socket.
+pub(crate) struct LocalListener(UnixListener);
+
+impl LocalListener {
+    /// Accepts a connection; returns it with the number of the user at its other end.
+    pub(crate) fn poll_accept(&self, context: &mut Context<'_>) -> Poll<io::Result<(LocalStream, u32)>> {
+        let (stream, _) = ready!(self.0.poll_accept(context))?;
+        let user = stream.peer_cred()?.uid();
+        Poll::Ready(Ok((stream, user)))
+    }
+}

@@ -1,0 +1,9 @@
+//! Extension of OpenXR that converts the system's clock to the runtime's: `XR_KHR_win32_convert_performance_counter_time`.
+
+use openxr::ExtensionSet;
+
+/// Requests the extension if it is available; returns whether it is.
+pub(crate) fn enable(available: &ExtensionSet, wanted: &mut ExtensionSet) -> bool {
+    wanted.khr_win32_convert_performance_counter_time = available.khr_win32_convert_performance_counter_time;
+    available.khr_win32_convert_performance_counter_time
+}

@@ -1,0 +1,11 @@
+//! Windows has no supervisor that waits for notifications of a console program: the log states it.
+
+/// Clients can connect.
+pub(crate) fn ready() {
+    tracing::debug!("ready; no supervisor is notified: Windows has no systemd");
+}
+
+/// The daemon is ending.
+pub(crate) fn stopping() {
+    tracing::debug!("ending; no supervisor is notified: Windows has no systemd");
+}
