@@ -204,6 +204,7 @@ impl CliError {
             CliError::Serve(
                 ServeError::Address { .. }
                 | ServeError::NotSocket { .. }
+                | ServeError::Unsupported { .. }
                 | ServeError::Open { .. }
                 | ServeError::Access(_),
             ) => BAD_USAGE,

@@ -30,14 +30,16 @@ fn text(x: f64, y: f64, size: f64, content: &str) -> Text {
         .set("text-anchor", "middle")
 }
 
-/// Folder of the crate that has a module.
-fn crate_of(module: &str) -> usize {
+/// Crates that have a module of this name.
+fn crates_of(module: &str) -> Vec<usize> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let has = |folder: &str| {
         let folder = root.join(folder);
         folder.join(format!("{module}.rs")).is_file() || folder.join(module).join("mod.rs").is_file()
     };
-    CRATES.iter().position(|folder| has(folder)).unwrap_or_else(|| panic!("no crate has the module `{module}`"))
+    let found: Vec<usize> = (0..CRATES.len()).filter(|index| has(CRATES[*index])).collect();
+    assert!(!found.is_empty(), "no crate has the module `{module}`");
+    found
 }
 
 /// A row for each layer with modules of a crate, from the data to the program.
@@ -46,7 +48,9 @@ fn picture(layers: &[&[&str]]) -> String {
     for layer in layers {
         let mut row: [Vec<&str>; CRATES.len()] = Default::default();
         for module in *layer {
-            row[crate_of(module)].push(module);
+            for index in crates_of(module) {
+                row[index].push(module);
+            }
         }
         rows.push(row);
     }

@@ -5,7 +5,7 @@
 //! crate's root is followed: `crate::`, `steradian::`, `steradian_sky::`, `steradian_render::`, and as many `super::` as lead there, in groups as well as
 //! separately. The module that such a path names must be before the importer in [`LAYERS`].
 
-mod paths;
+pub mod paths;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -203,7 +203,7 @@ fn module_of(file: &Path) -> Vec<String> {
 }
 
 /// Collects all `.rs` files below `folder`, as paths relative to `root`.
-fn rust_files(root: &Path, folder: &Path, files: &mut Vec<PathBuf>) {
+pub fn rust_files(root: &Path, folder: &Path, files: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).expect("src can be read") {
         let path = entry.expect("src can be read").path();
         if path.is_dir() {

@@ -13,6 +13,7 @@ mod dome_check;
 mod kernels;
 mod layering;
 mod overlay;
+mod platform;
 mod psf;
 mod shader_limits;
 mod shader_translation;

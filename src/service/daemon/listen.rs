@@ -70,7 +70,7 @@ pub fn check_listen(listen: &str, access: &Access) -> Result<(), ServeError> {
 
 /// Returns the socket of a path, which must lead to a socket or to nothing.
 fn socket(listen: &str, path: &Path) -> Result<LocalSocket, ServeError> {
-    let unsupported = |problem: &str| ServeError::Address { listen: listen.to_owned(), problem: problem.to_owned() };
+    let unsupported = |problem| ServeError::Unsupported { listen: listen.to_owned(), problem };
     let socket = LocalSocket::new(path).map_err(unsupported)?;
     match socket.obstacle() {
         Some(what) => Err(ServeError::NotSocket { path: path.to_owned(), what }),

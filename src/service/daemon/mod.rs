@@ -103,6 +103,16 @@ pub enum ServeError {
         /// What is there.
         what: &'static str,
     },
+    /// The system has no such sockets.
+    #[error(
+        "listen = `{listen}`: {problem}: name a host and a port, for example 127.0.0.1:7143 (port 0 takes a free one)"
+    )]
+    Unsupported {
+        /// The configured address.
+        listen: String,
+        /// Cause.
+        problem: &'static str,
+    },
     /// The access rules or the certificates cannot be read.
     #[error("{0}")]
     Access(String),
