@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use winit::window::Window;
 
-use super::WindowsError;
+use super::{WindowsError, platform::surface_target};
 use crate::gpu::GpuError;
 
 /// A device that can present.
@@ -82,5 +82,5 @@ fn surface(instance: &wgpu::Instance, window: Arc<Window>, name: &str) -> Result
         window: name.to_owned(),
         problem: format!("no surface: {error}"),
     };
-    instance.create_surface(window).map_err(refused)
+    instance.create_surface(surface_target(window)).map_err(refused)
 }

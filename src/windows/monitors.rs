@@ -80,7 +80,7 @@ fn of_library(handle: MonitorHandle) -> Monitor {
         name: handle.name().unwrap_or_default(),
         position: [handle.position().x, handle.position().y],
         size: [handle.size().width, handle.size().height],
-        refresh_hz: handle.refresh_rate_millihertz().map(|rate| f64::from(rate) * 1e-3),
+        refresh_hz: handle.refresh_rate_millihertz().filter(|rate| *rate > 0).map(|rate| f64::from(rate) * 1e-3),
         edid: Vec::new(),
     };
     Monitor { handle: Some(handle), report }

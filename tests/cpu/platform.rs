@@ -176,6 +176,12 @@ fn all_systems_have_the_same_interface() {
 }
 
 #[test]
+fn devices_are_not_read() {
+    let error = steradian_sky::files::read_bounded(Path::new("/dev/zero"), 3).expect_err("a device has no end");
+    assert!(error.to_string().contains("only regular files"), "{error}");
+}
+
+#[test]
 fn violations_are_found_in_every_form() {
     for source in [
         "use rustix::process;",

@@ -11,14 +11,3 @@ pub(crate) fn share(builder: &mut tempfile::Builder<'_, '_>) {
     #[cfg(not(unix))]
     let _ = builder;
 }
-
-#[cfg(all(test, unix))]
-mod tests {
-    use std::path::Path;
-
-    #[test]
-    fn devices_are_not_read() {
-        let error = crate::files::read_bounded(Path::new("/dev/zero"), 3).expect_err("a device has no end");
-        assert!(error.to_string().contains("only regular files"), "{error}");
-    }
-}

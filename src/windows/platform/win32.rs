@@ -1,8 +1,12 @@
 //! Win32. The window library suffices: it lists monitors, fills them and assigns the focus. EDIDs are not read.
+#![expect(unsafe_code, reason = "the window library gives window handles to other threads by an unsafe function only")]
+
+use std::sync::Arc;
 
 use winit::{
     event_loop::{ActiveEventLoop, EventLoopBuilder},
-    platform::windows::EventLoopBuilderExtWindows,
+    platform::windows::{EventLoopBuilderExtWindows, WindowExtWindows},
+    raw_window_handle::{DisplayHandle, HandleError, HasDisplayHandle, HasWindowHandle, WindowHandle},
     window::Window,
 };
 
@@ -29,6 +33,29 @@ pub(in crate::windows) fn outlive_the_display() -> Result<(), String> {
 /// Lets the event loop run on any thread.
 pub(in crate::windows) fn on_any_thread<T>(builder: &mut EventLoopBuilder<T>) {
     builder.with_any_thread(true);
+}
+
+/// A window for surfaces that are created on any thread.
+#[derive(Debug)]
+struct OnAnyThread(Arc<Window>);
+
+impl HasWindowHandle for OnAnyThread {
+    fn window_handle(&self) -> Result<WindowHandle<'_>, HandleError> {
+        // SAFETY: the handle is only used to create a Vulkan surface and to present to it, which Vulkan allows on any thread, and the window lives as
+        // long as this value, which the surface owns.
+        unsafe { self.0.window_handle_any_thread() }
+    }
+}
+
+impl HasDisplayHandle for OnAnyThread {
+    fn display_handle(&self) -> Result<DisplayHandle<'_>, HandleError> {
+        self.0.display_handle()
+    }
+}
+
+/// Returns the window in the form of which surfaces can be created on any thread.
+pub(in crate::windows) fn surface_target(window: Arc<Window>) -> impl Into<wgpu::SurfaceTarget<'static>> {
+    OnAnyThread(window)
 }
 
 /// What the window library lacks: nothing, so no value exists.
