@@ -99,9 +99,9 @@ impl Info {
     fn print(&self) -> Result<(), CliError> {
         results::line(format!("folder: {}", self.folder.display()))?;
         results::line(format!("size:   {} of at most {}", mib(self.bytes), mib(self.most_bytes)))?;
-        self.parts
-            .iter()
-            .try_for_each(|(name, part)| results::line(format!("{name}: {} entries, {}", part.entries, mib(part.bytes))))
+        self.parts.iter().try_for_each(|(name, part)| {
+            results::line(format!("{name}: {} entries, {}", part.entries, mib(part.bytes)))
+        })
     }
 }
 
@@ -113,9 +113,16 @@ fn mib(bytes: u64) -> String {
 fn from_environment(variable: impl Fn(&str) -> Option<OsString>) -> Result<Option<Cache>, CliError> {
     let most_mib = match variable(LIMIT_VARIABLE) {
         None => MOST_MIB,
-        Some(text) => text.to_str().and_then(|text| text.parse().ok()).filter(|mib| (1..1 << 40).contains(mib)).ok_or_else(
-            || CliError::Usage(format!("{LIMIT_VARIABLE}={}: must be a whole number of MiB, at least 1", text.display())),
-        )?,
+        Some(text) => {
+            text.to_str().and_then(|text| text.parse().ok()).filter(|mib| (1..1 << 40).contains(mib)).ok_or_else(
+                || {
+                    CliError::Usage(format!(
+                        "{LIMIT_VARIABLE}={}: must be a whole number of MiB, at least 1",
+                        text.display()
+                    ))
+                },
+            )?
+        }
     };
     let folder = match variable(FOLDER_VARIABLE) {
         Some(folder) => Some(PathBuf::from(folder)).filter(|folder| !folder.as_os_str().is_empty()),

@@ -222,7 +222,11 @@ impl CliError {
             CliError::ReadInput { .. } | CliError::ReadManifest { .. } | CliError::OtherInput { .. } => BAD_DATA,
             CliError::Chart(_) | CliError::Client(_) | CliError::Record(_) => FAILED,
             CliError::WriteStore(_) | CliError::Output(_) | CliError::Json(_) | CliError::Stdout(_) => FAILED,
-            CliError::Cache { .. } | CliError::WriteFile { .. } | CliError::Checks { .. } | CliError::Audit(_) | CliError::Token(_) => FAILED,
+            CliError::Cache { .. }
+            | CliError::WriteFile { .. }
+            | CliError::Checks { .. }
+            | CliError::Audit(_)
+            | CliError::Token(_) => FAILED,
         }
     }
 

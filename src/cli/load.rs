@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::progress::Progress;
 use super::CliError;
+use super::progress::Progress;
 use crate::catalogue::chunks::StarSet;
 use crate::catalogue::epoch::Epoch;
 use crate::catalogue::store::Store;
@@ -11,8 +11,8 @@ use crate::config::Config;
 use crate::plan::view_settings::FrameGroup;
 use crate::render::{RenderError, Renderer, Wanted};
 use crate::scene::SceneObjects;
-use crate::service::StartProgress;
 use crate::scene::loader::{LoadError, LoadReport, StarSource, import_stars, load_stars};
+use crate::service::StartProgress;
 
 /// The scene of a configuration.
 pub struct LoadedScene {

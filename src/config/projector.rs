@@ -220,12 +220,15 @@ impl ProjectorConfig {
 
     fn view_of(&self, region: &Region, lut: Option<Lut>) -> Result<ViewKind, String> {
         let warp = Warp::new(region.size_px, &region.grid).map_err(|error| error.to_string())?;
-        let mapping = TabulatedMapping::kept(warp, &region.grid.identity(region.size_px)).map_err(|error| match error {
-            TabulationError::Folded { .. } | TabulationError::NotInverse { .. } | TabulationError::Junction { .. } => {
-                format!("{FOLDS}: {error}")
-            }
-            _ => error.to_string(),
-        });
+        let mapping =
+            TabulatedMapping::kept(warp, &region.grid.identity(region.size_px)).map_err(|error| match error {
+                TabulationError::Folded { .. }
+                | TabulationError::NotInverse { .. }
+                | TabulationError::Junction { .. } => {
+                    format!("{FOLDS}: {error}")
+                }
+                _ => error.to_string(),
+            });
         let mapping = Arc::new(mapping?);
         let [alpha, beta] = [&region.alpha, &region.beta]
             .map(|mask| mask.as_ref().filter(|_| self.blend == BlendConfig::File).map(Mask::weights));

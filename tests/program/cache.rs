@@ -107,7 +107,10 @@ fn the_cache_is_shown_limited_and_cleared() {
     let info: serde_json::Value = serde_json::from_str(&printed(&["cache", "info", "--json"])).unwrap();
     let bytes: u64 = entries(&cache).iter().map(|path| fs::metadata(path).unwrap().len()).sum();
     assert_eq!(info["bytes"], bytes);
-    assert_eq!((&info["parts"]["galaxy"]["entries"], &info["parts"]["asteroid-atlas"]["entries"]), (&1.into(), &1.into()));
+    assert_eq!(
+        (&info["parts"]["galaxy"]["entries"], &info["parts"]["asteroid-atlas"]["entries"]),
+        (&1.into(), &1.into())
+    );
     let text = printed(&["cache", "info"]);
     assert!(text.contains("galaxy: 1 entries, ") && text.contains(cache.to_str().unwrap()), "{text}");
 

@@ -38,7 +38,12 @@ pub fn set_for_process(cache: Option<Cache>) {
 /// # Errors
 ///
 /// That of `make`.
-pub fn kept_or_made<T, E>(part: Part, inputs: &[&[u8]], form: Form<T>, make: impl FnOnce() -> Result<T, E>) -> Result<T, E> {
+pub fn kept_or_made<T, E>(
+    part: Part,
+    inputs: &[&[u8]],
+    form: Form<T>,
+    make: impl FnOnce() -> Result<T, E>,
+) -> Result<T, E> {
     let cache = OF_PROCESS.read().unwrap_or_else(PoisonError::into_inner).clone();
     match cache {
         Some(cache) => cache.kept_or_made(part, inputs, form, make),
@@ -146,7 +151,9 @@ impl Cache {
                 return Ok(content);
             }
             Ok(None) => {}
-            Err(problem) => tracing::warn!(file = %path.display(), %problem, "cannot use the cached {}; making it again", part.name),
+            Err(problem) => {
+                tracing::warn!(file = %path.display(), %problem, "cannot use the cached {}; making it again", part.name)
+            }
         }
         let content = make()?;
         let bytes = (form.to_bytes)(&content);
@@ -202,13 +209,8 @@ impl Cache {
 
     fn keep(&self, path: &Path, key: &[u8; 32], bytes: &[u8]) -> io::Result<()> {
         fs::create_dir_all(&self.folder)?;
-        let header = Header {
-            magic: MAGIC,
-            key: *key,
-            bytes: bytes.len() as u64,
-            crc32: crc32fast::hash(bytes),
-            reserved: 0,
-        };
+        let header =
+            Header { magic: MAGIC, key: *key, bytes: bytes.len() as u64, crc32: crc32fast::hash(bytes), reserved: 0 };
         let mut file = files::beside(path)?;
         file.write_all(bytemuck::bytes_of(&header))?;
         file.write_all(bytes)?;
@@ -297,7 +299,8 @@ mod tests {
     use super::*;
 
     const PART: Part = Part { name: "some-stars", version: 3 };
-    const FORM: Form<Vec<u8>> = Form { to_bytes: Vec::clone, from_bytes: |bytes| (bytes != b"bad").then(|| bytes.to_vec()) };
+    const FORM: Form<Vec<u8>> =
+        Form { to_bytes: Vec::clone, from_bytes: |bytes| (bytes != b"bad").then(|| bytes.to_vec()) };
 
     /// A cache, and a function that returns the content for an input, and whether it was made.
     fn cache(most_bytes: u64) -> (tempfile::TempDir, Cache) {
@@ -354,7 +357,8 @@ mod tests {
             bytes
         };
         let checked = size_of::<Header>() - 4;
-        let broken = (0..checked).chain(checked + 4..valid.len()).map(flipped).chain([Vec::new(), valid[..60].to_vec()]);
+        let broken =
+            (0..checked).chain(checked + 4..valid.len()).map(flipped).chain([Vec::new(), valid[..60].to_vec()]);
         for broken in broken {
             fs::write(&path, &broken).unwrap();
             assert_eq!(content(&cache, PART, &[], b"the content"), (b"the content".to_vec(), true), "{broken:?}");

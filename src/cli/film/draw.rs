@@ -301,7 +301,8 @@ impl Film {
     ) -> Result<(), CliError> {
         let of_render = |error: RenderError| CliError::render(error, &self.inputs.config.origin);
         let groups = self.config_at(f64::from(missing[0])).frame_groups()?;
-        let LoadedScene { stars, report, objects, prepared } = load::scene(&self.inputs.config, &groups, renderer, None)?;
+        let LoadedScene { stars, report, objects, prepared } =
+            load::scene(&self.inputs.config, &groups, renderer, None)?;
         prepared.map_err(of_render)?;
         folder.record_catalogues(self.inputs.catalogues(&report))?;
         let sources = self.inputs.config.star_sources();

@@ -79,6 +79,17 @@ impl LocalSocket {
 pub(crate) struct LocalListener(UnixListener);
 
 impl LocalListener {
+    /// Two listeners for the same socket.
+    ///
+    /// # Errors
+    ///
+    /// Error of the system.
+    pub(crate) fn twice(self) -> io::Result<(Self, Self)> {
+        let listener = self.0.into_std()?;
+        let other = UnixListener::from_std(listener.try_clone()?)?;
+        Ok((Self(UnixListener::from_std(listener)?), Self(other)))
+    }
+
     /// Accepts a connection; returns it with the number of the user at its other end.
     pub(crate) fn poll_accept(&self, context: &mut Context<'_>) -> Poll<io::Result<(LocalStream, u32)>> {
         let (stream, _) = ready!(self.0.poll_accept(context))?;

@@ -52,6 +52,11 @@ impl LocalSocket {
 pub(crate) enum LocalListener {}
 
 impl LocalListener {
+    /// Two listeners for the same socket.
+    pub(crate) fn twice(self) -> io::Result<(Self, Self)> {
+        match self {}
+    }
+
     /// Accepts a connection.
     pub(crate) fn poll_accept(&self, _: &mut Context<'_>) -> Poll<io::Result<(LocalStream, u32)>> {
         match *self {}

@@ -220,8 +220,20 @@ fn reflection<'a>() -> tonic_reflection::server::Builder<'a> {
 ///
 /// See [`ServeError`]. An orderly end returns none, even if clients had to be cut off.
 pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
-    let ServeOptions { engine, network, early, limits, scene, views, headset, windows, state, ready, reloads, shutdown } =
-        options;
+    let ServeOptions {
+        engine,
+        network,
+        early,
+        limits,
+        scene,
+        views,
+        headset,
+        windows,
+        state,
+        ready,
+        reloads,
+        shutdown,
+    } = options;
     let NetworkOptions { listen, hosts, access } = network;
     let LimitOptions { drain, pending_renders, subscribers } = limits;
     let catalogues = scene.catalogues.clone();

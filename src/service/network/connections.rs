@@ -62,10 +62,9 @@ impl Listener {
                 let other = TcpListener::from_std(listener.try_clone()?)?;
                 (Self::Tcp(TcpListener::from_std(listener)?), Self::Tcp(other))
             }
-            Self::Unix(listener) => {
-                let listener = listener.into_std()?;
-                let other = UnixListener::from_std(listener.try_clone()?)?;
-                (Self::Unix(UnixListener::from_std(listener)?), Self::Unix(other))
+            Self::Local(listener) => {
+                let (listener, other) = listener.twice()?;
+                (Self::Local(listener), Self::Local(other))
             }
         })
     }

@@ -9,7 +9,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{
-    cache, photometry::rec709,
+    cache,
+    photometry::rec709,
     sky_pictures::{SKY_FACES, SkyPictures, TexelPlace},
 };
 
@@ -73,7 +74,8 @@ impl DiffuseSky {
         let (side, bytes) = bytes.split_first_chunk()?;
         let (mean, bytes) = bytes.split_first_chunk()?;
         let pictures = SkyPictures { side: u32::from_le_bytes(*side) };
-        let blocks = u64::from(pictures.side.div_ceil(ROUGHNESS_BLOCK)).checked_pow(2)?.checked_mul(u64::from(SKY_FACES))?;
+        let blocks =
+            u64::from(pictures.side.div_ceil(ROUGHNESS_BLOCK)).checked_pow(2)?.checked_mul(u64::from(SKY_FACES))?;
         let of_texels = usize::try_from(pictures.texels()).ok()?.checked_mul(size_of::<u32>())?;
         let (texels, roughness) = bytes.split_at_checked(of_texels)?;
         let (texels, roughness_cd_m2) = (cache::values(texels)?, cache::values(roughness)?);
