@@ -1,6 +1,11 @@
 //! `cache info`, `cache clear`: what the program keeps between runs, and where.
 
-use std::{collections::BTreeMap, env, ffi::OsString, path::PathBuf};
+use std::{
+    collections::BTreeMap,
+    env,
+    ffi::{OsStr, OsString},
+    path::PathBuf,
+};
 
 use clap::{Args, Subcommand};
 use directories::ProjectDirs;
@@ -111,24 +116,21 @@ fn mib(bytes: u64) -> String {
 
 /// The cache from environment variables; `None`: there is none.
 fn from_environment(variable: impl Fn(&str) -> Option<OsString>) -> Result<Option<Cache>, CliError> {
-    let most_mib = match variable(LIMIT_VARIABLE) {
-        None => MOST_MIB,
-        Some(text) => {
-            text.to_str().and_then(|text| text.parse().ok()).filter(|mib| (1..1 << 40).contains(mib)).ok_or_else(
-                || {
-                    CliError::Usage(format!(
-                        "{LIMIT_VARIABLE}={}: must be a whole number of MiB, at least 1",
-                        text.display()
-                    ))
-                },
-            )?
-        }
-    };
+    let most_mib = variable(LIMIT_VARIABLE).map_or(Ok(MOST_MIB), |text| most_mib(&text))?;
     let folder = match variable(FOLDER_VARIABLE) {
         Some(folder) => Some(PathBuf::from(folder)).filter(|folder| !folder.as_os_str().is_empty()),
         None => ProjectDirs::from("", "", "steradian").map(|folders| folders.cache_dir().to_owned()),
     };
     Ok(folder.map(|folder| Cache { folder, most_bytes: most_mib << 20 }))
+}
+
+/// Reads a size limit, MiB.
+fn most_mib(text: &OsStr) -> Result<u64, CliError> {
+    let number = text.to_str().and_then(|text| text.parse().ok());
+    number.filter(|mib| (1..1 << 40).contains(mib)).ok_or_else(|| {
+        let text = text.display();
+        CliError::Usage(format!("{LIMIT_VARIABLE}={text}: must be a whole number of MiB, at least 1"))
+    })
 }
 
 #[cfg(test)]

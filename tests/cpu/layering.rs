@@ -20,7 +20,18 @@ pub const CRATES: [&str; 3] = ["crates/sky/src", "crates/render/src", "src"];
 /// listed in [`SIBLINGS`]. A new module must be added here, as far up as its imports permit.
 pub const LAYERS: &[&[&str]] = &[
     &["names", "platform"],
-    &["units", "calendar", "polynomial", "solar_system", "coordinates", "sky_pictures", "files", "fits", "ranges"],
+    &[
+        "units",
+        "calendar",
+        "polynomial",
+        "solar_system",
+        "coordinates",
+        "sky_pictures",
+        "files",
+        "cache",
+        "fits",
+        "ranges",
+    ],
     &["photometry", "picture_file"],
     &["ephemeris", "relativity"],
     &["catalogue"],
@@ -40,6 +51,7 @@ pub const LAYERS: &[&[&str]] = &[
 /// Imports between modules of one layer: (importer, imported). A scene contains the components of its views, and a
 /// headset and the service deliver data that `output` encodes.
 const SIBLINGS: &[(&str, &str)] = &[
+    ("cache", "files"),
     ("calendar", "units"),
     ("coordinates", "units"),
     ("scene", "view"),

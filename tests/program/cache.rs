@@ -7,7 +7,7 @@ use std::{
     process::{Command, Output, Stdio},
 };
 
-const CONFIGURATION: &str = "[scene]\ncatalogues = [{ galaxy = { stars = 500 } }]\n[asteroids]\ntiles = 4\ntile_px = 8\n\
+const CONFIGURATION: &str = "[scene]\ncatalogues = [{ galaxy = { stars = 500, unresolved_light = false } }]\n[asteroids]\ntiles = 4\ntile_px = 8\n\
      [[asteroid_fields]]\nname = 'f'\nposition_m = [0, 0, -1e4]\ninstances = 3\nradius_m = [10, 20]\ngeometric_albedo = 0.1\n\
      shape = 'box'\nsize_m = [1e3, 1e3, 1e3]\n\
      [[views]]\nname = 'v'\ntype = 'perspective'\nsize = [16, 16]\nfov_y_deg = 40\n";
@@ -69,7 +69,11 @@ fn stars_and_atlases_are_kept_mended_and_switched_off() {
     assert!(fs::read(folder.path().join("out/v.png")).unwrap() == picture);
 
     // Other inputs make other stars; the first ones stay.
-    render(folder.path(), &cache, &["--set", "scene.catalogues=[{ galaxy = { stars = 501 } }]"]);
+    render(
+        folder.path(),
+        &cache,
+        &["--set", "scene.catalogues=[{ galaxy = { stars = 501, unresolved_light = false } }]"],
+    );
     assert_eq!(entries(&cache).len(), 3);
 
     for (path, valid) in [(atlas, &valid[0]), (galaxy, &valid[1])] {

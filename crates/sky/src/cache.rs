@@ -277,7 +277,8 @@ fn read(path: &Path, key: &[u8; 32]) -> Result<Option<Vec<u8>>, EntryError> {
 /// because it is set explicitly.
 fn mark_used(path: &Path) {
     let times = FileTimes::new().set_accessed(SystemTime::now());
-    if let Err(problem) = File::open(path).and_then(|file| file.set_times(times)) {
+    // Some systems set times only of files that are open for writing.
+    if let Err(problem) = File::options().write(true).open(path).and_then(|file| file.set_times(times)) {
         tracing::debug!(file = %path.display(), %problem, "cannot record the use of a cached file");
     }
 }
@@ -381,7 +382,7 @@ mod tests {
             assert!(of(input));
             let path = cache.path(PART, &key(PART, &[&[input]]));
             let used = SystemTime::now() - Duration::from_secs(3600 * hours);
-            File::open(path).unwrap().set_times(FileTimes::new().set_accessed(used)).unwrap();
+            File::options().write(true).open(path).unwrap().set_times(FileTimes::new().set_accessed(used)).unwrap();
         }
         assert!(!of(1), "used again");
         assert!(of(4));

@@ -108,7 +108,12 @@ fn of_arriving(density: f64, sine: f64) -> f64 {
         let cosine = (1.0 + found * found * cosine_squared).sqrt().recip();
         let seen = (sine + found * cosine_squared) * cosine;
         // The cosine of the apparent altitude is that of the true one times this.
-        found = of_seen(density, seen) * (1.0 - sine * found) * cosine;
+        let next = of_seen(density, seen) * (1.0 - sine * found) * cosine;
+        // Further steps would not change it.
+        if next == found {
+            break;
+        }
+        found = next;
     }
     found
 }
