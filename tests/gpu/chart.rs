@@ -48,7 +48,6 @@ fn tiny() -> Extent {
             scored_px: 256,
             rounds: 2,
             budget: AMPLE,
-            cache: std::env::temp_dir().join("steradian-chart-atlases"),
         },
     }
 }
