@@ -52,7 +52,8 @@ fn on_horizon(camera: &Camera) -> DQuat {
 /// Starts the daemon below a sky that turns by 15 degrees per second, and lets it turn by more than 45 degrees.
 async fn turn_the_sky(page: &Browser, daemon: &mut Daemon) -> Camera {
     daemon.restart_at(PLACE);
-    page.until("document.getElementById('horizontal').textContent.includes('Azimuth')").await;
+    // The page may not have built its panel before the restart.
+    page.until("document.getElementById('horizontal')?.textContent.includes('Azimuth')").await;
     let mut client = daemon.client().await;
     let fixed = CameraUpdate { frame: Some(Frame::Horizon), ..CameraUpdate::default() };
     let before = client.set_camera(&fixed).await.unwrap();
