@@ -80,8 +80,17 @@ async fn clients_learn_what_a_starting_daemon_waits_for() {
     let request = HealthCheckRequest { service: String::new() };
     let mut watch = health.watch(request).await.unwrap().into_inner();
     assert_eq!(watch.message().await.unwrap().unwrap().status(), ServingStatus::NotServing);
+    // A connection without a request, as browsers open in advance, and one between two requests.
+    let mut unused = TcpStream::connect(address).await.unwrap();
+    let mut between = TcpStream::connect(address).await.unwrap();
+    let request = format!("GET /healthz HTTP/1.1\r\nHost: {address}\r\n\r\n");
+    between.write_all(request.as_bytes()).await.unwrap();
+    assert!(within(between.read(&mut [0; 4096])).await.unwrap() > 0);
     let daemon = Daemon::start_with(small_rig(), |options| options.early = Some(early)).await;
     assert_eq!(daemon.address, address);
+    for connection in [&mut unused, &mut between] {
+        assert!(!matches!(within(connection.read(&mut [0; 4096])).await, Ok(1..)), "the early server is gone");
+    }
     ended.store(true, SeqCst);
     assert!(connecting.await.unwrap() > 0);
     assert!(!matches!(within(watch.message()).await, Ok(Some(_))), "the watch ends with its server");

@@ -7,8 +7,8 @@ use std::{
     task::{Context, Poll, ready},
 };
 
-use tokio::net::UnixListener;
 pub(crate) use tokio::net::UnixStream as LocalStream;
+use tokio::{net::UnixListener, runtime::Handle};
 
 /// A path to listen on.
 pub(crate) struct LocalSocket(PathBuf);
@@ -79,15 +79,17 @@ impl LocalSocket {
 pub(crate) struct LocalListener(UnixListener);
 
 impl LocalListener {
-    /// Two listeners for the same socket.
+    /// Two listeners for the same socket: in this runtime and in another one.
     ///
     /// # Errors
     ///
     /// Error of the system.
-    pub(crate) fn twice(self) -> io::Result<(Self, Self)> {
+    pub(crate) fn twice(self, other: &Handle) -> io::Result<(Self, Self)> {
         let listener = self.0.into_std()?;
-        let other = UnixListener::from_std(listener.try_clone()?)?;
-        Ok((Self(UnixListener::from_std(listener)?), Self(other)))
+        let copy = listener.try_clone()?;
+        let listener = UnixListener::from_std(listener)?;
+        let _inside = other.enter();
+        Ok((Self(listener), Self(UnixListener::from_std(copy)?)))
     }
 
     /// Accepts a connection; returns it with the number of the user at its other end.

@@ -7,7 +7,10 @@ use std::{
     task::{Context, Poll},
 };
 
-use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::{
+    io::{AsyncRead, AsyncWrite, ReadBuf},
+    runtime::Handle,
+};
 
 /// A path to listen on.
 pub(crate) enum LocalSocket {}
@@ -52,8 +55,8 @@ impl LocalSocket {
 pub(crate) enum LocalListener {}
 
 impl LocalListener {
-    /// Two listeners for the same socket.
-    pub(crate) fn twice(self) -> io::Result<(Self, Self)> {
+    /// Two listeners for the same socket: in this runtime and in another one.
+    pub(crate) fn twice(self, _: &Handle) -> io::Result<(Self, Self)> {
         match self {}
     }
 

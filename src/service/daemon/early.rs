@@ -11,6 +11,7 @@ use std::{
 };
 
 use tokio::{
+    runtime::{Builder, Runtime},
     sync::{oneshot, watch},
     task::JoinHandle,
     time::timeout,
@@ -33,8 +34,8 @@ use crate::service::network::{
 
 /// Calls of the health service.
 const HEALTH_CALLS: &str = "/grpc.health.v1.Health/";
-/// Connections that do not end within this time after the start are cut off.
-const FAREWELL: Duration = Duration::from_secs(1);
+/// Connections that do not end within this time are cut off. No call takes long here.
+const FAREWELL: Duration = Duration::from_millis(200);
 /// Streams that clients may watch the health with.
 const WATCHES: usize = 256;
 
@@ -71,9 +72,19 @@ pub struct EarlyServer {
 }
 
 struct Running {
-    close: oneshot::Sender<()>,
+    close: Option<oneshot::Sender<()>>,
     health: HealthReporter,
     task: JoinHandle<()>,
+    /// `None` while it is dropped.
+    runtime: Option<Runtime>,
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        if let Some(runtime) = self.runtime.take() {
+            runtime.shutdown_background();
+        }
+    }
 }
 
 impl EarlyServer {
@@ -86,7 +97,9 @@ impl EarlyServer {
         let access = network.access.as_ref().map_or_else(|| Ok(Access::default()), |source| source());
         let access = access.map_err(ServeError::Access)?;
         let (listener, address) = bind(&network.listen, &access).await?;
-        let (listener, early) = listener.twice()?;
+        // Its own runtime: when it ends, all connections end, also those without a request, which browsers open in advance.
+        let runtime = Builder::new_multi_thread().worker_threads(1).thread_name("starting").enable_all().build()?;
+        let (listener, early) = listener.twice(runtime.handle())?;
         // The rules cannot be reloaded before the daemon serves.
         let (rules, current) = watch::channel(Arc::new(access.clone()));
         let (health, health_service) = tonic_health::server::health_reporter();
@@ -102,14 +115,19 @@ impl EarlyServer {
                 // A dropped sender has the same meaning.
                 let _ = closed.await;
             });
-        let task = tokio::spawn(async move {
+        let task = runtime.spawn(async move {
             if let Err(error) = serving.await {
                 tracing::warn!("clients cannot follow the start: {error}");
             }
             drop(rules);
         });
         tracing::info!("starting on {address}");
-        Ok(Self { listener, address, access, server: Running { close, health, task } })
+        Ok(Self {
+            listener,
+            address,
+            access,
+            server: Running { close: Some(close), health, task, runtime: Some(runtime) },
+        })
     }
 
     /// The address.
@@ -132,12 +150,12 @@ impl EarlyServer {
 }
 
 impl Running {
-    async fn end(self) {
-        let Self { close, mut health, mut task } = self;
-        drop(close);
-        end_health(&mut health).await;
-        if timeout(FAREWELL, &mut task).await.is_err() {
-            task.abort();
+    /// Ends calls in order, and then all connections.
+    async fn end(mut self) {
+        drop(self.close.take());
+        end_health(&mut self.health).await;
+        if timeout(FAREWELL, &mut self.task).await.is_err() {
+            tracing::debug!("connections of the start are cut off");
         }
     }
 }

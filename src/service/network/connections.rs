@@ -15,6 +15,7 @@ use http_body::{Body as HttpBody, Frame, SizeHint};
 use tokio::{
     io::{AsyncRead, AsyncWrite, ReadBuf},
     net::{TcpListener, TcpStream},
+    runtime::Handle,
     sync::{OwnedSemaphorePermit, Semaphore, watch},
     time::{Interval, MissedTickBehavior, Sleep, interval, sleep},
 };
@@ -54,16 +55,18 @@ pub(crate) enum Listener {
 }
 
 impl Listener {
-    /// Two listeners for the same socket.
-    pub(crate) fn twice(self) -> io::Result<(Self, Self)> {
+    /// Two listeners for the same socket: in this runtime and in another one.
+    pub(crate) fn twice(self, other: &Handle) -> io::Result<(Self, Self)> {
         Ok(match self {
             Self::Tcp(listener) => {
                 let listener = listener.into_std()?;
-                let other = TcpListener::from_std(listener.try_clone()?)?;
-                (Self::Tcp(TcpListener::from_std(listener)?), Self::Tcp(other))
+                let copy = listener.try_clone()?;
+                let listener = TcpListener::from_std(listener)?;
+                let _inside = other.enter();
+                (Self::Tcp(listener), Self::Tcp(TcpListener::from_std(copy)?))
             }
             Self::Local(listener) => {
-                let (listener, other) = listener.twice()?;
+                let (listener, other) = listener.twice(other)?;
                 (Self::Local(listener), Self::Local(other))
             }
         })
