@@ -1,4 +1,4 @@
-//! `cache info`, `cache clear`: what the program keeps between runs, and where.
+//! `cache info` and `cache clear` show and remove what the program keeps between runs.
 
 use std::{
     collections::BTreeMap,
@@ -27,7 +27,7 @@ const MOST_MIB: u64 = 2048;
     steradian cache clear\n\n\
     Kept are synthetic stars, tables of projectors and atlases of asteroids, each under a hash of its inputs. The folder is\n\
     STERADIAN_CACHE_DIR, otherwise that of the system for the user; an empty variable or --no-cache switches it off.\n\
-    STERADIAN_CACHE_MIB is its size limit in MiB (2048); what was not used for the longest time is removed first.")]
+    STERADIAN_CACHE_MIB is its size limit in MiB (2048). Entries that were not used for the longest time are removed first.")]
 pub struct CacheArguments {
     #[command(subcommand)]
     command: CacheCommand,
@@ -49,7 +49,7 @@ enum CacheCommand {
 pub fn set(unused: bool) -> Result<(), CliError> {
     let cache = if unused { None } else { from_environment(|name| env::var_os(name))? };
     if cache.is_none() && !unused {
-        tracing::debug!("nothing is kept between runs: there is no cache folder");
+        tracing::debug!("the program has no cache folder and keeps nothing between runs");
     }
     cache::set_for_process(cache);
     Ok(())

@@ -26,8 +26,8 @@ pub struct LoadedScene {
     pub prepared: Result<(), RenderError>,
 }
 
-/// Loads the scene of a configuration and meanwhile compiles the pipelines for display and HDR images of all views. `told` is told of the
-/// progress.
+/// Loads the scene of a configuration and meanwhile compiles the pipelines for display and HDR images of all views. The progress is also
+/// stated to `told`.
 pub fn scene(
     config: &Config,
     groups: &[FrameGroup],
@@ -47,7 +47,7 @@ pub fn scene(
             tracing::info!("shaders ready after {:.1} s", progress.finish());
             prepared
         });
-        let loaded = stars_telling(&config.star_sources(), &config.epoch(), &config.origin, told);
+        let loaded = stars(&config.star_sources(), &config.epoch(), &config.origin, told);
         (preparing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)), loaded)
     });
     let (stars, report) = loaded?;
@@ -73,12 +73,8 @@ fn warn_of_asteroids_between_eyes(config: &Config, groups: &[FrameGroup]) {
 }
 
 /// Loads the catalogues with progress, and warns of rejected rows and of stars listed in two catalogues. `origin` names
-/// the configuration in errors; it is empty for command-line arguments.
-pub fn stars(sources: &[StarSource], epoch: &Epoch, origin: &str) -> Result<(StarSet, LoadReport), CliError> {
-    stars_telling(sources, epoch, origin, None)
-}
-
-fn stars_telling(
+/// the configuration in errors; it is empty for command-line arguments. The progress is also stated to `told`.
+pub fn stars(
     sources: &[StarSource],
     epoch: &Epoch,
     origin: &str,

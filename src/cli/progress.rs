@@ -33,7 +33,7 @@ fn bar_like(template: &str) -> Option<ProgressBar> {
 pub struct Progress<'a> {
     bar: Option<ProgressBar>,
     started: Instant,
-    /// Who is told besides, and the name of the work.
+    /// Where the steps are also stated, and the name of the work.
     told: Option<(&'a StartProgress, &'static str)>,
 }
 

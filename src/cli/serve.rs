@@ -100,7 +100,7 @@ pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliErr
         };
         let adapter_name = renderer.adapter().adapter.clone();
         let settings = config.render_settings();
-        let mut options = ServeOptions::new("", Box::new(renderer), scene, rig, settings, announce);
+        let mut options = ServeOptions::new(network.listen.clone(), Box::new(renderer), scene, rig, settings, announce);
         options.network = network;
         options.early = Some(early);
         let catalogue = |loaded: LoadedCatalogue| SceneCatalogue { name: loaded.name, stars: loaded.stars as u64 };

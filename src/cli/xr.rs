@@ -55,7 +55,7 @@ pub fn run(arguments: XrArguments, gpu: &GpuOptions) -> Result<(), CliError> {
     // Check everything that can be refused before loading the stars, which takes longest.
     xr::check_set_up()?;
     let objects = Arc::new(config.objects()?);
-    let (stars, _) = load::stars(&config.star_sources(), &config.epoch(), &config.origin)?;
+    let (stars, _) = load::stars(&config.star_sources(), &config.epoch(), &config.origin, None)?;
     let stars = Arc::new(stars);
     let of_observer = SeenStars::new(Arc::clone(&stars), objects.observer.as_ref(), config.star_sources());
     let snapshot = SceneSnapshot { revision: 1, stars, objects, camera };

@@ -311,7 +311,6 @@ impl Config {
         }
         let asteroid_fields = each(&FIELDS, sections.asteroid_fields, FieldConfig::from_table)?;
         let windows = each(&WINDOWS, sections.windows, |table| document::read(Value::Table(table)))?;
-        let asteroids = sections.asteroids;
         let mut stars = sections.stars;
         stars.psf_texture.file = stars.psf_texture.file.map(|file| folder.join(file));
         let mut glare = sections.glare;
@@ -328,7 +327,7 @@ impl Config {
             bodies,
             asteroid_fields,
             overlay: sections.overlay,
-            asteroids,
+            asteroids: sections.asteroids,
             stars,
             glare,
             exposure,

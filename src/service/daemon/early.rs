@@ -24,12 +24,12 @@ use tonic::{
 };
 use tonic_health::{ServingStatus, server::HealthReporter};
 
-use super::{Address, NetworkOptions, ServeError, end_health, listen::bind, report_health};
+use super::{Address, NetworkOptions, ServeError, end_health, listen::Listening, report_health};
 use crate::service::network::{
-    access::{Access, Gate},
+    access::Gate,
     clients::Shares,
-    connections::{Bounds, Incoming, Listener},
-    http_handler::{HEALTH, HandleFirst, HttpHandler},
+    connections::{Bounds, Incoming},
+    http_handler::{HEALTH, HandleFirst, HttpHandler, PLAIN, refused_call, text},
 };
 
 /// Calls of the health service.
@@ -65,9 +65,7 @@ impl fmt::Display for StartProgress {
 
 /// The server of the time before the daemon serves.
 pub struct EarlyServer {
-    listener: Listener,
-    address: Address,
-    access: Access,
+    listening: Listening,
     server: Running,
 }
 
@@ -94,9 +92,7 @@ impl EarlyServer {
     ///
     /// As [`super::run`]: the access rules or the address.
     pub async fn open(network: &NetworkOptions, progress: Arc<StartProgress>) -> Result<Self, ServeError> {
-        let access = network.access.as_ref().map_or_else(|| Ok(Access::default()), |source| source());
-        let access = access.map_err(ServeError::Access)?;
-        let (listener, address) = bind(&network.listen, &access).await?;
+        let Listening { listener, address, access } = Listening::open(network).await?;
         // Its own runtime: when it ends, all connections end, also those without a request, which browsers open in advance.
         let runtime = Builder::new_multi_thread().worker_threads(1).thread_name("starting").enable_all().build()?;
         let (listener, early) = listener.twice(runtime.handle())?;
@@ -123,29 +119,25 @@ impl EarlyServer {
         });
         tracing::info!("starting on {address}");
         Ok(Self {
-            listener,
-            address,
-            access,
+            listening: Listening { listener, address, access },
             server: Running { close: Some(close), health, task, runtime: Some(runtime) },
         })
     }
 
     /// The address.
     pub fn address(&self) -> &Address {
-        &self.address
+        &self.listening.address
     }
 
     /// Gives the socket to the daemon; the future ends the server.
-    pub(super) fn hand_over(self) -> (Listener, Address, Access, impl Future<Output = ()>) {
-        let Self { listener, address, access, server } = self;
-        (listener, address, access, server.end())
+    pub(super) fn hand_over(self) -> (Listening, impl Future<Output = ()>) {
+        (self.listening, self.server.end())
     }
 
     /// Ends the server, because the daemon will not serve.
     pub async fn give_up(self) {
-        let Self { address, server, .. } = self;
-        server.end().await;
-        address.remove_socket();
+        self.server.end().await;
+        self.listening.address.remove_socket();
     }
 }
 
@@ -170,19 +162,14 @@ impl HttpHandler for Starting {
         if path.starts_with(HEALTH_CALLS) {
             return None;
         }
-        let text = format!("the daemon is starting: {}", self.0);
-        let kind = request.headers().get(header::CONTENT_TYPE);
-        if let Some(kind) = kind.filter(|kind| kind.as_bytes().starts_with(b"application/grpc")) {
-            let mut response = Status::unavailable(text).into_http();
-            response.headers_mut().insert(header::CONTENT_TYPE, kind.clone());
+        let status = Status::unavailable(format!("the daemon is starting: {}", self.0));
+        if let Some(response) = refused_call(request, &status) {
             return Some(response);
         }
         // Anybody may ask for the health, so it tells nothing else.
-        let text = if path == HEALTH { "starting".to_owned() } else { text };
-        let mut response = Response::new(Body::new(text + "\n"));
-        *response.status_mut() = StatusCode::SERVICE_UNAVAILABLE;
+        let told = if path == HEALTH { "starting" } else { status.message() };
+        let mut response = text(StatusCode::SERVICE_UNAVAILABLE, PLAIN, format!("{told}\n"));
         let headers = response.headers_mut();
-        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("text/plain; charset=utf-8"));
         // A browser asks again after a second.
         headers.insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
         headers.insert(header::REFRESH, HeaderValue::from_static("1"));

@@ -10,7 +10,7 @@ use std::{
 
 use tokio::{net::TcpListener, sync::watch};
 
-use super::{Address, Reloads, ServeError};
+use super::{Address, NetworkOptions, Reloads, ServeError};
 use crate::{
     config::UNIX_PREFIX,
     platform::{
@@ -26,8 +26,25 @@ use crate::{
     },
 };
 
+/// A socket that the daemon listens on, with the access rules for which it was bound.
+pub(super) struct Listening {
+    pub(super) listener: Listener,
+    pub(super) address: Address,
+    pub(super) access: Access,
+}
+
+impl Listening {
+    /// Reads the access rules and binds the address.
+    pub(super) async fn open(network: &NetworkOptions) -> Result<Self, ServeError> {
+        let access = network.access.as_ref().map_or_else(|| Ok(Access::default()), |source| source());
+        let access = access.map_err(ServeError::Access)?;
+        let (listener, address) = bind(&network.listen, &access).await?;
+        Ok(Self { listener, address, access })
+    }
+}
+
 /// Binds an address if the access rules allow it.
-pub(super) async fn bind(listen: &str, access: &Access) -> Result<(Listener, Address), ServeError> {
+async fn bind(listen: &str, access: &Access) -> Result<(Listener, Address), ServeError> {
     if let Some(path) = listen.strip_prefix(UNIX_PREFIX).map(Path::new) {
         return Ok((Listener::Local(bind_unix(listen, path).await?), Address::Unix(path.to_owned())));
     }

@@ -22,7 +22,7 @@ use tonic_web::GrpcWebLayer;
 use self::{
     displays::Displays,
     initial_state::Begun,
-    listen::{bind, keep_access},
+    listen::{Listening, keep_access},
     threads::{FAREWELL, Threads},
 };
 pub use self::{
@@ -41,7 +41,7 @@ use crate::{
         },
         handlers::{metrics::Metrics, service::Service},
         network::{
-            access::{Access, Gate},
+            access::Gate,
             clients::Shares,
             connections::{Bounds, Incoming},
             http_handler::HandleFirst,
@@ -234,7 +234,6 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         reloads,
         shutdown,
     } = options;
-    let NetworkOptions { listen, hosts, access } = network;
     let LimitOptions { drain, pending_renders, subscribers } = limits;
     let catalogues = scene.catalogues.clone();
     let time = scene.time.clone();
@@ -252,15 +251,11 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
             return Err(problem);
         }
     };
-    let (listener, address, first, early) = match early.map(EarlyServer::hand_over) {
-        Some((listener, address, first, end)) => (listener, address, first, Some(end)),
-        None => {
-            let first = access.as_ref().map_or_else(|| Ok(Access::default()), |source| source());
-            let first = first.map_err(ServeError::Access)?;
-            let (listener, address) = bind(&listen, &first).await?;
-            (listener, address, first, None)
-        }
+    let (Listening { listener, address, access: first }, early) = match early.map(EarlyServer::hand_over) {
+        Some((listening, end)) => (listening, Some(end)),
+        None => (Listening::open(&network).await?, None),
     };
+    let NetworkOptions { hosts, access, .. } = network;
     let (new_access, current_access) = watch::channel(Arc::new(first));
     let hangups = ReloadSignal::install()?;
     let access_keeper = tokio::spawn(keep_access(reloads, hangups, access, new_access, time.clone()));

@@ -15,7 +15,7 @@ use prometheus_client::{
 use tokio::sync::watch;
 use tonic::{
     body::Body,
-    codegen::http::{Method, Request, Response, StatusCode, header},
+    codegen::http::{Method, Request, Response, StatusCode},
 };
 
 use super::service::Service;
@@ -23,14 +23,13 @@ use crate::{
     platform::process,
     service::network::{
         access::Access,
-        http_handler::{HEALTH, HttpHandler, METRICS},
+        http_handler::{HEALTH, HttpHandler, METRICS, PLAIN, text},
     },
     xr,
 };
 
 /// Media type of the text format.
 const TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
-const PLAIN: &str = "text/plain; charset=utf-8";
 
 /// Answers GET and HEAD of `/metrics` and `/healthz`.
 #[derive(Clone)]
@@ -50,10 +49,10 @@ impl Metrics {
                 ConstGauge::new(validity.left_s(self.service.render.time().machine_now())),
             );
         }
-        let mut text = String::new();
-        match encode(&mut text, &all) {
-            Ok(()) => answer(StatusCode::OK, TYPE, text),
-            Err(error) => answer(StatusCode::INTERNAL_SERVER_ERROR, PLAIN, error.to_string()),
+        let mut encoded = String::new();
+        match encode(&mut encoded, &all) {
+            Ok(()) => text(StatusCode::OK, TYPE, encoded),
+            Err(error) => text(StatusCode::INTERNAL_SERVER_ERROR, PLAIN, error.to_string()),
         }
     }
 
@@ -61,18 +60,11 @@ impl Metrics {
     fn health(&self) -> Response<Body> {
         let is_ending = self.service.render.scene().is_err();
         match self.service.render.figures().frames.failures.problem {
-            _ if is_ending => answer(StatusCode::SERVICE_UNAVAILABLE, PLAIN, "shutting down\n".to_owned()),
-            Some(_) => answer(StatusCode::SERVICE_UNAVAILABLE, PLAIN, "frames cannot be drawn\n".to_owned()),
-            None => answer(StatusCode::OK, PLAIN, "ok\n".to_owned()),
+            _ if is_ending => text(StatusCode::SERVICE_UNAVAILABLE, PLAIN, "shutting down\n".to_owned()),
+            Some(_) => text(StatusCode::SERVICE_UNAVAILABLE, PLAIN, "frames cannot be drawn\n".to_owned()),
+            None => text(StatusCode::OK, PLAIN, "ok\n".to_owned()),
         }
     }
-}
-
-fn answer(status: StatusCode, kind: &'static str, text: String) -> Response<Body> {
-    let mut response = Response::new(Body::new(text));
-    *response.status_mut() = status;
-    response.headers_mut().insert(header::CONTENT_TYPE, header::HeaderValue::from_static(kind));
-    response
 }
 
 impl HttpHandler for Metrics {

@@ -1,10 +1,11 @@
 //! Plain HTTP requests on the port of the gRPC calls: each handler answers its requests before they reach the calls.
 
 use tonic::{
+    Status,
     body::Body,
     codegen::{
         BoxFuture, Context, Poll, Service,
-        http::{Request, Response},
+        http::{HeaderValue, Request, Response, StatusCode, header},
     },
 };
 use tower_layer::Layer;
@@ -17,6 +18,27 @@ pub(crate) const HEALTH: &str = "/healthz";
 /// Whether a path is requested again and again by monitoring.
 pub(crate) fn is_monitoring(path: &str) -> bool {
     [METRICS, HEALTH].contains(&path)
+}
+
+/// Media type of plain text.
+pub(crate) const PLAIN: &str = "text/plain; charset=utf-8";
+
+/// Returns an answer with a text.
+pub(crate) fn text(status: StatusCode, kind: &'static str, text: String) -> Response<Body> {
+    let mut response = Response::new(Body::new(text));
+    *response.status_mut() = status;
+    response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(kind));
+    response
+}
+
+/// Returns a refusal in the protocol of a call, gRPC or gRPC-Web; `None`: the request is plain HTTP.
+pub(crate) fn refused_call(request: &Request<Body>, status: &Status) -> Option<Response<Body>> {
+    let kind = request.headers().get(header::CONTENT_TYPE)?;
+    kind.as_bytes().starts_with(b"application/grpc").then(|| {
+        let mut response = status.clone().into_http();
+        response.headers_mut().insert(header::CONTENT_TYPE, kind.clone());
+        response
+    })
 }
 
 /// Answers some of the requests.

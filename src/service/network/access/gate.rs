@@ -20,7 +20,14 @@ use super::{
 };
 use crate::{
     config::Role,
-    service::{SPANS, network::clients::ClientInfo, wire::refusals},
+    service::{
+        SPANS,
+        network::{
+            clients::ClientInfo,
+            http_handler::{PLAIN, refused_call, text},
+        },
+        wire::refusals,
+    },
 };
 
 /// The authenticated caller of a request; requests that need a role carry it.
@@ -97,20 +104,13 @@ fn admit(access: &Access, client: &ClientInfo, request: &Request<Body>, least: R
 }
 
 /// Returns a refusal in the caller's protocol: gRPC, gRPC-Web or plain HTTP.
-fn refusal(request: &Request<Body>, status: Status) -> Response<Body> {
-    let kind =
-        request.headers().get(header::CONTENT_TYPE).filter(|kind| kind.as_bytes().starts_with(b"application/grpc"));
-    if let Some(kind) = kind {
-        let mut response = status.into_http();
-        response.headers_mut().insert(header::CONTENT_TYPE, kind.clone());
+fn refusal(request: &Request<Body>, status: &Status) -> Response<Body> {
+    if let Some(response) = refused_call(request, status) {
         return response;
     }
-    let mut response = Response::new(Body::new(format!("{}\n", status.message())));
-    *response.status_mut() =
-        if status.code() == Code::Unauthenticated { StatusCode::UNAUTHORIZED } else { StatusCode::FORBIDDEN };
-    let headers = response.headers_mut();
-    headers.insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
-    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("text/plain; charset=utf-8"));
+    let code = if status.code() == Code::Unauthenticated { StatusCode::UNAUTHORIZED } else { StatusCode::FORBIDDEN };
+    let mut response = text(code, PLAIN, format!("{}\n", status.message()));
+    response.headers_mut().insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
     response
 }
 
@@ -136,7 +136,7 @@ where
         let caller = match admit(&access, &client, &request, least) {
             Ok(caller) => caller,
             Err(status) => {
-                let response = refusal(&request, status);
+                let response = refusal(&request, &status);
                 return Box::pin(async { Ok(response) });
             }
         };
