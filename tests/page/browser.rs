@@ -11,6 +11,7 @@ use fantoccini::{
     Client, ClientBuilder, Locator,
     actions::{InputSource, MOUSE_BUTTON_LEFT, MouseActions, PointerAction, TouchActions},
     elements::Element,
+    error::NewSessionError,
 };
 use hyper_util::client::legacy::connect::HttpConnector;
 use serde::de::DeserializeOwned;
@@ -22,6 +23,8 @@ use crate::daemon::Daemon;
 const PATIENCE: Duration = Duration::from_secs(90);
 /// Interval between checks of a condition.
 const POLL: Duration = Duration::from_millis(50);
+/// Largest number of starts of Chromium for one test.
+const STARTS: usize = 3;
 /// Number of moves of a drag.
 const STEPS: i32 = 12;
 
@@ -72,7 +75,20 @@ pub fn with_page<F: AsyncFnOnce(&Browser, &mut Daemon)>(screen: Screen, test: F)
 }
 
 impl Browser {
+    /// Starts the browser. Chromium sometimes exits while it starts, which says nothing about the page: it is started again, `STARTS` times at most.
     async fn open(screen: Screen) -> Self {
+        let mut exits = Vec::new();
+        while exits.len() < STARTS {
+            match Self::started(screen).await {
+                Ok(browser) => return browser,
+                Err(exit) => exits.push(exit),
+            }
+        }
+        panic!("Chromium exited at each of {STARTS} starts: {exits:#?}")
+    }
+
+    /// Starts the browser once. The error is that of the session.
+    async fn started(screen: Screen) -> Result<Self, NewSessionError> {
         let mut driver = Command::new("chromedriver").arg("--port=0").stdout(Stdio::piped()).spawn().unwrap();
         let lines = BufReader::new(driver.stdout.take().unwrap()).lines();
         let port = lines.map(Result::unwrap).find_map(|line| {
@@ -80,8 +96,9 @@ impl Browser {
             Some(after.trim_end_matches('.').to_owned())
         });
         let address = format!("127.0.0.1:{}", port.expect("chromedriver reports its port"));
+        // Shared memory of containers is often too small for Chromium, so it uses files instead.
         let mut options = json!({
-            "args": ["--headless=new", "--disable-gpu", "--no-sandbox", "--window-size=1280,900"],
+            "args": ["--headless=new", "--disable-gpu", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1280,900"],
         });
         if let Screen::Phone = screen {
             let metrics = json!({ "width": 390, "height": 844, "pixelRatio": 2, "touch": true });
@@ -90,9 +107,16 @@ impl Browser {
         let capabilities = json!({ "goog:chromeOptions": options, "goog:loggingPrefs": { "browser": "ALL" } });
         let mut builder = ClientBuilder::new(HttpConnector::new());
         builder.capabilities(serde_json::from_value(capabilities).unwrap());
-        let client = builder.connect(&format!("http://{address}")).await.unwrap();
+        let client = match builder.connect(&format!("http://{address}")).await {
+            Ok(client) => client,
+            Err(error) => {
+                let _ = driver.kill();
+                let _ = driver.wait();
+                return Err(error);
+            }
+        };
         let session = client.session_id().await.unwrap().expect("a session has a number");
-        Self { driver, address, session: format!("/session/{session}"), client }
+        Ok(Self { driver, address, session: format!("/session/{session}"), client })
     }
 
     /// Sends a command to chromedriver that is not part of the WebDriver standard.
