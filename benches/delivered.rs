@@ -13,12 +13,14 @@ use std::{
 use clap::Parser;
 use steradian::{
     output::Encoding,
-    service::{CameraUpdate, Client},
+    service::{CameraUpdate, Client, proto},
 };
 use tokio::time::{sleep, timeout};
 
 /// A daemon that does not listen by then has failed.
 const START: Duration = Duration::from_secs(300);
+/// Interval between statistics of the daemon, s.
+const STATS_S: f64 = 0.1;
 /// Poses per second.
 const POSES_HZ: f64 = 250.0;
 
@@ -99,6 +101,24 @@ struct Round {
     age_ms: f64,
     ev100: f64,
     pixels: u64,
+    /// Limiting magnitude of the display image.
+    limit: f64,
+    /// Times of frames of the daemon by part, ms: (name, time) in the order in which the parts run.
+    parts_ms: Vec<Vec<(String, f64)>>,
+}
+
+/// Parts of a frame of the daemon, passes of one name as one.
+fn parts_of(stats: &proto::Stats) -> Option<Vec<(String, f64)>> {
+    let times = stats.last_frame.as_ref()?;
+    let mut parts = vec![("plan".to_owned(), times.plan_ms)];
+    for pass in &times.passes {
+        match parts.iter_mut().find(|(name, _)| *name == pass.name) {
+            Some((_, ms)) => *ms += pass.ms,
+            None => parts.push((pass.name.clone(), pass.ms)),
+        }
+    }
+    parts.push(("frame".to_owned(), times.total_ms));
+    Some(parts)
 }
 
 /// Runs one round of one daemon: one client turns the camera, another one reads.
@@ -124,18 +144,37 @@ async fn round(daemon: &Daemon, arguments: &Arguments, number: u32) -> Result<Ro
     for _ in 0..if number == 0 { 12 } else { 3 } {
         stream.next().await?.ok_or("the stream has ended")?;
     }
+    let mut watch = Client::connect(&daemon.address).await?.watch_stats(Some(STATS_S)).await?;
     let begin = Instant::now();
     let mut ages_ms = Vec::new();
-    let (mut ev100, mut pixels) = (0.0, 0);
+    let mut parts_ms = Vec::new();
+    let (mut ev100, mut pixels, mut limit) = (0.0, 0, 0.0);
     while begin.elapsed().as_secs_f64() < arguments.seconds {
-        let frame = timeout(START, stream.next()).await??.ok_or("the stream has ended")?;
+        let frame = tokio::select! {
+            frame = timeout(START, stream.next()) => frame??.ok_or("the stream has ended")?,
+            stats = watch.next() => {
+                parts_ms.extend(stats?.as_ref().and_then(parts_of));
+                continue;
+            }
+        };
         ages_ms.push(frame.pose_time.elapsed()?.as_secs_f64() * 1e3);
         ev100 = frame.exposure_ev100;
+        limit = frame.limiting_magnitude.unwrap_or(f64::NAN);
         pixels = frame.images.iter().map(|image| u64::from(image.width) * u64::from(image.height)).sum();
     }
     let frames_per_s = ages_ms.len() as f64 / begin.elapsed().as_secs_f64();
     steer.abort();
-    Ok(Round { frames_per_s, age_ms: median(ages_ms), ev100, pixels })
+    Ok(Round { frames_per_s, age_ms: median(ages_ms), ev100, pixels, limit, parts_ms })
+}
+
+/// Median time of each part of a frame.
+fn parts_line(rounds: &[Round]) -> String {
+    let frames = || rounds.iter().flat_map(|round| &round.parts_ms);
+    let Some(longest) = frames().max_by_key(|parts| parts.len()) else { return "no statistics".to_owned() };
+    let median_of =
+        |name: &str| median(frames().filter_map(|parts| Some(parts.iter().find(|part| part.0 == name)?.1)).collect());
+    let parts: Vec<_> = longest.iter().map(|(name, _)| format!("{name} {:.1}", median_of(name))).collect();
+    format!("medians, ms: {}", parts.join(", "))
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -162,12 +201,14 @@ async fn main() -> Result<(), Box<dyn Error>> {
     for (name, rounds) in ["this", "beside"].into_iter().zip(&rounds) {
         let (fps, age) = (median_of(rounds, |round| round.frames_per_s), median_of(rounds, |round| round.age_ms));
         println!(
-            "{name:7} {} px, EV {:.2}: {fps:.1} frames/s delivered ({:.1} ms), pose {age:.1} ms old, median of {} rounds",
+            "{name:7} {} px, EV {:.2}, stars to {:.1} mag: {fps:.1} frames/s delivered ({:.1} ms), pose {age:.1} ms old, median of {} rounds",
             rounds[0].pixels,
             rounds[0].ev100,
+            rounds[0].limit,
             1e3 / fps,
             rounds.len()
         );
+        println!("        {}", parts_line(rounds));
     }
     if let [this, beside] = &rounds[..] {
         let ratios = this.iter().zip(beside).map(|(this, beside)| this.frames_per_s / beside.frames_per_s).collect();

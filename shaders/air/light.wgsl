@@ -9,6 +9,7 @@
 #import shared/air_mass
 #import shared/cover
 #import shared/math
+#import shared/plain_block
 #import shared/point_grid
 #import shared/projection
 #import shared/viewport
@@ -26,13 +27,13 @@
 // Light added by the air, at the points of a grid over each picture.
 @group(0) @binding(7) var<uniform> point_grids: array<PointGrid, MAX_VIEWPORTS>;
 @group(0) @binding(8) var<storage, read> grid_points: array<vec4<f32>>;
+// Flags of plain blocks: see shared/plain_block.wgsl.
+@group(0) @binding(9) var<storage, read> counters: array<u32>;
+@group(0) @binding(10) var<uniform> plain_grids: array<PlainGrid, MAX_VIEWPORTS>;
 
 // Distance from the horizon, as a sine, within which a pixel's share of ground is computed; pixels are at most this
 // large.
 const NEAR_HORIZON: f32 = 0.1;
-
-// Sine of the altitude below which the light added by the air is too curved for interpolation in the grid.
-const GRID_FROM: f32 = 0.07;
 
 // Whether the ground has a picture.
 override HAS_LANDSCAPE: bool = false;
@@ -115,8 +116,14 @@ fn add_air(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let top = vec2(id.x, tile.first_row + first_row);
     let rows = min(AIR_ROWS, tile.rows - first_row);
+    // The light of plain blocks is in their grid.
+    let flags = block_flags(tile.viewport, top);
+    if (flags & BLOCK_IS_MIXED) == 0u {
+        return;
+    }
+    let is_steep = (flags & BLOCK_HAS_STEEP_AIR) != 0u;
     // In most of a dome the grid is sufficient; only directions in which bodies show light need an air mass.
-    if FROM_GRID && is_clear(column, top.y, rows) {
+    if FROM_GRID && !is_steep && is_clear(column, top.y, rows) {
         for (var row = 0u; row < rows; row++) {
             let pixel = top + vec2(0u, row);
             if !contains(viewport, vec2<i32>(pixel)) {
@@ -157,7 +164,7 @@ fn add_air(@builtin(global_invocation_id) id: vec3<u32>) {
             var added: vec3<f32>;
             if FROM_GRID {
                 added = grid_in_row(&column, pixel.y);
-                if sine < GRID_FROM {
+                if is_steep || sine < GRID_FROM {
                     added = added_light(towards);
                 }
             } else {

@@ -21,5 +21,9 @@ fn place_air(@builtin(global_invocation_id) place: vec3<u32>) {
     }
     let viewport = viewports[place.z];
     let towards = normalize(world_direction(viewport, direction_of_point(viewport, vec2<f32>(place.xy * grid.spacing))));
-    grid_points[grid.first + place.y * grid.columns + place.x] = vec4(added_light(towards), dot(towards, parameters.zenith));
+    var light = vec3(0.0);
+    if parameters.has_air != 0u {
+        light = added_light(towards);
+    }
+    grid_points[grid.first + place.y * grid.columns + place.x] = vec4(light, dot(towards, parameters.zenith));
 }

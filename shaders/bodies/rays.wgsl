@@ -10,6 +10,7 @@
 #import constants/corona
 #import constants/faces
 #import constants/frame_lists
+#import constants/plain_blocks
 #import constants/projections
 #import constants/rings
 #import constants/workgroups
@@ -21,6 +22,7 @@
 #import shared/viewport
 #import structs/BodySun
 #import structs/GeometryParameters
+#import structs/PlainGrid
 
 @group(0) @binding(0) var<uniform> parameters: GeometryParameters;
 @group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
@@ -32,11 +34,16 @@
 @group(0) @binding(7) var<storage, read> texels: array<u32>;
 // First column and row, within the tile, of the blocks of pixels that are drawn; other blocks are dark.
 @group(0) @binding(8) var<storage, read> blocks: array<vec2<u32>>;
+// Flags of plain blocks: see shared/plain_block.wgsl.
+@group(0) @binding(9) var<storage, read_write> counters: array<atomic<u32>>;
+@group(0) @binding(10) var<uniform> plain_grids: array<PlainGrid, MAX_VIEWPORTS>;
 @group(1) @binding(0) var colour: texture_2d<f32>;
 @group(1) @binding(1) var depth: texture_depth_2d;
 @group(1) @binding(2) var faces_colour: texture_2d_array<f32>;
 @group(1) @binding(3) var faces_depth: texture_depth_2d_array;
 
+// Whether the frame has plain blocks. Frames with layers have none.
+override HAS_PLAIN: bool = false;
 // Whether there are layers of asteroids.
 override HAS_LAYERS: bool = false;
 
@@ -525,4 +532,12 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
         word = cover_word(1.0 - open, flags, nearest);
     }
     write(index, light, word);
+    let shows_surface = word != 0u || any(light != vec3(0.0));
+    if HAS_PLAIN {
+        if shows_surface {
+            let grid = plain_grids[tile.viewport];
+            let block = pixel / PLAIN_BLOCK;
+            atomicOr(&counters[grid.first_flag + block.y * grid.block_columns + block.x], BLOCK_IS_MIXED);
+        }
+    }
 }

@@ -20,6 +20,10 @@
 @group(0) @binding(4) var<storage, read> roughness: array<f32>;
 @group(0) @binding(5) var<storage, read_write> grid_points: array<vec4<f32>>;
 
+// Why the light of the cell to the right and below a point is read pixel by pixel: the light itself is rough, or the
+// extinction of low air is.
+const IS_ROUGH: f32 = 1.0;
+const IS_LOW: f32 = 0.5;
 // Sine of the altitude of a cell's corner below which the extinction in the cell is too curved for interpolation.
 const LEAST_SINE: f32 = 0.12;
 
@@ -39,7 +43,8 @@ fn place_diffuse(@builtin(global_invocation_id) place: vec3<u32>) {
     }
     let direction = picture_direction(arriving);
     let light = passed * diffuse_luminance(parameters.light, arriving, direction);
-    var is_rough = parameters.air.present != 0u && dot(towards, parameters.air.zenith) < LEAST_SINE;
+    let is_low = parameters.air.present != 0u && dot(towards, parameters.air.zenith) < LEAST_SINE;
+    var is_rough = false;
     // The roughness of a block also covers its surroundings, up to the extent of a cell from its corner. The zodiacal
     // light is smooth everywhere.
     let map = parameters.light.map;
@@ -48,7 +53,7 @@ fn place_diffuse(@builtin(global_invocation_id) place: vec3<u32>) {
         let blocks = (map.side + ROUGHNESS_BLOCK - 1u) / ROUGHNESS_BLOCK;
         let block = min(texel / ROUGHNESS_BLOCK, vec2(blocks - 1u));
         let of_block = roughness[(direction.number * blocks + block.y) * blocks + block.x];
-        is_rough = is_rough || !(of_block <= parameters.most_rough);
+        is_rough = !(of_block <= parameters.most_rough);
     }
-    grid_points[grid.first + place.y * grid.columns + place.x] = vec4(light, select(0.0, 1.0, is_rough));
+    grid_points[grid.first + place.y * grid.columns + place.x] = vec4(light, select(select(0.0, IS_LOW, is_low), IS_ROUGH, is_rough));
 }

@@ -13,6 +13,7 @@
 #import shared/cover
 #import shared/diffuse_light
 #import shared/pixel_grid
+#import shared/plain_block
 #import shared/projection
 #import shared/refraction
 #import shared/point_grid
@@ -37,6 +38,9 @@
 // Diffuse light.
 @group(0) @binding(14) var<storage, read> diffuse_texels: array<u32>;
 @group(0) @binding(15) var<uniform> diffuse_grids: array<PointGrid, MAX_VIEWPORTS>;
+
+// Grids of plain blocks: see shared/plain_block.wgsl.
+@group(0) @binding(16) var<uniform> plain_grids: array<PlainGrid, MAX_VIEWPORTS>;
 
 override WRITE_HDR: bool = true;
 override WRITE_DISPLAY: bool = false;
@@ -74,17 +78,51 @@ fn diffuse_cell(grid: PointGrid, x: u32, above: f32) -> DiffuseCell {
         mix(grid_points[below].xyz, grid_points[below + 1u].xyz, share));
 }
 
-@compute @workgroup_size(COLUMNS)
-fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+// Light from behind the surfaces and the air of a pixel, read in its own direction.
+fn light_behind(viewport: Viewport, pixel: vec2<u32>, reads_diffuse: bool) -> vec3<f32> {
+    let towards = normalize(world_direction(viewport, direction_of_point(viewport, vec2<f32>(pixel) + 0.5)));
+    var arriving = towards;
+    var passed = vec3(1.0);
+    if HAS_AIR {
+        arriving = arriving_from(parameters.air, towards);
+        passed = through_air(parameters.air, towards);
+    }
+    let direction = picture_direction(arriving);
+    var behind = vec3(0.0);
+    if HAS_SKY {
+        behind += faint_light(direction);
+    }
+    if reads_diffuse {
+        behind += diffuse_luminance(parameters.diffuse, arriving, direction);
+    }
+    return passed * behind;
+}
+
+// Illuminance of a pixel's stars, lx.
+fn starlight(index: u32, high: bool) -> vec3<f32> {
+    var illuminance = sums(index, high) * parameters.lx_per_unit;
+    if parameters.lx_per_bright_unit > 0.0 {
+        illuminance += bright_sums(index) * parameters.lx_per_bright_unit;
+    }
+    return illuminance;
+}
+
+// Runs of ROWS rows per workgroup, with one invocation per column. A GPU is fastest with a full wave, a software driver
+// with one SIMD step.
+override ROW_GROUPS: u32 = 1u;
+
+@compute @workgroup_size(BLOCK_COLUMNS, ROW_GROUPS)
+fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>) {
     let tile = tiles[group.z];
     let viewport = viewports[tile.viewport];
-    let x = group.x * COLUMNS + local;
-    if x >= viewport.size.x || group.y * ROWS >= tile.rows {
+    let x = group.x * BLOCK_COLUMNS + local.x;
+    let row_group = group.y * ROW_GROUPS + local.y;
+    if x >= viewport.size.x || row_group * ROWS >= tile.rows {
         return;
     }
-    // One flag for the block of this workgroup.
+    // One flag for a block of COLUMNS by ROWS pixels.
     let columns = (viewport.size.x + COLUMNS - 1u) / COLUMNS;
-    let high = has_high_words(tile.first_flag + group.y * columns + group.x);
+    let high = has_high_words(tile.first_flag + row_group * columns + group.x * BLOCK_COLUMNS / COLUMNS);
     var sum = 0.0;
     var veil: GridColumn;
     if HAS_VEIL {
@@ -100,80 +138,107 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     }
     var cell: DiffuseCell;
     cell.held = -1.0;
-    let end_row = min(tile.rows, (group.y + 1u) * ROWS);
-    for (var row = group.y * ROWS; row < end_row; row++) {
-        let index = tile.first_pixel + row * viewport.size.x + x;
-        let image_row = tile.first_row + row;
-        var illuminance = sums(index, high) * parameters.lx_per_unit;
-        if parameters.lx_per_bright_unit > 0.0 {
-            illuminance += bright_sums(index) * parameters.lx_per_bright_unit;
-        }
-        var surface_light = vec3(0.0);
-        var free = 1.0;
-        if HAS_GEOMETRY {
-            let before = geometry[index];
-            surface_light = bitcast<vec3<f32>>(before.xyz);
-            free = 1.0 - coverage_of(before.w);
-        }
-        var scattered = vec3(0.0);
-        if HAS_VEIL {
-            scattered = grid_in_row(&veil, image_row);
-        }
-        let lit = HAS_VEIL || HAS_SKY || has_diffuse || any(illuminance > vec3(0.0)) || any(surface_light > vec3(0.0));
-        if !(lit || WRITE_DARK || WRITE_DISPLAY) {
+    let plain_grid = plain_grids[tile.viewport];
+    let end_row = min(tile.rows, (row_group + 1u) * ROWS);
+    for (var first_row = row_group * ROWS; first_row < end_row; first_row += PLAIN_BLOCK) {
+        let end_block = min(end_row, first_row + PLAIN_BLOCK);
+        let flags = block_flags(tile.viewport, vec2(group.x * BLOCK_COLUMNS, tile.first_row + first_row));
+        if (flags & BLOCK_IS_OUTSIDE) != 0u {
+            for (var row = first_row; row < end_block; row++) {
+                show(tile.first_pixel + row * viewport.size.x + x, BLACK);
+            }
             continue;
         }
-        var luminance = vec4(0.0);
-        if lit || (WRITE_HDR && WRITE_DARK) {
-            luminance.w = solid_angle(viewport, vec2(i32(x), i32(image_row)));
-        }
-        if lit && luminance.w > 0.0 {
-            var surface = surface_light + scattered;
-            var reads_diffuse = has_diffuse;
-            if reads_points {
-                let grid_row = (f32(image_row) + 0.5) / f32(diffuse_grid.spacing);
-                let above = floor(grid_row);
-                if above != cell.held {
-                    cell = diffuse_cell(diffuse_grid, x, above);
+        if (flags & BLOCK_IS_MIXED) == 0u {
+            // Stars in front of light that is interpolated between the points of one grid. A block has one or two cells along
+            // each side. All addresses of points are the same for the whole workgroup.
+            let spacing = plain_grid.spacing;
+            let is_second = local.x >= spacing;
+            let share = (f32(select(local.x, local.x - spacing, is_second)) + 0.5) / f32(spacing);
+            let step = 1.0 / f32(spacing);
+            let last = group.x * BLOCK_COLUMNS / spacing + BLOCK_COLUMNS / spacing;
+            for (var cell_row = first_row; cell_row < end_block; cell_row += spacing) {
+                let first = plain_grid.first + (tile.first_row + cell_row) / spacing * plain_grid.columns;
+                let left = first + group.x * BLOCK_COLUMNS / spacing;
+                let right = first + min(last, plain_grid.columns - 1u);
+                let below = plain_grid.columns;
+                var top = mix(grid_points[left], grid_points[left + 1u], share);
+                var bottom = mix(grid_points[left + below], grid_points[left + below + 1u], share);
+                if spacing < BLOCK_COLUMNS && is_second {
+                    top = mix(grid_points[left + 1u], grid_points[right], share);
+                    bottom = mix(grid_points[left + below + 1u], grid_points[right + below], share);
                 }
-                if !cell.is_rough {
-                    reads_diffuse = false;
-                    surface += free * mix(cell.top, cell.bottom, grid_row - above);
+                let slope = (bottom - top) * step;
+                var smooth_light = top + 0.5 * slope;
+                for (var row = cell_row; row < min(end_block, cell_row + spacing); row++) {
+                    let index = tile.first_pixel + row * viewport.size.x + x;
+                    let image_row = tile.first_row + row;
+                    var luminance = starlight(index, high) * smooth_light.w + smooth_light.xyz;
+                    if HAS_SKY {
+                        luminance += light_behind(viewport, vec2(x, image_row), false);
+                    }
+                    sum += dot(luminance, LUMINANCE_WEIGHTS) / smooth_light.w;
+                    show(index, display_word(luminance, parameters.display_per_cd_m2, parameters.shown, x, image_row));
+                    smooth_light += slope;
                 }
             }
-            if HAS_SKY || reads_diffuse {
-                let in_view = direction_of_point(viewport, vec2(f32(x), f32(image_row)) + 0.5);
-                let towards = normalize(world_direction(viewport, in_view));
-                var arriving = towards;
-                var passed = vec3(free);
-                if HAS_AIR {
-                    arriving = arriving_from(parameters.air, towards);
-                    passed *= through_air(parameters.air, towards);
-                }
-                let direction = picture_direction(arriving);
-                var behind = vec3(0.0);
-                if HAS_SKY {
-                    behind += faint_light(direction);
-                }
-                if reads_diffuse {
-                    behind += diffuse_luminance(parameters.diffuse, arriving, direction);
-                }
-                surface += passed * behind;
-            }
-            sum += dot(illuminance + surface * luminance.w, LUMINANCE_WEIGHTS);
-            luminance = vec4(illuminance * (1.0 / luminance.w) + surface, luminance.w);
+            continue;
         }
-        if WRITE_HDR && (lit || WRITE_DARK) {
-            store_luminance(index, luminance);
-        }
-        if WRITE_DISPLAY {
-            var word = BLACK;
-            if lit {
-                word = display_word(luminance.xyz, parameters.display_per_cd_m2, parameters.shown, x, image_row);
+        for (var row = first_row; row < end_block; row++) {
+            let index = tile.first_pixel + row * viewport.size.x + x;
+            let image_row = tile.first_row + row;
+            let illuminance = starlight(index, high);
+            var surface_light = vec3(0.0);
+            var free = 1.0;
+            if HAS_GEOMETRY {
+                let before = geometry[index];
+                surface_light = bitcast<vec3<f32>>(before.xyz);
+                free = 1.0 - coverage_of(before.w);
             }
-            show(index, word);
+            var scattered = vec3(0.0);
+            if HAS_VEIL {
+                scattered = grid_in_row(&veil, image_row);
+            }
+            let lit = HAS_VEIL || HAS_SKY || has_diffuse || any(illuminance > vec3(0.0)) || any(surface_light > vec3(0.0));
+            if !(lit || WRITE_DARK || WRITE_DISPLAY) {
+                continue;
+            }
+            var luminance = vec4(0.0);
+            if lit || (WRITE_HDR && WRITE_DARK) {
+                luminance.w = solid_angle(viewport, vec2(i32(x), i32(image_row)));
+            }
+            if lit && luminance.w > 0.0 {
+                var surface = surface_light + scattered;
+                var reads_diffuse = has_diffuse;
+                if reads_points {
+                    let grid_row = (f32(image_row) + 0.5) / f32(diffuse_grid.spacing);
+                    let above = floor(grid_row);
+                    if above != cell.held {
+                        cell = diffuse_cell(diffuse_grid, x, above);
+                    }
+                    if !cell.is_rough {
+                        reads_diffuse = false;
+                        surface += free * mix(cell.top, cell.bottom, grid_row - above);
+                    }
+                }
+                if HAS_SKY || reads_diffuse {
+                    surface += free * light_behind(viewport, vec2(x, image_row), reads_diffuse);
+                }
+                sum += dot(illuminance + surface * luminance.w, LUMINANCE_WEIGHTS);
+                luminance = vec4(illuminance * (1.0 / luminance.w) + surface, luminance.w);
+            }
+            if WRITE_HDR && (lit || WRITE_DARK) {
+                store_luminance(index, luminance);
+            }
+            if WRITE_DISPLAY {
+                var word = BLACK;
+                if lit {
+                    word = display_word(luminance.xyz, parameters.display_per_cd_m2, parameters.shown, x, image_row);
+                }
+                show(index, word);
+            }
         }
     }
     // Sums are integers times a unit, so no pixel is non-finite or excluded.
-    partial_sums[tile.first_partial + group.y * viewport.size.x + x] = vec2(sum, 0.0);
+    partial_sums[tile.first_partial + row_group * viewport.size.x + x] = vec2(sum, 0.0);
 }

@@ -3,7 +3,6 @@
 // exposure. The chosen source provides the light scattered towards eight pixels of a column.
 
 #import constants/frame_lists
-#import constants/glare_composite
 #import constants/pixel_grid
 #import constants/rec709
 #import glare/light8

@@ -3,11 +3,11 @@
 // the veil of a bright body is too curved for the grid of points used for the rest.
 
 #import constants/frame_lists
-#import constants/glare_composite
 #import constants/pixel_grid
 #import glare/light8
 #import glare/sky_cube/columns
 #import glare/sky_cube/near
+#import shared/plain_block
 #import shared/viewport
 #import structs/ObjectGlareParameters
 
@@ -16,6 +16,9 @@
 @group(0) @binding(2) var<uniform> tiles: array<Tile, MAX_TILES>;
 // See shared/cover.wgsl.
 @group(0) @binding(3) var<storage, read_write> geometry: array<vec4<u32>>;
+// Flags of plain blocks: see shared/plain_block.wgsl.
+@group(0) @binding(4) var<storage, read> counters: array<u32>;
+@group(0) @binding(5) var<uniform> plain_grids: array<PlainGrid, MAX_VIEWPORTS>;
 @group(1) @binding(0) var<uniform> sky: SkyCubeParameters;
 @group(1) @binding(1) var<uniform> views: array<GlareView, MAX_VIEWPORTS>;
 @group(1) @binding(2) var<storage, read> near: array<GlareNear>;
@@ -23,6 +26,28 @@
 
 // Runs of ROWS rows per workgroup, with one invocation per column.
 override ROW_GROUPS: u32;
+
+// `run`: column, first row in the tile, and number of rows.
+fn scatter_in_run(viewport: Viewport, view: GlareView, tile: Tile, run: vec3<u32>) {
+    var light: Light8;
+    if view.near_count > 0u {
+        let top = vec2<f32>(vec2(run.x, tile.first_row + run.y)) + 0.5;
+        let directions = array<Directions4, 2>(
+            directions_of(viewport, top), directions_of(viewport, top + vec2(0.0, 4.0)));
+        add_near(&light, view, directions);
+    }
+    for (var i = 0u; i < run.z; i++) {
+        let index = tile.first_pixel + (run.y + i) * viewport.size.x + run.x;
+        let before = geometry[index];
+        let four = i / 4u;
+        let one = i % 4u;
+        var luminance = parameters.fraction * vec3(light.red[four][one], light.green[four][one], light.blue[four][one]);
+        if parameters.fraction < 1.0 {
+            luminance += (1.0 - parameters.fraction) * bitcast<vec3<f32>>(before.xyz);
+        }
+        geometry[index] = vec4(bitcast<vec3<u32>>(luminance), before.w);
+    }
+}
 
 @compute @workgroup_size(BLOCK_COLUMNS, ROW_GROUPS)
 fn scatter_objects(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>) {
@@ -36,23 +61,10 @@ fn scatter_objects(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
     }
     let view = views[tile.viewport];
     for (var first_row = row_group * ROWS; first_row < end_row; first_row += 8u) {
-        var light: Light8;
-        if view.near_count > 0u {
-            let top = vec2<f32>(vec2(x, tile.first_row + first_row)) + 0.5;
-            let directions = array<Directions4, 2>(
-                directions_of(viewport, top), directions_of(viewport, top + vec2(0.0, 4.0)));
-            add_near(&light, view, directions);
-        }
-        for (var i = 0u; i < min(8u, end_row - first_row); i++) {
-            let index = tile.first_pixel + (first_row + i) * viewport.size.x + x;
-            let before = geometry[index];
-            let four = i / 4u;
-            let one = i % 4u;
-            var luminance = parameters.fraction * vec3(light.red[four][one], light.green[four][one], light.blue[four][one]);
-            if parameters.fraction < 1.0 {
-                luminance += (1.0 - parameters.fraction) * bitcast<vec3<f32>>(before.xyz);
-            }
-            geometry[index] = vec4(bitcast<vec3<u32>>(luminance), before.w);
+        // The light of plain blocks is in their grid.
+        let flags = block_flags(tile.viewport, vec2(x, tile.first_row + first_row));
+        if (flags & BLOCK_IS_MIXED) != 0u {
+            scatter_in_run(viewport, view, tile, vec3(x, first_row, min(8u, end_row - first_row)));
         }
     }
 }

@@ -9,6 +9,9 @@ use super::{
 };
 use crate::scene::surroundings::LocalSky;
 
+/// Sine of the altitude below which the light added by the air is too curved for interpolation.
+pub const GRID_FROM_SINE: f64 = 0.07;
+
 /// Air of a frame.
 #[derive(Clone, Default)]
 pub struct AirPlan {

@@ -6,6 +6,7 @@ use super::{
     budget::{draws_outputs_apart, may_have_veil_in_sums},
     display::{is_scattered_after, resolves_to_display},
     glare::GlareMap,
+    plain_blocks::spacings_px,
     settings::{Accumulator, Culling, GlareMethod, ImpostorMethod, RenderSettings, StarMethod, ToneMapSettings},
 };
 use crate::{scene::SceneObjects, view::Viewport};
@@ -53,6 +54,8 @@ pub struct Forecast {
     /// Whether frames with display images only may include the veil of single sources in their sums of light: see
     /// [`super::GlarePlan::in_sums`].
     pub may_have_veil_in_sums: bool,
+    /// Whether display images may have plain blocks.
+    pub may_have_plain: bool,
     /// Whether a frame may be drawn before its exposure is known.
     pub may_be_metered: bool,
     /// Whether asteroids are culled on the adapter.
@@ -68,6 +71,9 @@ impl Forecast {
             tone_map: settings.tone_map,
             draws_outputs_apart: draws_outputs_apart(settings, objects, viewports),
             may_have_veil_in_sums: may_have_veil_in_sums(settings, objects, viewports),
+            may_have_plain: limits.fuses_display
+                && draws_outputs_apart(settings, objects, viewports)
+                && spacings_px(viewports).is_some(),
             may_be_metered: settings.exposure.is_metered(),
             culls_on_gpu: settings.asteroids.culling == Culling::Gpu,
         }

@@ -14,6 +14,7 @@ use super::{
     glare::Glare,
     kept::Kept,
     overlay::{OverlayPlan, OverlayPlanner},
+    plain_blocks::{PlainBlocks, PlainBlocksPlan},
     smooth_light::SmoothLight,
     stars::Stars,
     technique::{PlanInputs, Step, Technique},
@@ -34,6 +35,8 @@ pub struct Plan {
     pub exposure: ExposurePlan,
     /// Display images.
     pub display: DisplayPlan,
+    /// Plain blocks of display images; `None`: there are none.
+    pub plain_blocks: Option<PlainBlocksPlan>,
     /// The map of faint light.
     pub smooth_light: SmoothLightPlan,
     /// Stars, and the units of all light.
@@ -58,6 +61,7 @@ pub(super) fn techniques() -> Techniques {
         Box::new(Bodies),
         Box::new(Exposure),
         Box::new(Display::default()),
+        Box::new(PlainBlocks),
         Box::new(SmoothLight::default()),
         Box::new(Stars::default()),
         Box::new(Glare),

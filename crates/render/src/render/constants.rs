@@ -112,10 +112,25 @@ shared_constants! {
         /// Up direction of each face.
         FACE_UP: [[f32; 3]; 6] = super::face_axes(1);
     }
-    /// Pixels per workgroup of the passes over pixels.
+    /// Pixels of the passes over pixels: blocks of COLUMNS by ROWS share a flag.
     mod pixel_grid {
         COLUMNS: u32 = 64;
         ROWS: u32 = 16;
+        /// Columns per workgroup; few, so that a decision per workgroup suits all of its pixels.
+        BLOCK_COLUMNS: u32 = 8;
+    }
+    /// Plain blocks of display images.
+    mod plain_blocks {
+        /// Side of a block, pixels.
+        PLAIN_BLOCK: u32 = crate::plan::plain_blocks::PLAIN_BLOCK_PX;
+        /// Flag of a block: its pixels are computed one by one.
+        BLOCK_IS_MIXED: u32 = 1;
+        /// Flag of a block: the light of the air is computed for each pixel.
+        BLOCK_HAS_STEEP_AIR: u32 = 2;
+        /// Flag of a block: it is outside of a round picture.
+        BLOCK_IS_OUTSIDE: u32 = 4;
+        /// A part that a frame does not have, in place of the index of its first point.
+        NO_POINTS: u32 = u32::MAX;
     }
     /// Workgroup sizes: number of invocations of linear workgroups, or along each side of square ones.
     mod workgroups {
@@ -248,6 +263,8 @@ shared_constants! {
         SKY_ALTITUDES: u32 = crate::photometry::sky_light::TABLE_NODES[0] as u32;
         /// Azimuth nodes, measured from the source.
         SKY_AZIMUTHS: u32 = crate::photometry::sky_light::TABLE_NODES[1] as u32;
+        /// Sine of the altitude below which the light added by the air is too curved for interpolation.
+        GRID_FROM: f32 = crate::plan::GRID_FROM_SINE as f32;
         /// Asymmetry of the phase function of aerosol.
         AEROSOL_ASYMMETRY: f32 = crate::photometry::sky_light::ASYMMETRY as f32;
     }
@@ -317,11 +334,6 @@ shared_constants! {
     mod veil {
         /// Viewport value of sources that every viewport sees.
         EVERY_VIEWPORT: u32 = u32::MAX;
-    }
-    /// Glare pass over pixels.
-    mod glare_composite {
-        /// Columns per workgroup; few, so that a decision per workgroup suits all of its pixels.
-        BLOCK_COLUMNS: u32 = 8;
     }
     /// Groups of asteroids and their instances.
     mod asteroid_instances {

@@ -71,6 +71,27 @@ gpu_structs! {
         /// Pixels from point to point; the first point lies on the top left corner of the picture.
         spacing: u32,
     }
+    /// The grid over the picture of a viewport with plain blocks: all smooth light together, and where its parts begin.
+    struct PlainGrid {
+        /// Index of its first point: the sum of all smooth light, and the inverse of the solid angle of a pixel, 1/sr.
+        first: u32,
+        /// Points per row, and number of rows.
+        columns: u32,
+        rows: u32,
+        /// Pixels from point to point.
+        spacing: u32,
+        /// Index of the first point of the veil, of the light of the air, of diffuse light, and of the glare of bodies.
+        veil: u32,
+        air: u32,
+        diffuse: u32,
+        near: u32,
+        /// Index of the counter that is the flag of its first block.
+        first_flag: u32,
+        /// Blocks per row, and number of rows of blocks.
+        block_columns: u32,
+        block_rows: u32,
+        unused_0: u32,
+    }
     /// Layout of the texels of a map of the sky.
     struct SkyMap {
         /// Luminance of a texel's unit, cd/m^2.

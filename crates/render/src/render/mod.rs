@@ -23,6 +23,7 @@ mod meter;
 mod overlay;
 #[cfg(test)]
 mod pass_tests;
+mod plain_blocks;
 mod point_grid;
 mod prepare;
 #[doc(hidden)]
@@ -253,6 +254,7 @@ pub fn struct_layouts() -> Vec<StructLayout> {
         display::layout::struct_layouts,
         glare::layout::struct_layouts,
         overlay::layout::struct_layouts,
+        plain_blocks::layout::struct_layouts,
         smooth_light::layout::struct_layouts,
         stars::layout::struct_layouts,
     ];

@@ -8,6 +8,7 @@ use super::{
     display::Display,
     glare::Glare,
     overlay::Overlay,
+    plain_blocks::PlainBlocks,
     smooth_light::SmoothLight,
     stars::Stars,
     technique::{Phase, Recording, Technique},
@@ -23,15 +24,16 @@ pub(super) fn techniques(gpu: &Gpu, baked: &BakedImpostors) -> Vec<Box<dyn Techn
         Box::new(Diffuse::new()),
         Box::new(Stars::new(gpu)),
         Box::new(Glare::new()),
+        Box::new(PlainBlocks::new()),
         Box::new(Display::new(gpu)),
         Box::new(SmoothLight::new()),
         Box::new(Overlay::new()),
     ]
 }
 
-/// Phases of a frame in order: surfaces tile by tile, then light batch by batch, then the rest for all batches at once.
+/// Phases of a frame in order: visible objects and smooth light, then surfaces tile by tile, then light batch by batch, then the rest for all batches at once.
 fn phases(plan: &Plan) -> Vec<Phase> {
-    let mut phases = vec![Phase::Cull];
+    let mut phases = vec![Phase::Cull, Phase::Points];
     for (number, batch) in plan.views.batches.iter().enumerate() {
         phases.extend((0..batch.tiles.len()).map(|tile| Phase::Geometry(number, tile)));
     }

@@ -16,12 +16,14 @@ use crate::{
     gpu::{Gpu, GrowingBuffer, ShaderSource, bind_buffers, bind_in_order, filled_buffer},
     plan::{
         DISPLAY_BYTES, KernelPlan, Plan,
+        plain_blocks::PLAIN_BLOCK_PX,
         stars::cull::MAX_VIEWPORTS,
         tiles::{BYTES_PER_PIXEL, Batch, MAX_TILES, Tile},
     },
     view::Viewport,
 };
 
+use crate::render::constants::pixel_grid::BLOCK_COLUMNS;
 pub(crate) use crate::render::constants::pixel_grid::{COLUMNS, ROWS};
 
 /// Counters of asteroids drawn as points: visible points per viewport, then visible asteroids of groups that contain only points.
@@ -123,6 +125,17 @@ pub(crate) struct SmoothGrid {
     pub list: wgpu::Buffer,
 }
 
+/// Grids of plain blocks: see `shaders/plain_blocks/`.
+#[derive(Clone)]
+pub(crate) struct PlainGrids {
+    /// One grid per viewport.
+    pub grids: Vec<layout::PlainGrid>,
+    /// Points of the sums of smooth light.
+    pub own: SmoothGrid,
+    /// The grids on the adapter.
+    pub list: wgpu::Buffer,
+}
+
 /// The map of faint light: see `shaders/shared/sky_map.wgsl`.
 #[derive(Clone)]
 pub(crate) struct SkyTexels {
@@ -173,6 +186,14 @@ pub(crate) struct Targets {
     pub layers: Option<RasterLayers>,
     /// Smooth part of scattered light, if the resolve pass adds it.
     pub veil: Option<SmoothGrid>,
+    /// Light added by the air, if it is interpolated.
+    pub air: Option<SmoothGrid>,
+    /// Glare of bodies in plain blocks.
+    pub near: Option<SmoothGrid>,
+    /// Plain blocks; `None`: the frame has none.
+    pub plain: Option<PlainGrids>,
+    /// Index of the counter that is the flag of the first plain block of each viewport.
+    pub plain_flags: Vec<u32>,
     /// Map of faint light, if the resolve pass adds it.
     pub sky: Option<SkyTexels>,
     /// Diffuse light, if the resolve pass adds it.
@@ -183,7 +204,7 @@ impl Targets {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
         // As large as the largest structure or list of an unused binding.
-        let nothing = [[0_u32; 4]; MAX_VIEWPORTS];
+        let nothing = [layout::PlainGrid::default(); MAX_VIEWPORTS];
         let stand_in = filled_buffer(gpu, "nothing", &nothing, usage | wgpu::BufferUsages::UNIFORM);
         let exposure = gpu.create_buffer(&wgpu::BufferDescriptor {
             label: Some("exposure"),
@@ -208,6 +229,10 @@ impl Targets {
             bodies: None,
             layers: None,
             veil: None,
+            air: None,
+            near: None,
+            plain: None,
+            plain_flags: Vec::new(),
             sky: None,
             diffuse: None,
             stand_in,
@@ -224,11 +249,24 @@ impl Targets {
         for buffer in [&mut self.viewports, &mut self.counters, &mut self.partial_sums] {
             *buffer = self.stand_in.clone();
         }
+        self.forget_frame();
+    }
+
+    /// Forgets what techniques store for a frame.
+    fn forget_frame(&mut self) {
         self.bodies = None;
         self.layers = None;
         self.veil = None;
+        self.air = None;
+        self.near = None;
+        self.plain = None;
         self.sky = None;
         self.diffuse = None;
+    }
+
+    /// Grids of plain blocks, or a placeholder.
+    pub(crate) fn plain_list(&self) -> &wgpu::Buffer {
+        self.plain.as_ref().map_or(&self.stand_in, |plain| &plain.list)
     }
 
     /// Allocates the buffers of a frame, and uploads its viewports and tiles.
@@ -253,17 +291,21 @@ impl Targets {
         // The flags of all batches follow the counters.
         self.counter_count = VIEW_COUNTERS + views;
         let first_flag = self.first_point_counter() + POINT_COUNTERS;
-        let (tiles, partials, counters_and_flags) = encoded_tiles(plan, first_flag);
+        let (tiles, partials, mut counters_and_flags) = encoded_tiles(plan, first_flag);
+        // Then come the flags of plain blocks.
+        self.plain_flags.clear();
+        if plan.plain_blocks.is_some() {
+            for viewport in &plan.views.viewports {
+                self.plain_flags.push(counters_and_flags);
+                counters_and_flags += viewport.size().map(|side| side.div_ceil(PLAIN_BLOCK_PX)).iter().product::<u32>();
+            }
+        }
         self.partial_count = partials;
         self.partial_sums = self.partial_buffer.with_room(gpu, u64::from(partials) * PARTIAL_SUM_BYTES).clone();
         self.counters = self.counter_buffer.with_room(gpu, 4 * u64::from(counters_and_flags)).clone();
         encoder.clear_buffer(&self.counters, 0, None);
         self.point_count = 0;
-        self.bodies = None;
-        self.layers = None;
-        self.veil = None;
-        self.sky = None;
-        self.diffuse = None;
+        self.forget_frame();
 
         // Buffers of each batch, depending on the images made of it.
         self.batch_buffers.truncate(plan.views.batches.len().max(1));
@@ -498,6 +540,19 @@ fn encode(viewport: &Viewport, kernels: &KernelPlan, tables: &MappingTables) -> 
         encoded.face = first;
     }
     encoded
+}
+
+/// Row runs per workgroup on a GPU.
+const ROW_GROUPS: u32 = 8;
+
+/// Row runs per workgroup on this adapter.
+pub(crate) fn row_groups(gpu: &Gpu) -> u32 {
+    if gpu.software { 1 } else { ROW_GROUPS }
+}
+
+/// Number of workgroups for the pixels of a batch, computed from its grid of blocks.
+pub(crate) fn workgroups([columns, rows, tiles]: [u32; 3], row_groups: u32) -> [u32; 3] {
+    [columns * (COLUMNS / BLOCK_COLUMNS), rows.div_ceil(row_groups), tiles]
 }
 
 /// Number of flags of a tile: one per block of pixels of the grid, row by row.

@@ -21,6 +21,8 @@ use crate::{
 pub(crate) enum Phase {
     /// Find visible objects on the adapter.
     Cull,
+    /// Evaluate smooth light at the points of grids over the pictures.
+    Points,
     /// Draw the surfaces of one tile, which hide stars: index of the batch, index of the tile in the batch.
     Geometry(usize, usize),
     /// Add light to the sums of a batch.

@@ -36,6 +36,8 @@ pub(super) struct Form {
     /// Whether the light added by the air is interpolated between points of a grid: in display images with an error
     /// budget.
     pub from_grid: bool,
+    /// Whether the frame has plain blocks, whose light of the air is in their grid.
+    pub has_plain: bool,
 }
 
 fn encode(sky: &LocalSky, glare: &GlarePlan, tile: u32) -> layout::AirParameters {
@@ -94,7 +96,8 @@ impl AirPass {
     /// Returns the pipeline of a form, which is created at the first call.
     pub(super) fn pipeline(&self, gpu: &Gpu, form: Form) -> wgpu::ComputePipeline {
         self.pipelines.get(form, || {
-            let constants = [("HAS_LANDSCAPE", form.has_landscape), ("FROM_GRID", form.from_grid)];
+            let constants =
+                [("HAS_LANDSCAPE", form.has_landscape), ("FROM_GRID", form.from_grid), ("HAS_PLAIN", form.has_plain)];
             let constants = constants.map(|(name, value)| (name, f64::from(u8::from(value))));
             gpu.compute_pipeline_with(&projecting(gpu, "air/light").source(), &constants)
         })
@@ -125,7 +128,7 @@ impl AirPass {
     }
 
     /// Records one tile, given its number in its batch and its size in pixels. Buffers: viewports, tiles, geometry,
-    /// horizon, tables, landscape, grids, grid points.
+    /// horizon, tables, landscape, grids, grid points, counters, grids of plain blocks.
     pub(super) fn record(
         &self,
         gpu: &Gpu,
@@ -133,7 +136,7 @@ impl AirPass {
         (sky, glare): (&LocalSky, &GlarePlan),
         form: Form,
         (tile, [width, rows]): (u32, [u32; 2]),
-        buffers: [&wgpu::Buffer; 8],
+        buffers: [&wgpu::Buffer; 10],
     ) {
         let parameters = gpu.frame_uniform("air parameters", &encode(sky, glare, tile));
         let buffers: Vec<&wgpu::Buffer> = std::iter::once(&parameters).chain(buffers).collect();

@@ -31,9 +31,6 @@ pub(super) struct Air {
     horizon: GrowingBuffer,
     tables: GrowingBuffer,
     landscape: GrowingBuffer,
-    points: GrowingBuffer,
-    /// Grids of the frame being recorded.
-    grids: Option<wgpu::Buffer>,
     stand_in: wgpu::Buffer,
     held: Option<Horizon>,
     held_tables: Vec<Arc<SkyTable>>,
@@ -49,8 +46,6 @@ impl Air {
             horizon: GrowingBuffer::new("horizon", usage),
             tables: GrowingBuffer::new("sky light", usage),
             landscape: GrowingBuffer::new("landscape", usage),
-            points: GrowingBuffer::new("air points", wgpu::BufferUsages::STORAGE),
-            grids: None,
             stand_in: filled_buffer(
                 gpu,
                 "no grids",
@@ -65,6 +60,19 @@ impl Air {
     }
 }
 
+impl Air {
+    /// Records the light added by the air at the points of the grids.
+    fn record_points(&self, recording: &mut Recording<'_>) {
+        let (gpu, plan) = (recording.gpu, recording.frame.plan);
+        let (Some(sky), Some(tables)) = (&plan.air.sky, self.tables.held()) else { return };
+        let Some(grid) = recording.targets.air.clone() else { return };
+        let points = recording.targets.grid_points(gpu);
+        let buffers = [&recording.targets.viewports, tables, &grid.list, &points];
+        let mut pass = begin_pass(recording.encoder, recording.timer, "air");
+        self.pass.record_points(gpu, &mut pass, (sky, &plan.glare), &grid.grids, buffers);
+    }
+}
+
 impl Technique for Air {
     fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
         let gpu = wish.gpu;
@@ -73,7 +81,7 @@ impl Technique for Air {
         let mut jobs = Vec::new();
         let has_budget = wish.forecast.draws_outputs_apart;
         let mut add = |from_grid| {
-            let form = Form { has_landscape, from_grid };
+            let form = Form { has_landscape, from_grid, has_plain: from_grid && wish.forecast.may_have_plain };
             jobs.push(PipelineJob::new("air and ground", move || self.pass.pipeline(gpu, form)));
         };
         if !has_budget || wish.made.hdr || wish.made.hdr_stays {
@@ -88,8 +96,11 @@ impl Technique for Air {
         jobs
     }
 
-    fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, _targets: &mut Targets) {
+    fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
         let Some(sky) = &frame.plan.air.sky else { return };
+        if frame.plan.air.from_grid {
+            targets.air = Some(targets.reserve_points(gpu, "air grids", point_grids(frame.plan, SPACING)));
+        }
         if self.horizon.held().is_none() || self.held != sky.horizon {
             let horizon = sky.horizon.clone();
             self.horizon.upload(gpu, &horizon.clone().unwrap_or_default().sines());
@@ -119,7 +130,11 @@ impl Technique for Air {
     }
 
     fn record(&mut self, phase: Phase, recording: &mut Recording<'_>) {
-        let Phase::Geometry(batch, index) = phase else { return };
+        let (batch, index) = match phase {
+            Phase::Points => return self.record_points(recording),
+            Phase::Geometry(batch, index) => (batch, index),
+            _ => return,
+        };
         let (gpu, plan) = (recording.gpu, recording.frame.plan);
         let targets = &*recording.targets;
         let (Some(sky), Some(geometry)) = (&plan.air.sky, &targets.batches[batch].geometry) else { return };
@@ -127,26 +142,19 @@ impl Technique for Air {
         let (Some(horizon), Some(tables), Some(landscape)) = held else { return };
         let tile = &plan.views.batches[batch].tiles[index];
         let width = plan.views.viewports[tile.viewport].size()[0];
-        let from_grid = plan.air.from_grid;
-        if from_grid && (batch, index) == (0, 0) {
-            let (grids, count) = point_grids(&plan.views.viewports, SPACING);
-            let grid_buffer = gpu.frame_uniform_list("air grids", &grids, MAX_VIEWPORTS);
-            let points = self.points.with_room(gpu, 16 * u64::from(count));
-            let buffers = [&targets.viewports, tables, &grid_buffer, points];
-            let mut pass = begin_pass(recording.encoder, recording.timer, "air");
-            self.pass.record_points(gpu, &mut pass, (sky, &plan.glare), &grids, buffers);
-            drop(pass);
-            self.grids = Some(grid_buffer);
-        }
-        let grid_and_points = (self.grids.as_ref(), self.points.held());
-        let (grids, points) = if let (true, (Some(grids), Some(points))) = (from_grid, grid_and_points) {
-            (grids, points)
-        } else {
-            (&self.stand_in, &self.stand_in)
+        let (grids, points) = match (&targets.air, targets.held_points()) {
+            (Some(grid), Some(points)) => (&grid.list, points),
+            _ => (&self.stand_in, &self.stand_in),
         };
         let tiles_of_batch = &targets.batches[batch].tiles;
-        let buffers = [&targets.viewports, tiles_of_batch, geometry, horizon, tables, landscape, grids, points];
-        let form = Form { has_landscape: sky.landscape.is_some(), from_grid };
+        let (counters, plain) = (&targets.counters, targets.plain_list());
+        let buffers =
+            [&targets.viewports, tiles_of_batch, geometry, horizon, tables, landscape, grids, points, counters, plain];
+        let form = Form {
+            has_landscape: sky.landscape.is_some(),
+            from_grid: targets.air.is_some(),
+            has_plain: targets.plain.is_some(),
+        };
         let mut pass = begin_pass(recording.encoder, recording.timer, "air");
         self.pass.record(gpu, &mut pass, (sky, &plan.glare), form, (index as u32, [width, tile.rows]), buffers);
     }
@@ -155,8 +163,6 @@ impl Technique for Air {
         self.horizon.release();
         self.tables.release();
         self.landscape.release();
-        self.points.release();
-        self.grids = None;
         self.held = None;
         self.held_tables.clear();
         self.held_landscape = None;

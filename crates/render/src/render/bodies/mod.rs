@@ -12,7 +12,7 @@ use std::{
 
 use self::{
     points::PointPass,
-    rays::{GeometryPass, GeometryTarget, RayTile},
+    rays::{GeometryPass, GeometryTarget, RayForm, RayTile},
 };
 use glam::DVec3;
 
@@ -183,6 +183,9 @@ impl Bodies {
         let target = GeometryTarget {
             blocks: &gpu.frame_storage("blocks", &blocks),
             block_count: blocks.len() as u32,
+            counters: &targets.counters,
+            plain_list: targets.plain_list(),
+            has_plain: targets.plain.is_some(),
             viewports: &targets.viewports,
             tiles: &targets.batches[batch].tiles,
             geometry,
@@ -221,9 +224,11 @@ impl Technique for Bodies {
             return Vec::new();
         }
         // In a scene with asteroid fields, pictures that no field reaches are drawn without layers.
-        let mut jobs = vec![PipelineJob::new("bodies", move || self.rays(gpu).pipeline(gpu, false))];
+        let has_plain = wish.forecast.may_have_plain;
+        let form = move |has_layers| RayForm { has_layers, has_plain: has_plain && !has_layers };
+        let mut jobs = vec![PipelineJob::new("bodies", move || self.rays(gpu).pipeline(gpu, form(false)))];
         if !objects.fields.is_empty() {
-            jobs.push(PipelineJob::new("bodies and asteroids", move || self.rays(gpu).pipeline(gpu, true)));
+            jobs.push(PipelineJob::new("bodies and asteroids", move || self.rays(gpu).pipeline(gpu, form(true))));
         }
         jobs.push(PipelineJob::new("points of light", move || {
             self.points(gpu);

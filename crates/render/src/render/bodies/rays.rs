@@ -11,10 +11,19 @@ use crate::{
 
 /// Pipelines of the geometry pass.
 pub(crate) struct GeometryPass {
-    /// One pipeline with and one without layers of asteroids.
-    pipelines: Variants<bool, wgpu::ComputePipeline>,
+    /// One pipeline per form.
+    pipelines: Variants<RayForm, wgpu::ComputePipeline>,
     /// Placeholders for missing layers.
     no_layers: [wgpu::TextureView; 4],
+}
+
+/// Form of the pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct RayForm {
+    /// Whether there are layers of asteroids.
+    pub has_layers: bool,
+    /// Whether blocks with surfaces are marked as not plain.
+    pub has_plain: bool,
 }
 
 /// Buffers of a frame and of the tile's batch.
@@ -30,6 +39,11 @@ pub(crate) struct GeometryTarget<'a> {
     pub blocks: &'a wgpu::Buffer,
     /// Number of blocks.
     pub block_count: u32,
+    pub counters: &'a wgpu::Buffer,
+    /// Grids of plain blocks, or a placeholder.
+    pub plain_list: &'a wgpu::Buffer,
+    /// Whether the frame has plain blocks.
+    pub has_plain: bool,
 }
 
 /// Tile to draw.
@@ -41,11 +55,10 @@ pub(crate) struct RayTile<'a> {
     pub layers: Option<&'a RasterLayers>,
 }
 
-fn pipeline(gpu: &Gpu, has_layers: bool) -> wgpu::ComputePipeline {
-    gpu.compute_pipeline_with(
-        &projecting(gpu, "bodies/rays").source(),
-        &[("HAS_LAYERS", f64::from(u8::from(has_layers)))],
-    )
+fn pipeline(gpu: &Gpu, form: RayForm) -> wgpu::ComputePipeline {
+    let constants = [("HAS_LAYERS", form.has_layers), ("HAS_PLAIN", form.has_plain)];
+    let constants = constants.map(|(name, value)| (name, f64::from(u8::from(value))));
+    gpu.compute_pipeline_with(&projecting(gpu, "bodies/rays").source(), &constants)
 }
 
 /// Empty texture of one texel, as a placeholder.
@@ -76,9 +89,9 @@ impl GeometryPass {
         }
     }
 
-    /// Returns the pipeline with or without layers of asteroids.
-    pub(crate) fn pipeline(&self, gpu: &Gpu, has_layers: bool) -> wgpu::ComputePipeline {
-        self.pipelines.get(has_layers, || pipeline(gpu, has_layers))
+    /// Returns the pipeline of a form.
+    pub(crate) fn pipeline(&self, gpu: &Gpu, form: RayForm) -> wgpu::ComputePipeline {
+        self.pipelines.get(form, || pipeline(gpu, form))
     }
 
     /// Records one tile.
@@ -90,7 +103,7 @@ impl GeometryPass {
         target: &GeometryTarget<'_>,
     ) {
         let RayTile { index, layers } = *tile;
-        let pipeline = &self.pipeline(gpu, layers.is_some());
+        let pipeline = &self.pipeline(gpu, RayForm { has_layers: layers.is_some(), has_plain: target.has_plain });
         let mut parameters = layout::GeometryParameters { tile: index, ..Default::default() };
         if let Some(layers) = layers {
             parameters.samples = layers.samples;
@@ -110,6 +123,8 @@ impl GeometryPass {
             target.suns,
             target.texels,
             target.blocks,
+            target.counters,
+            target.plain_list,
         ];
         pass.set_pipeline(pipeline);
         gpu.bind_tables(pass, pipeline);

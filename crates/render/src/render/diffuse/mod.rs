@@ -109,7 +109,7 @@ impl Technique for Diffuse {
 
     fn record(&mut self, phase: Phase, recording: &mut Recording<'_>) {
         let plan = recording.frame.plan;
-        let (Phase::Splat(0), Some(DiffusePlan { sky, step_cd_m2: Some(step_cd_m2), .. })) = (phase, &plan.diffuse)
+        let (Phase::Points, Some(DiffusePlan { sky, step_cd_m2: Some(step_cd_m2), .. })) = (phase, &plan.diffuse)
         else {
             return;
         };

@@ -36,15 +36,16 @@ pub(super) struct DiffusePoints {
 }
 
 /// Distance of the roughness values of a map, rad, and greatest distance between grid points.
-fn spacings_rad(sky: Option<&DiffuseSky>) -> (f64, f64) {
+fn spacings_rad(plan: &Plan, sky: Option<&DiffuseSky>) -> (f64, f64) {
     let of_roughness = sky.map_or(MOST_RAD, |sky| 2.0 * f64::from(ROUGHNESS_TEXELS) * sky.pictures().texel_rad());
-    (of_roughness, MOST_RAD.min(of_roughness))
+    let most_rad = plan.plain_blocks.as_ref().map_or(MOST_RAD.min(of_roughness), |plain| plain.spacing_rad);
+    (of_roughness, most_rad)
 }
 
 /// Grids over the pictures of a plan, and their number of points.
 pub(super) fn grids(plan: &Plan, sky: Option<&DiffuseSky>) -> (Vec<PointGrid>, u32) {
-    let (_, most_rad) = spacings_rad(sky);
-    point_grids(&plan.views.viewports, GridSpacing { most_rad, most_px: MOST_PX })
+    let (_, most_rad) = spacings_rad(plan, sky);
+    point_grids(plan, GridSpacing { most_rad, most_px: MOST_PX })
 }
 
 impl DiffusePoints {
@@ -66,7 +67,7 @@ impl DiffusePoints {
     ) {
         let gpu = recording.gpu;
         let plan: &Plan = recording.frame.plan;
-        let (roughness_spacing_rad, most_rad) = spacings_rad(sky);
+        let (roughness_spacing_rad, most_rad) = spacings_rad(plan, sky);
         let parameters = DiffusePointParameters {
             light,
             air: AirAbove::from_sky(plan.air.sky.as_deref()),

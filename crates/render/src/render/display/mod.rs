@@ -189,6 +189,7 @@ impl Technique for Display {
                 geometry: !objects.is_empty(),
                 air: objects.surroundings.as_ref().is_some_and(|around| around.air.is_some()),
                 veil,
+                plain: forecast.may_have_plain && veil && resolves_to_display,
                 ..ResolveOutputs::new(hdr_made, resolves_to_display && display)
             };
             if forecast.methods.adds_up() && !resolves.contains(&outputs) {

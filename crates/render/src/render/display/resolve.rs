@@ -11,7 +11,12 @@ use crate::{
     gpu::{self, Gpu, ShaderSource, Variants, bind_buffers},
     photometry::exposure::white_luminance_cd_m2,
     plan::{Limits, settings::ToneMapSettings, stars::range::Ranges},
-    render::{display::layout, layout::AirAbove, tabulated::projecting, targets::Targets},
+    render::{
+        display::layout,
+        layout::AirAbove,
+        tabulated::projecting,
+        targets::{Targets, row_groups, workgroups},
+    },
 };
 
 /// Outputs and inputs of the resolve pass of a batch, compiled into its pipeline.
@@ -33,6 +38,8 @@ pub(crate) struct ResolveOutputs {
     pub air: bool,
     /// Whether the camera moves, which shifts diffuse light.
     pub moves: bool,
+    /// Whether the frame has plain blocks.
+    pub plain: bool,
 }
 
 /// Pipelines of the resolve pass.
@@ -77,7 +84,7 @@ impl ResolveOutputs {
     /// Outputs for a part of the HDR image, with no light added to the sums.
     pub(crate) fn new(hdr: HdrImage, display: bool) -> Self {
         let (hdr, dark) = (hdr != HdrImage::None, hdr == HdrImage::Whole);
-        Self { hdr, dark, display, geometry: false, veil: false, sky: false, air: false, moves: false }
+        Self { hdr, dark, display, geometry: false, veil: false, sky: false, air: false, moves: false, plain: false }
     }
 }
 
@@ -118,9 +125,11 @@ impl ResolvePass {
                 ("HAS_SKY", outputs.sky),
                 ("HAS_AIR", outputs.air),
                 ("MOVES", outputs.moves),
+                ("HAS_PLAIN", outputs.plain),
             ]
             .map(|(name, value)| (name, f64::from(u8::from(value))));
-            let constants = [&written[..], &variant.constants()].concat();
+            let row_constant = ("ROW_GROUPS", f64::from(row_groups(gpu)));
+            let constants = [&written[..], &[row_constant], &variant.constants()].concat();
             gpu.compute_pipeline_with(&self.source, &constants)
         })
     }
@@ -146,6 +155,7 @@ impl ResolvePass {
             sky: sky.is_some(),
             air: air.present != 0,
             moves: diffuse.is_some_and(|diffuse| diffuse.light.beta > 0.0),
+            plain: targets.plain.is_some() && display.is_some(),
             ..ResolveOutputs::new(hdr, display.is_some())
         };
         // Parameters.
@@ -181,6 +191,7 @@ impl ResolvePass {
             (12, targets.held_points().unwrap_or(nothing)),
             (14, diffuse.map_or(nothing, |diffuse| &diffuse.texels)),
             (15, smooth.map_or(nothing, |smooth| &smooth.list)),
+            (16, targets.plain_list()),
         ];
         if self.fuses_display {
             bindings.push((6, display.unwrap_or(&self.no_display)));
@@ -193,7 +204,7 @@ impl ResolvePass {
         pass.set_pipeline(pipeline);
         gpu.bind_tables(pass, pipeline);
         pass.set_bind_group(0, &bind_buffers(gpu, pipeline, 0, &bindings), &[]);
-        let [columns, rows, tiles] = batch.grid;
+        let [columns, rows, tiles] = workgroups(batch.grid, row_groups(gpu));
         pass.dispatch_workgroups(columns, rows, tiles);
     }
 }

@@ -3,28 +3,15 @@
 //!
 //! No twin: reference/glare/sky_cube.rs and pyramid.rs.
 
-use crate::render::{constants::glare_composite::BLOCK_COLUMNS, shader::Shader};
+use crate::render::shader::Shader;
 use crate::{
     gpu::{Gpu, bind_buffers},
     render::{
         glare::layout,
         tabulated::projecting,
-        targets::{COLUMNS, PictureTarget, bind_picture},
+        targets::{PictureTarget, bind_picture, row_groups, workgroups},
     },
 };
-
-/// Row runs per workgroup on a GPU.
-const ROW_GROUPS: u32 = 8;
-
-/// Row runs per workgroup on this adapter.
-pub(crate) fn row_groups(gpu: &Gpu) -> u32 {
-    if gpu.software { 1 } else { ROW_GROUPS }
-}
-
-/// Number of workgroups for the pixels of a batch, computed from its grid of blocks.
-pub(crate) fn workgroups([columns, rows, tiles]: [u32; 3], row_groups: u32) -> [u32; 3] {
-    [columns * (COLUMNS / BLOCK_COLUMNS), rows.div_ceil(row_groups), tiles]
-}
 
 /// Source of the scattered light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -131,6 +131,15 @@ gpu_structs! {
         unused_1: u32,
         unused_2: u32,
     }
+    /// Parameters of the pass that evaluates the glare of bodies at grid points.
+    struct NearPointParameters {
+        /// Fraction of the light that is scattered.
+        fraction: f32,
+        /// Chord around a source within which its glare is too steep for interpolation.
+        beside: f32,
+        unused_0: u32,
+        unused_1: u32,
+    }
     /// Parameters of the pass that adds the veil of single sources to the sums.
     struct VeilSplatParameters {
         /// Fixed-point units per lux of scattered light, times the fraction that is scattered.

@@ -55,12 +55,13 @@ impl Technique for Glare {
             self.pyramid.release();
         }
         if frame.plan.glare.in_sums.is_some() {
-            SkyCube::reserve_grid(gpu, frame, targets);
+            SkyCube::reserve_grids(gpu, frame, targets);
         }
     }
 
     fn record(&mut self, phase: Phase, recording: &mut Recording<'_>) {
         match (phase, recording.frame.plan.glare.in_sums) {
+            (Phase::Points, Some(_)) => return self.sky_cube.record_points(recording),
             (Phase::Splat(batch), Some(_)) => return self.sky_cube.record_in_sums(recording, batch),
             (Phase::Glare, None) => {}
             _ => return,

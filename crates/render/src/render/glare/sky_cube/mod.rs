@@ -103,6 +103,7 @@ pub(super) struct SkyCube {
     composites: Variants<Variant, GlareCompositePass>,
     veil: OnceLock<VeilPasses>,
     objects: ObjectPasses,
+    near_points: Variants<bool, wgpu::ComputePipeline>,
     /// For each series of frames: the map of exact frames, and the map of frames whose veil is in the sums.
     held: Vec<[Option<Held>; 2]>,
     /// Of the last frame of the first series: its views, and its budget if its veil was in the sums.
@@ -126,6 +127,7 @@ impl SkyCube {
             composites: Variants::new(),
             veil: OnceLock::new(),
             objects: Variants::new(),
+            near_points: Variants::new(),
             held: Vec::new(),
             last: None,
             veil_frame: None,
@@ -139,6 +141,7 @@ impl SkyCube {
         let gpu = wish.gpu;
         let variant = Variant::new(&wish.forecast.methods.glare_map, wish.viewports);
         let in_sums = wish.forecast.may_have_veil_in_sums;
+        let may_have_plain = wish.forecast.may_have_plain;
         let mut jobs = Vec::new();
         // The jobs that take longest come first.
         if !in_sums || wish.made.hdr || wish.made.hdr_stays {
@@ -152,7 +155,12 @@ impl SkyCube {
                 self.veil.get_or_init(VeilPasses::new).pipelines(gpu, variant.tabulated);
             }));
             if !wish.objects.is_empty() {
-                jobs.push(PipelineJob::new("glare of bodies", move || objects::pipeline(&self.objects, gpu, variant)));
+                jobs.push(PipelineJob::new("glare of bodies", move || {
+                    objects::pipeline(&self.objects, gpu, variant, may_have_plain)
+                }));
+                jobs.push(PipelineJob::new("points of the glare of bodies", move || {
+                    objects::points_pipeline(&self.near_points, gpu, variant.tabulated)
+                }));
             }
         }
         jobs.push(PipelineJob::new("glare map", move || {
@@ -189,12 +197,15 @@ impl SkyCube {
         self.record_views(recording);
     }
 
-    /// Records the glare of one batch of a frame whose veil is in the sums; with the first batch also the data shared
-    /// by all batches.
+    /// Records the glare of a frame whose veil is in the sums at the points of its grids, and the data shared by all batches.
+    pub(super) fn record_points(&mut self, recording: &mut Recording<'_>) {
+        self.hold_for(recording);
+        self.record_veil_points(recording);
+        self.record_near_points(recording);
+    }
+
+    /// Records the glare of one batch of a frame whose veil is in the sums.
     pub(super) fn record_in_sums(&mut self, recording: &mut Recording<'_>, batch: usize) {
-        if batch == 0 {
-            self.hold_for(recording);
-        }
         self.record_veil(recording, batch);
         self.record_objects(recording, batch);
     }

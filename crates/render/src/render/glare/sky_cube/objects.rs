@@ -16,14 +16,17 @@ use crate::{
     },
     render::{
         constants::extended_sources::{IS_EXTENDED, SHARE_PARTS},
-        glare::{
-            composite::{row_groups, workgroups},
-            layout,
-        },
+        glare::layout,
+        point_grid::dispatch_points,
+        shader::rolled_loops,
         tabulated::projecting,
+        targets::{row_groups, workgroups},
         technique::{Recording, begin_pass},
     },
 };
+
+/// Distance from a source within which its glare is too steep for interpolation, spacings of the grid.
+const SPACINGS_BESIDE: f64 = 3.0;
 
 /// Chord length of an angle, on the unit sphere.
 fn chord(angle_rad: f64) -> f64 {
@@ -78,14 +81,34 @@ pub(super) fn object_sources(
     near
 }
 
-/// Pipelines of the pass, by form.
-pub(super) type ObjectPasses = Variants<Variant, wgpu::ComputePipeline>;
+/// Whether bodies or fields scatter light in an eye, apart from those of [`points_of`].
+pub(super) fn has_sources(plan: &Plan) -> bool {
+    let has_bodies = |viewport| body_sources(plan, viewport).any(|source| !source.parts.is_empty());
+    (0..plan.views.viewports.len()).any(has_bodies)
+        || plan.glare.extended_sources.iter().any(|sources| !sources.is_empty())
+}
 
-/// Returns the pipeline of a form.
-pub(super) fn pipeline(passes: &ObjectPasses, gpu: &Gpu, variant: Variant) -> wgpu::ComputePipeline {
-    passes.get(variant, || {
-        let constants = [&variant.constants(gpu)[..], &[("ROW_GROUPS", f64::from(row_groups(gpu)))]].concat();
+/// Pipelines of the pass, by form.
+pub(super) type ObjectPasses = Variants<(Variant, bool), wgpu::ComputePipeline>;
+
+/// Returns the pipeline of a form, which leaves out plain blocks if the frame has any.
+pub(super) fn pipeline(passes: &ObjectPasses, gpu: &Gpu, variant: Variant, has_plain: bool) -> wgpu::ComputePipeline {
+    passes.get((variant, has_plain), || {
+        let own = [("ROW_GROUPS", f64::from(row_groups(gpu))), ("HAS_PLAIN", f64::from(u8::from(has_plain)))];
+        let constants = [&variant.constants(gpu)[..], &own].concat();
         gpu.compute_pipeline_with(&projecting(gpu, "glare/sky_cube/objects").source(), &constants)
+    })
+}
+
+/// Returns the pipeline of the pass over points, with or without a kernel table.
+pub(super) fn points_pipeline(
+    passes: &Variants<bool, wgpu::ComputePipeline>,
+    gpu: &Gpu,
+    tabulated: bool,
+) -> wgpu::ComputePipeline {
+    passes.get(tabulated, || {
+        let constants = [("TABULATED", f64::from(u8::from(tabulated))), rolled_loops(gpu)];
+        gpu.compute_pipeline_with(&projecting(gpu, "glare/sky_cube/near_points").source(), &constants)
     })
 }
 
@@ -112,6 +135,40 @@ impl ObjectFrame {
 }
 
 impl SkyCube {
+    /// Records the glare of bodies at the points of the grids of plain blocks.
+    pub(super) fn record_near_points(&mut self, recording: &mut Recording<'_>) {
+        let Self { near_points, held, object_frame, .. } = self;
+        let held = held.get(recording.frame.series.slot).and_then(|[_, in_sums]| in_sums.as_ref());
+        let Some(held) = held else { unreachable!("the map is made before the veil") };
+        let (gpu, plan) = (recording.gpu, recording.frame.plan);
+        let frame_buffers = object_frame.insert(ObjectFrame::new(gpu, held, plan));
+        let (Some(grid), Some(plain)) = (recording.targets.near.clone(), &plan.plain_blocks) else { return };
+        let parameters = layout::NearPointParameters {
+            fraction: plan.glare.fraction as f32,
+            beside: chord(SPACINGS_BESIDE * plain.spacing_rad) as f32,
+            ..Default::default()
+        };
+        let parameters = gpu.frame_uniform("near point parameters", &parameters);
+        let sky_parameters = gpu.frame_uniform("glare sky parameters", &held.parameters());
+        let pipeline = points_pipeline(near_points, gpu, held.inverse_square.is_none());
+        let points = recording.targets.grid_points(gpu);
+        let buffers = [
+            &parameters,
+            &sky_parameters,
+            &recording.targets.viewports,
+            &grid.list,
+            &frame_buffers.views,
+            &frame_buffers.near,
+            &held.kernel_table,
+            &points,
+        ];
+        let mut pass = begin_pass(recording.encoder, recording.timer, "glare");
+        pass.set_pipeline(&pipeline);
+        gpu.bind_tables(&mut pass, &pipeline);
+        pass.set_bind_group(0, &bind_in_order(gpu, &pipeline, 0, &buffers), &[]);
+        dispatch_points(&mut pass, &grid.grids);
+    }
+
     /// Records the pass over the surfaces of a batch.
     pub(super) fn record_objects(&mut self, recording: &mut Recording<'_>, number: usize) {
         let Some(geometry) = recording.targets.batches[number].geometry.clone() else { return };
@@ -119,18 +176,17 @@ impl SkyCube {
         let held = held.get(recording.frame.series.slot).and_then(|[_, in_sums]| in_sums.as_ref());
         let Some(held) = held else { unreachable!("the map is made before the veil") };
         let (gpu, plan) = (recording.gpu, recording.frame.plan);
-        if number == 0 {
-            *object_frame = None;
-        }
-        let frame_buffers = object_frame.get_or_insert_with(|| ObjectFrame::new(gpu, held, plan));
+        let Some(frame_buffers) = object_frame.as_ref() else { unreachable!("points are recorded before surfaces") };
         let variant = Variant::new(&plan.glare.map, &plan.views.all_viewports);
-        let pipeline = pipeline(objects, gpu, variant);
+        let plain = recording.targets.plain.clone();
+        let pipeline = pipeline(objects, gpu, variant, plain.is_some());
         let fraction = plan.glare.fraction as f32;
         let parameters = layout::ObjectGlareParameters { fraction, ..Default::default() };
         let parameters = gpu.frame_uniform("object glare parameters", &parameters);
         let sky_parameters = gpu.frame_uniform("glare sky parameters", &held.parameters());
         let tiles = &recording.targets.batches[number].tiles;
-        let over_pixels = [&parameters, &recording.targets.viewports, tiles, &geometry];
+        let targets = &*recording.targets;
+        let over_pixels = [&parameters, &targets.viewports, tiles, &geometry, &targets.counters, targets.plain_list()];
         let source_buffers = [&sky_parameters, &frame_buffers.views, &frame_buffers.near, &held.kernel_table];
         let mut pass = begin_pass(recording.encoder, recording.timer, "glare");
         pass.set_pipeline(&pipeline);

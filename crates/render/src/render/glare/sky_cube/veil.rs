@@ -10,7 +10,11 @@
 
 use std::f64::consts::PI;
 
-use super::{SkyCube, map::Held, objects::points_of};
+use super::{
+    SkyCube,
+    map::Held,
+    objects::{has_sources, points_of},
+};
 use crate::plan::stars::cull::MAX_VIEWPORTS;
 use crate::{
     gpu::{Gpu, Variants, bind_in_order, dispatch_rows},
@@ -102,27 +106,37 @@ impl VeilFrame {
 }
 
 impl SkyCube {
-    /// Reserves the grids of the smooth part over all pictures of a frame whose veil is in the sums.
-    pub(in crate::render::glare) fn reserve_grid(gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
-        let grids = point_grids(&frame.plan.views.viewports, SPACING);
-        targets.veil = Some(targets.reserve_points(gpu, "veil grids", grids));
+    /// Reserves the grids of the smooth part over all pictures of a frame whose veil is in the sums. If the frame has plain
+    /// blocks, also those of the glare of bodies.
+    pub(in crate::render::glare) fn reserve_grids(gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
+        let plan = frame.plan;
+        targets.veil = Some(targets.reserve_points(gpu, "veil grids", point_grids(plan, SPACING)));
+        if plan.plain_blocks.is_some() && has_sources(plan) {
+            targets.near =
+                Some(targets.reserve_points(gpu, "grids of the glare of bodies", point_grids(plan, SPACING)));
+        }
     }
 
-    /// Records the veil of single sources into the sums of a batch; with the first batch also the smooth part of all
-    /// pictures.
+    /// Records the smooth part of all pictures.
+    pub(super) fn record_veil_points(&mut self, recording: &mut Recording<'_>) {
+        let Self { veil, held, veil_frame, .. } = self;
+        let held = held.get(recording.frame.series.slot).and_then(|[_, in_sums]| in_sums.as_ref());
+        let Some(held) = held else { unreachable!("the map is made before the veil") };
+        let gpu = recording.gpu;
+        let [points, _] = veil.get_or_init(VeilPasses::new).pipelines(gpu, held.inverse_square.is_none());
+        let frame = veil_frame.insert(VeilFrame::new(gpu, held, recording));
+        let Some(grid) = recording.targets.veil.clone() else { unreachable!("the grid is reserved before") };
+        record_points(gpu, recording, &points, (held, frame), &grid);
+    }
+
+    /// Records the veil of single sources into the sums of a batch.
     pub(super) fn record_veil(&mut self, recording: &mut Recording<'_>, number: usize) {
         let Self { veil, held, veil_frame, .. } = self;
         let held = held.get(recording.frame.series.slot).and_then(|[_, in_sums]| in_sums.as_ref());
         let Some(held) = held else { unreachable!("the map is made before the veil") };
         let gpu = recording.gpu;
-        let tabulated = held.inverse_square.is_none();
-        let [points, splat] = veil.get_or_init(VeilPasses::new).pipelines(gpu, tabulated);
-        if number == 0 {
-            let frame = veil_frame.insert(VeilFrame::new(gpu, held, recording));
-            let Some(grid) = recording.targets.veil.clone() else { unreachable!("the grid is reserved before") };
-            record_points(gpu, recording, &points, (held, frame), &grid);
-        }
-        let Some(frame) = veil_frame.as_ref() else { unreachable!("the first batch is recorded before the others") };
+        let [_, splat] = veil.get_or_init(VeilPasses::new).pipelines(gpu, held.inverse_square.is_none());
+        let Some(frame) = veil_frame.as_ref() else { unreachable!("points are recorded before the sums") };
         record_sources(gpu, recording, &splat, (held, frame), number);
     }
 }

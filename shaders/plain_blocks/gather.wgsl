@@ -1,0 +1,43 @@
+// Adds the smooth lights of a frame at each point of a grid, and finds the inverse of the solid angle of a pixel there.
+
+#import constants/frame_lists
+#import constants/plain_blocks
+#import constants/workgroups
+#import shared/projection
+#import shared/viewport
+#import structs/PlainGrid
+
+@group(0) @binding(0) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
+@group(0) @binding(1) var<uniform> plain_grids: array<PlainGrid, MAX_VIEWPORTS>;
+@group(0) @binding(2) var<storage, read_write> grid_points: array<vec4<f32>>;
+
+// Light of one part at a point; 0 if the frame does not have the part.
+fn part_at(first: u32, point: u32) -> vec3<f32> {
+    if first == NO_POINTS {
+        return vec3(0.0);
+    }
+    return grid_points[first + point].xyz;
+}
+
+@compute @workgroup_size(VEIL_SIDE, VEIL_SIDE)
+fn gather_light(@builtin(global_invocation_id) place: vec3<u32>) {
+    let grid = plain_grids[place.z];
+    if place.x >= grid.columns || place.y >= grid.rows {
+        return;
+    }
+    let point = place.y * grid.columns + place.x;
+    let light = part_at(grid.veil, point) + part_at(grid.air, point) + part_at(grid.diffuse, point) + part_at(grid.near, point);
+    // The point is the corner of four pixels, whose mean is accurate to second order.
+    let viewport = viewports[place.z];
+    let corner = vec2<i32>(place.xy * grid.spacing);
+    var solid_angles = 0.0;
+    var least = 1.0;
+    for (var i = 0; i < turns(viewport, 4); i++) {
+        let own = solid_angle(viewport, corner - vec2(i & 1, i >> 1u));
+        solid_angles += own;
+        least = min(least, own);
+    }
+    // 0: a pixel at the point is outside of the picture.
+    let inverse = select(0.0, 4.0 / max(solid_angles, 1e-30), least > 0.0);
+    grid_points[grid.first + point] = vec4(light, inverse);
+}
