@@ -42,7 +42,8 @@ fn place_diffuse(@builtin(global_invocation_id) place: vec3<u32>) {
         passed = through_air(parameters.air, towards);
     }
     let direction = picture_direction(arriving);
-    let light = passed * diffuse_luminance(parameters.light, arriving, direction);
+    let rough = passed * luminance_beyond(parameters.light, arriving, direction);
+    let light = rough + passed * zodiacal_luminance(parameters.light, arriving);
     let is_low = parameters.air.present != 0u && dot(towards, parameters.air.zenith) < LEAST_SINE;
     var is_rough = false;
     // The roughness of a block also covers its surroundings, up to the extent of a cell from its corner. The zodiacal
@@ -55,5 +56,9 @@ fn place_diffuse(@builtin(global_invocation_id) place: vec3<u32>) {
         let of_block = roughness[(direction.number * blocks + block.y) * blocks + block.x];
         is_rough = !(of_block <= parameters.most_rough);
     }
-    grid_points[grid.first + place.y * grid.columns + place.x] = vec4(light, select(select(0.0, IS_LOW, is_low), IS_ROUGH, is_rough));
+    let point = grid.first + place.y * grid.columns + place.x;
+    if parameters.rough_points > 0u {
+        grid_points[point + parameters.rough_points] = vec4(rough, 0.0);
+    }
+    grid_points[point] = vec4(light, select(select(0.0, IS_LOW, is_low), IS_ROUGH, is_rough));
 }

@@ -98,6 +98,16 @@ fn light_behind(viewport: Viewport, pixel: vec2<u32>, reads_diffuse: bool) -> ve
     return passed * behind;
 }
 
+// Values of a column of pixels between points of a row of a grid. `first`: index of the first point of the block, whose points are
+// `stride` entries apart. The block has one cell, or two if it `is_halved`.
+fn block_points(first: u32, stride: u32, is_halved: bool, is_second: bool, share: f32) -> vec4<f32> {
+    var value = mix(grid_points[first], grid_points[first + stride], share);
+    if is_halved {
+        value = select(value, mix(grid_points[first + stride], grid_points[first + 2u * stride], share), is_second);
+    }
+    return value;
+}
+
 // Illuminance of a pixel's stars, lx.
 fn starlight(index: u32, high: bool) -> vec3<f32> {
     var illuminance = sums(index, high) * parameters.lx_per_unit;
@@ -152,34 +162,57 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id
         if (flags & BLOCK_IS_MIXED) == 0u {
             // Stars in front of light that is interpolated between the points of one grid. A block has one or two cells along
             // each side. All addresses of points are the same for the whole workgroup.
+            let is_rough = (flags & BLOCK_HAS_ROUGH_SKY) != 0u;
             let spacing = plain_grid.spacing;
             let is_second = local.x >= spacing;
             let share = (f32(select(local.x, local.x - spacing, is_second)) + 0.5) / f32(spacing);
             let step = 1.0 / f32(spacing);
-            let last = group.x * BLOCK_COLUMNS / spacing + BLOCK_COLUMNS / spacing;
+            let is_halved = spacing < BLOCK_COLUMNS;
             for (var cell_row = first_row; cell_row < end_block; cell_row += spacing) {
-                let first = plain_grid.first + (tile.first_row + cell_row) / spacing * plain_grid.columns;
-                let left = first + group.x * BLOCK_COLUMNS / spacing;
-                let right = first + min(last, plain_grid.columns - 1u);
+                let point = (tile.first_row + cell_row) / spacing * plain_grid.columns + group.x * BLOCK_COLUMNS / spacing;
                 let below = plain_grid.columns;
-                var top = mix(grid_points[left], grid_points[left + 1u], share);
-                var bottom = mix(grid_points[left + below], grid_points[left + below + 1u], share);
-                if spacing < BLOCK_COLUMNS && is_second {
-                    top = mix(grid_points[left + 1u], grid_points[right], share);
-                    bottom = mix(grid_points[left + below + 1u], grid_points[right + below], share);
+                var top = block_points(plain_grid.first + point, 1u, is_halved, is_second, share);
+                var bottom = block_points(plain_grid.first + point + below, 1u, is_halved, is_second, share);
+                // Directions, for maps of the sky.
+                var place = vec2(0.0);
+                var place_slope = vec2(0.0);
+                var passed = vec3(0.0);
+                var passed_slope = vec3(0.0);
+                var number = 0u;
+                if HAS_SKY || is_rough {
+                    let sky = plain_grid.sky + 2u * point;
+                    let place_top = block_points(sky, 2u, is_halved, is_second, share);
+                    let place_bottom = block_points(sky + 2u * below, 2u, is_halved, is_second, share);
+                    let passed_top = block_points(sky + 1u, 2u, is_halved, is_second, share).xyz;
+                    let passed_bottom = block_points(sky + 2u * below + 1u, 2u, is_halved, is_second, share).xyz;
+                    number = u32(grid_points[sky].z);
+                    place_slope = (place_bottom.xy - place_top.xy) * step;
+                    place = place_top.xy + 0.5 * place_slope;
+                    passed_slope = (passed_bottom - passed_top) * step;
+                    passed = passed_top + 0.5 * passed_slope;
+                    if is_rough {
+                        // Pixels read the map instead.
+                        let rough = plain_grid.rough + point;
+                        top -= block_points(rough, 1u, is_halved, is_second, share);
+                        bottom -= block_points(rough + below, 1u, is_halved, is_second, share);
+                    }
                 }
                 let slope = (bottom - top) * step;
                 var smooth_light = top + 0.5 * slope;
                 for (var row = cell_row; row < min(end_block, cell_row + spacing); row++) {
                     let index = tile.first_pixel + row * viewport.size.x + x;
-                    let image_row = tile.first_row + row;
                     var luminance = starlight(index, high) * smooth_light.w + smooth_light.xyz;
                     if HAS_SKY {
-                        luminance += light_behind(viewport, vec2(x, image_row), false);
+                        luminance += passed * faint_light(PictureDirection(number, place));
+                    }
+                    if is_rough {
+                        luminance += passed * map_luminance(parameters.diffuse.map, 0u, PictureDirection(number, place));
                     }
                     sum += dot(luminance, LUMINANCE_WEIGHTS) / smooth_light.w;
-                    show(index, display_word(luminance, parameters.display_per_cd_m2, parameters.shown, x, image_row));
+                    show(index, display_word(luminance, parameters.display_per_cd_m2, parameters.shown, x, tile.first_row + row));
                     smooth_light += slope;
+                    place += place_slope;
+                    passed += passed_slope;
                 }
             }
             continue;

@@ -5,6 +5,7 @@
 #import constants/frame_lists
 #import constants/plain_blocks
 #import constants/workgroups
+#import display/encode
 #import shared/projection
 #import shared/viewport
 #import structs/PlainGrid
@@ -18,18 +19,26 @@
 
 // Relative error of the inverse solid angle that a plain block may have.
 const MOST_SOLID_ANGLE_ERROR: f32 = 5e-4;
+// Error of the place in a picture of the sky, rad: a twentieth of a texel of the finest map.
+const MOST_PLACE_ERROR: f32 = 2e-4;
+// Error of the share of light that passes the air.
+const MOST_PASSED_ERROR: f32 = 4e-3;
 
 // Error of interpolation beside a point, from second differences along rows and columns: an eighth of each. `first`: index of
-// the first point of a part.
-fn error_at(first: u32, point: u32, columns: u32) -> vec4<f32> {
-    let centre = 2.0 * grid_points[first + point];
-    let along = grid_points[first + point - 1u] + grid_points[first + point + 1u] - centre;
-    let across = grid_points[first + point - columns] + grid_points[first + point + columns] - centre;
+// the first point of a part, whose points are `stride` entries apart.
+fn error_at(first: u32, point: u32, columns: u32, stride: u32) -> vec4<f32> {
+    let own = first + stride * point;
+    let centre = 2.0 * grid_points[own];
+    let along = grid_points[own - stride] + grid_points[own + stride] - centre;
+    let across = grid_points[own - stride * columns] + grid_points[own + stride * columns] - centre;
     return 0.125 * (abs(along) + abs(across));
 }
 
-fn largest(light: vec4<f32>) -> f32 {
-    return max(light.x, max(light.y, light.z));
+// Whether an error of light is visible where the sum of light is `light`.
+fn is_visible(light: vec3<f32>, error: vec3<f32>) -> bool {
+    let change = encoded_display(light + error, parameters.display_per_cd_m2, parameters.shown)
+        - encoded_display(light, parameters.display_per_cd_m2, parameters.shown);
+    return !(255.0 * max(abs(change.x), max(abs(change.y), abs(change.z))) <= parameters.most_error_codes);
 }
 
 @compute @workgroup_size(VEIL_SIDE, VEIL_SIDE)
@@ -40,6 +49,10 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let viewport = viewports[id.z];
     let flag = grid.first_flag + id.y * grid.block_columns + id.x;
+    if grid.first == NO_POINTS {
+        counters[flag] = BLOCK_IS_MIXED;
+        return;
+    }
     // A block outside of a round picture: its pixel nearest to the centre is outside.
     let first_pixel = vec2<i32>(id.xy * PLAIN_BLOCK);
     let last_pixel = min(first_pixel + i32(PLAIN_BLOCK) - 1, vec2<i32>(viewport.size) - 1);
@@ -51,25 +64,65 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     let last = vec2(grid.columns, grid.rows) - 1u;
     var is_mixed = false;
     var is_steep = false;
+    var is_rough = false;
+    // Whether the block is at an edge between two pictures of the sky.
+    var is_edge = false;
+    // Corners of the block's cells: what they show.
+    let first_number = grid_points[grid.sky + 2u * (id.y * cells * grid.columns + id.x * cells)].z;
     for (var i = 0u; i < (cells + 1u) * (cells + 1u); i++) {
         let place = min(id.xy * cells + vec2(i % (cells + 1u), i / (cells + 1u)), last);
         let point = place.y * grid.columns + place.x;
-        // Second differences need neighbours.
-        let inner = clamp(place, vec2(1u), max(last, vec2(2u)) - 1u);
-        let inner_point = inner.y * grid.columns + inner.x;
-        let own = grid_points[grid.first + point];
-        let error = error_at(grid.first, inner_point, grid.columns);
-        is_mixed = is_mixed || !(own.w > 0.0 && error.w <= MOST_SOLID_ANGLE_ERROR * own.w) || !(largest(error) <= parameters.most_error);
+        is_mixed = is_mixed || !(grid_points[grid.first + point].w > 0.0);
         if grid.air != NO_POINTS {
             is_mixed = is_mixed || !(grid_points[grid.air + point].w > parameters.least_sine);
-            is_steep = is_steep || !(largest(error_at(grid.air, inner_point, grid.columns)) <= parameters.most_error);
-        }
-        if grid.diffuse != NO_POINTS {
-            is_mixed = is_mixed || grid_points[grid.diffuse + point].w >= 1.0;
         }
         if grid.near != NO_POINTS {
             is_mixed = is_mixed || grid_points[grid.near + point].w > 0.0;
         }
+        if grid.rough != NO_POINTS {
+            is_rough = is_rough || grid_points[grid.diffuse + point].w >= 1.0;
+        }
+        if grid.rough != NO_POINTS || parameters.reads_faint_map != 0u {
+            is_edge = is_edge || grid_points[grid.sky + 2u * point].z != first_number;
+        }
     }
-    counters[flag] = select(0u, BLOCK_IS_MIXED, is_mixed || is_steep) | select(0u, BLOCK_HAS_STEEP_AIR, is_steep);
+    if is_mixed {
+        counters[flag] = BLOCK_IS_MIXED;
+        return;
+    }
+    // Second differences at two opposite corners.
+    for (var i = 0u; i < 2u; i++) {
+        let inner = clamp(min((id.xy + i) * cells, last), vec2(1u), max(last, vec2(2u)) - 1u);
+        let point = inner.y * grid.columns + inner.x;
+        let own = grid_points[grid.first + point];
+        var error = error_at(grid.first, point, grid.columns, 1u);
+        is_mixed = is_mixed || !(error.w <= MOST_SOLID_ANGLE_ERROR * own.w);
+        if grid.rough != NO_POINTS {
+            let of_rough = error_at(grid.rough, point, grid.columns, 1u);
+            is_rough = is_rough || is_visible(own.xyz, of_rough.xyz);
+            if is_rough {
+                // The rest of the light.
+                let before = grid.rough + point;
+                let centre = 2.0 * (grid_points[grid.first + point].xyz - grid_points[before].xyz);
+                let along = grid_points[grid.first + point - 1u].xyz - grid_points[before - 1u].xyz
+                    + grid_points[grid.first + point + 1u].xyz - grid_points[before + 1u].xyz - centre;
+                let row = grid.columns;
+                let across = grid_points[grid.first + point - row].xyz - grid_points[before - row].xyz
+                    + grid_points[grid.first + point + row].xyz - grid_points[before + row].xyz - centre;
+                error = vec4(0.125 * (abs(along) + abs(across)), 0.0);
+            }
+        }
+        if is_rough || parameters.reads_faint_map != 0u {
+            let of_place = error_at(grid.sky, point, grid.columns, 2u);
+            let of_passed = error_at(grid.sky + 1u, point, grid.columns, 2u);
+            is_mixed = is_mixed || is_edge || !(max(of_place.x, of_place.y) <= MOST_PLACE_ERROR)
+                || !(max(of_passed.x, max(of_passed.y, of_passed.z)) <= MOST_PASSED_ERROR);
+        }
+        if is_visible(own.xyz, error.xyz) {
+            is_mixed = true;
+            is_steep = grid.air != NO_POINTS && is_visible(own.xyz, error_at(grid.air, point, grid.columns, 1u).xyz);
+        }
+    }
+    counters[flag] = select(0u, BLOCK_IS_MIXED, is_mixed) | select(0u, BLOCK_HAS_STEEP_AIR, is_steep)
+        | select(0u, BLOCK_HAS_ROUGH_SKY, is_rough);
 }

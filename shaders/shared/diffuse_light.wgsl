@@ -11,6 +11,14 @@ override MOVES: bool = false;
 
 // Luminance in the apparent unit direction `seen`, world axes, cd/m^2. `at_rest`: the same direction in the pictures.
 fn diffuse_luminance(light: DiffuseLight, seen: vec3<f32>, at_rest: PictureDirection) -> vec3<f32> {
+    return luminance_beyond(light, seen, at_rest) + zodiacal_luminance(light, seen);
+}
+
+// The part from beyond the Solar System.
+fn luminance_beyond(light: DiffuseLight, seen: vec3<f32>, at_rest: PictureDirection) -> vec3<f32> {
+    if light.map.side == 0u {
+        return vec3(0.0);
+    }
     var direction = at_rest;
     var shifted = vec3(1.0);
     if MOVES {
@@ -23,16 +31,16 @@ fn diffuse_luminance(light: DiffuseLight, seen: vec3<f32>, at_rest: PictureDirec
         // A black body stays a black body; its temperature is multiplied by the Doppler factor 1 / behind.
         shifted = (exp(DIFFUSE_EXPONENTS) - 1.0) / (exp(min(DIFFUSE_EXPONENTS * behind, vec3(87.0))) - 1.0);
     }
-    var sum = vec3(0.0);
-    if light.map.side > 0u {
-        sum = shifted * map_luminance(light.map, 0u, direction);
+    return shifted * map_luminance(light.map, 0u, direction);
+}
+
+// The zodiacal light: that seen from the Earth, so it is neither aberrated nor shifted.
+fn zodiacal_luminance(light: DiffuseLight, seen: vec3<f32>) -> vec3<f32> {
+    if light.zodiacal.side == 0u {
+        return vec3(0.0);
     }
-    // The zodiacal light is that seen from the Earth, so it is neither aberrated nor shifted.
-    if light.zodiacal.side > 0u {
-        let towards = vec3(dot(light.zodiacal_x, seen), dot(light.zodiacal_y, seen), dot(light.zodiacal_z, seen));
-        sum += map_luminance(light.zodiacal, light.first_zodiacal, picture_direction(towards));
-    }
-    return sum;
+    let towards = vec3(dot(light.zodiacal_x, seen), dot(light.zodiacal_y, seen), dot(light.zodiacal_z, seen));
+    return map_luminance(light.zodiacal, light.first_zodiacal, picture_direction(towards));
 }
 
 // Luminance of a map in a direction, interpolated between four texels. `first`: index of its first texel.

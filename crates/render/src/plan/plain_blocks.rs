@@ -22,8 +22,8 @@ const LEAST_SPACING_PX: u32 = 4;
 /// Greatest angle between two points of the grid at the centre of a picture, rad. Light that is too curved for it is found by its second
 /// differences.
 const MOST_RAD: f64 = 0.0246;
-/// Error of the interpolated light that a block may have, as a fraction of the least visible luminance.
-const SHARE_OF_BUDGET: f64 = 0.25;
+/// Error of the interpolated light that a block may have, as a fraction of the budget of display images.
+const SHARE_OF_BUDGET: f64 = 0.5;
 /// Spacing for orthographic pictures, whose derivative is infinite at the rim, pixels.
 const ORTHOGRAPHIC_SPACING_PX: u32 = 2;
 
@@ -65,31 +65,32 @@ fn widest_pixel_rad(viewport: &Viewport) -> f64 {
 /// Plain blocks of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlainBlocksPlan {
-    /// Spacing of the grid of each viewport, pixels.
-    pub spacings_px: Vec<u32>,
+    /// Spacing of the grid of each viewport, pixels; `None`: the picture has no plain blocks, because of its projection or its wide pixels.
+    pub spacings_px: Vec<Option<u32>>,
     /// The widest spacing, rad.
     pub spacing_rad: f64,
-    /// Greatest error of the interpolated light, cd/m^2.
-    pub most_error_cd_m2: f64,
+    /// Greatest error of the interpolated light, codes of 8 bits.
+    pub most_error_codes: f64,
 }
 
 /// Plans [`PlainBlocksPlan`].
 pub(super) struct PlainBlocks;
 
-/// Spacings of the grids of viewports, pixels; `None`: a picture has no plain blocks, because of its projection or its wide pixels.
-pub(super) fn spacings_px(viewports: &[Viewport]) -> Option<Vec<u32>> {
+/// Spacings of the grids of viewports: see [`PlainBlocksPlan::spacings_px`]. `None`: no picture has plain blocks.
+pub(super) fn spacings_px(viewports: &[Viewport]) -> Option<Vec<Option<u32>>> {
     let spacing = GridSpacing { most_rad: MOST_RAD, most_px: PLAIN_BLOCK_PX };
     let of_viewport = |viewport: &Viewport| {
         let has_mapping = matches!(viewport.projection, Projection::Perspective(_) | Projection::Fisheye(_));
         let px = spacing.in_viewport(viewport);
         (has_mapping && px >= LEAST_SPACING_PX).then_some(px)
     };
-    are_smooth(viewports).then(|| viewports.iter().map(of_viewport).collect()).flatten()
+    let spacings: Vec<_> = viewports.iter().map(of_viewport).collect();
+    (are_smooth(viewports) && spacings.iter().any(Option::is_some)).then_some(spacings)
 }
 
 /// Plain blocks for a plan; `None`: its pictures are computed pixel by pixel.
-fn plain_blocks(plan: &Plan) -> Option<PlainBlocksPlan> {
-    let step_cd_m2 = plan.display.step_cd_m2?;
+fn plain_blocks(plan: &Plan, display_codes: f64) -> Option<PlainBlocksPlan> {
+    plan.display.step_cd_m2?;
     let viewports = &plan.views.viewports;
     let spacings_px = spacings_px(viewports)?;
     let has_veil_if_any = plan.glare.method == GlareMethod::None || plan.glare.in_sums.is_some();
@@ -98,11 +99,12 @@ fn plain_blocks(plan: &Plan) -> Option<PlainBlocksPlan> {
         && has_veil_if_any
         && plan.views.motion.is_none()
         && tiles.all(|tile| tile.first_row.is_multiple_of(PLAIN_BLOCK_PX));
-    let spacing_rad = |(viewport, px): (&Viewport, &u32)| f64::from(*px) * widest_pixel_rad(viewport);
+    let spacing_rad =
+        |(viewport, px): (&Viewport, &Option<u32>)| f64::from(px.unwrap_or(0)) * widest_pixel_rad(viewport);
     is_possible.then(|| PlainBlocksPlan {
         spacing_rad: viewports.iter().zip(&spacings_px).map(spacing_rad).fold(0.0, f64::max),
         spacings_px,
-        most_error_cd_m2: SHARE_OF_BUDGET * step_cd_m2,
+        most_error_codes: SHARE_OF_BUDGET * display_codes,
     })
 }
 
@@ -115,7 +117,7 @@ impl Technique for PlainBlocks {
         plan: &mut Plan,
     ) -> Result<(), PlanError> {
         match step {
-            Step::Light => plan.plain_blocks = plain_blocks(plan),
+            Step::Light => plan.plain_blocks = plain_blocks(plan, inputs.settings.accuracy.display_codes),
             Step::Report if plan.plain_blocks.is_some() => {
                 let codes = inputs.settings.accuracy.display_codes;
                 let name = "smooth light of plain blocks, interpolated between grid points";

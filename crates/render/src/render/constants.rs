@@ -129,6 +129,8 @@ shared_constants! {
         BLOCK_HAS_STEEP_AIR: u32 = 2;
         /// Flag of a block: it is outside of a round picture.
         BLOCK_IS_OUTSIDE: u32 = 4;
+        /// Flag of a block: its pixels read the map of diffuse light.
+        BLOCK_HAS_ROUGH_SKY: u32 = 8;
         /// A part that a frame does not have, in place of the index of its first point.
         NO_POINTS: u32 = u32::MAX;
     }

@@ -90,7 +90,14 @@ gpu_structs! {
         /// Blocks per row, and number of rows of blocks.
         block_columns: u32,
         block_rows: u32,
+        /// Index of the first point of the part of diffuse light that may be rough.
+        rough: u32,
+        /// Index of the first point of directions: two entries each, the place in a picture of the sky and the share of light that passes the
+        /// air.
+        sky: u32,
         unused_0: u32,
+        unused_1: u32,
+        unused_2: u32,
     }
     /// Layout of the texels of a map of the sky.
     struct SkyMap {

@@ -16,7 +16,10 @@ pub(crate) fn dispatch_points(pass: &mut wgpu::ComputePass<'_>, grids: &[PointGr
 pub(crate) fn point_grids(plan: &Plan, spacing: GridSpacing) -> (Vec<PointGrid>, u32) {
     let viewports = &plan.views.viewports;
     match &plan.plain_blocks {
-        Some(plain) => grids_of(viewports, |number| plain.spacings_px[number]),
+        Some(plain) => {
+            let other = |number: usize| spacing.in_viewport(&viewports[number]);
+            grids_of(viewports, |number| plain.spacings_px[number].unwrap_or_else(|| other(number)))
+        }
         None => grids_of(viewports, |number| spacing.in_viewport(&viewports[number])),
     }
 }

@@ -154,6 +154,8 @@ pub(crate) struct DiffuseTexels {
     pub texels: wgpu::Buffer,
     /// Grid for its smooth parts; `None`: every pixel reads the texels.
     pub smooth: Option<SmoothGrid>,
+    /// Grid of the part that may be rough, in frames with plain blocks.
+    pub rough: Option<SmoothGrid>,
 }
 
 /// Buffers shared by techniques in a frame.

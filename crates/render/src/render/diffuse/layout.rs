@@ -14,8 +14,9 @@ gpu_structs! {
         air: AirAbove,
         /// Greatest error of the light between points, cd/m^2 of its pictures.
         most_rough: f32,
+        /// Points from the sum of diffuse light to its part that may be rough; 0: the part is not wanted.
+        rough_points: u32,
         unused_0: u32,
         unused_1: u32,
-        unused_2: u32,
     }
 }

@@ -102,8 +102,12 @@ impl Technique for Diffuse {
                 let grids = points::grids(frame.plan, diffuse.sky.as_deref());
                 targets.reserve_points(gpu, "diffuse grids", grids)
             });
+            let rough = (smooth.is_some() && frame.plan.plain_blocks.is_some() && diffuse.sky.is_some()).then(|| {
+                let grids = points::grids(frame.plan, diffuse.sky.as_deref());
+                targets.reserve_points(gpu, "grids of rough light", grids)
+            });
             targets.diffuse =
-                Some(DiffuseTexels { light: encode(diffuse, frame.plan), texels: texels.clone(), smooth });
+                Some(DiffuseTexels { light: encode(diffuse, frame.plan), texels: texels.clone(), smooth, rough });
         }
     }
 
@@ -114,8 +118,11 @@ impl Technique for Diffuse {
             return;
         };
         let (Some(texels), Some(roughness)) = (self.texels.held(), self.roughness.held()) else { return };
-        let Some(DiffuseTexels { light, smooth: Some(grid), .. }) = recording.targets.diffuse.clone() else { return };
-        self.points.record(recording, (sky.as_deref(), light, *step_cd_m2), &grid, [texels, roughness]);
+        let Some(DiffuseTexels { light, smooth: Some(grid), rough, .. }) = recording.targets.diffuse.clone() else {
+            return;
+        };
+        let grids = (&grid, rough.as_ref());
+        self.points.record(recording, (sky.as_deref(), light, *step_cd_m2), grids, [texels, roughness]);
     }
 
     fn release(&mut self) {

@@ -57,12 +57,12 @@ impl DiffusePoints {
         self.pipeline.get_or_init(|| gpu.compute_pipeline(&projecting(gpu, "diffuse/points").source()))
     }
 
-    /// Records the pass over `grid` for a plan whose light may have an error of `step_cd_m2`. Buffers: texels, roughness.
+    /// Records the pass over the grids of all diffuse light and of its rough part for a plan whose light may have an error of `step_cd_m2`. Buffers: texels, roughness.
     pub(super) fn record(
         &self,
         recording: &mut Recording<'_>,
         (sky, light, step_cd_m2): (Option<&DiffuseSky>, DiffuseLight, f64),
-        grid: &SmoothGrid,
+        (grid, rough): (&SmoothGrid, Option<&SmoothGrid>),
         [texels, roughness]: [&wgpu::Buffer; 2],
     ) {
         let gpu = recording.gpu;
@@ -73,6 +73,7 @@ impl DiffusePoints {
             air: AirAbove::from_sky(plan.air.sky.as_deref()),
             // Roughness grows with the square of the distance.
             most_rough: (ROUGHNESS_OF_BUDGET * step_cd_m2 * (roughness_spacing_rad / most_rad).powi(2)) as f32,
+            rough_points: rough.map_or(0, |rough| rough.grids[0].first - grid.grids[0].first),
             ..Default::default()
         };
         let parameters = gpu.frame_uniform("diffuse points", &parameters);

@@ -8,7 +8,7 @@ pub(crate) mod layout;
 pub(crate) mod present;
 pub(crate) mod resolve;
 pub(crate) mod tone_map;
-mod variant;
+pub(crate) mod variant;
 
 use self::{
     exposure::{ExposureInputs, ExposurePass},

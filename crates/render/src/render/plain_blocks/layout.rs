@@ -1,15 +1,24 @@
 //! Structures that the shaders of plain blocks read.
 
-use crate::gpu::gpu_structs;
+use crate::{
+    gpu::gpu_structs,
+    render::{display::layout::Display, layout::AirAbove},
+};
 
 gpu_structs! {
     /// Parameters of the passes that add up smooth light and mark blocks.
     struct PlainParameters {
-        /// Greatest error of interpolated light, cd/m^2.
-        most_error: f32,
-        /// Sine of the altitude from which on a point shows neither ground nor the air near the horizon.
+        /// The air around the camera.
+        air: AirAbove,
+        /// Tone mapping of the display image.
+        shown: Display,
+        /// Display value 1 per cd/m^2.
+        display_per_cd_m2: f32,
+        /// Greatest error of interpolated light, codes of 8 bits.
+        most_error_codes: f32,
+        /// Sine of the altitude from which on a point shows no ground.
         least_sine: f32,
-        unused_0: u32,
-        unused_1: u32,
+        /// 1: pixels read the map of faint light.
+        reads_faint_map: u32,
     }
 }

@@ -11,17 +11,20 @@ use std::sync::OnceLock;
 
 use super::{
     constants::{plain_blocks::NO_POINTS, workgroups::VEIL_SIDE},
-    layout::PlainGrid,
+    display::variant::{DisplayVariant, encode_display},
+    layout::{AirAbove, PlainGrid},
     point_grid::{GridSpacing, dispatch_points, point_grids},
     tabulated::projecting,
     targets::{PlainGrids, SmoothGrid, Targets},
     technique::{FrameInputs, Phase, PipelineJob, Recording, Technique, Wish, begin_pass},
 };
 use crate::{
-    gpu::{Gpu, bind_in_order},
+    gpu::{Gpu, Variants, bind_in_order},
+    photometry::exposure::white_luminance_cd_m2,
     plan::{
-        GRID_FROM_SINE, Plan,
+        Plan,
         plain_blocks::{PLAIN_BLOCK_PX, PlainBlocksPlan},
+        settings::ToneMapSettings,
         stars::cull::MAX_VIEWPORTS,
     },
 };
@@ -32,38 +35,39 @@ const PIXELS_ABOVE_GROUND: f64 = 2.0;
 /// Pipelines of the two passes.
 pub(super) struct PlainBlocks {
     gather: OnceLock<wgpu::ComputePipeline>,
-    mark: OnceLock<wgpu::ComputePipeline>,
+    mark: Variants<DisplayVariant, wgpu::ComputePipeline>,
 }
 
 impl PlainBlocks {
     pub(super) fn new() -> Self {
-        Self { gather: OnceLock::new(), mark: OnceLock::new() }
+        Self { gather: OnceLock::new(), mark: Variants::new() }
     }
 
     fn gather(&self, gpu: &Gpu) -> &wgpu::ComputePipeline {
         self.gather.get_or_init(|| gpu.compute_pipeline(&projecting(gpu, "plain_blocks/gather").source()))
     }
 
-    fn mark(&self, gpu: &Gpu) -> &wgpu::ComputePipeline {
-        self.mark.get_or_init(|| gpu.compute_pipeline(&projecting(gpu, "plain_blocks/mark").source()))
+    fn mark(&self, gpu: &Gpu, tone_map: &ToneMapSettings) -> wgpu::ComputePipeline {
+        let variant = DisplayVariant::from_settings(tone_map);
+        let source = || projecting(gpu, "plain_blocks/mark").source();
+        self.mark.get(variant, || gpu.compute_pipeline_with(&source(), &variant.constants()))
     }
 }
 
-/// Sine of the altitude from which on a block shows neither ground nor the air near the horizon.
+/// Sine of the altitude from which on a block shows no ground. Without ground the limit is at the horizon, where the sky above is mirrored.
 fn least_sine(plan: &Plan, plain: &PlainBlocksPlan) -> f64 {
-    let pixel_rad =
-        plain.spacing_rad / f64::from(PLAIN_BLOCK_PX.min(plain.spacings_px.iter().copied().min().unwrap_or(1)));
+    let least_spacing_px = plain.spacings_px.iter().flatten().min().map_or(1.0, |px| f64::from(*px));
     let ground = plan.air.sky.as_ref().and_then(|sky| sky.highest_ground_sine());
-    ground.map_or(GRID_FROM_SINE, |sine| GRID_FROM_SINE.max(sine + PIXELS_ABOVE_GROUND * pixel_rad))
+    ground.unwrap_or(0.0) + PIXELS_ABOVE_GROUND * plain.spacing_rad / least_spacing_px
 }
 
 impl Technique for PlainBlocks {
     fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
-        let gpu = wish.gpu;
+        let (gpu, tone_map) = (wish.gpu, &wish.forecast.tone_map);
         let job = || {
             PipelineJob::new("plain blocks", move || {
                 self.gather(gpu);
-                self.mark(gpu);
+                self.mark(gpu, tone_map)
             })
         };
         wish.forecast.may_have_plain.then(job).into_iter().collect()
@@ -73,11 +77,16 @@ impl Technique for PlainBlocks {
         let Some(plain) = &frame.plan.plain_blocks else { return };
         let spacing = GridSpacing { most_rad: plain.spacing_rad, most_px: PLAIN_BLOCK_PX };
         let own = targets.reserve_points(gpu, "plain grids", point_grids(frame.plan, spacing));
+        let (mut sky, count) = point_grids(frame.plan, spacing);
+        sky.iter_mut().for_each(|grid| grid.first *= 2);
+        let sky = targets.reserve_points(gpu, "directions of plain grids", (sky, 2 * count));
         let parts = [
             targets.veil.as_ref(),
             targets.air.as_ref(),
             targets.diffuse.as_ref().and_then(|diffuse| diffuse.smooth.as_ref()),
             targets.near.as_ref(),
+            targets.diffuse.as_ref().and_then(|diffuse| diffuse.rough.as_ref()),
+            Some(&sky),
         ];
         let first_of =
             |part: Option<&SmoothGrid>, viewport: usize| part.map_or(NO_POINTS, |part| part.grids[viewport].first);
@@ -87,10 +96,10 @@ impl Technique for PlainBlocks {
             .zip(&frame.plan.views.viewports)
             .enumerate()
             .map(|(number, (grid, viewport))| {
-                let [veil, air, diffuse, near] = parts.map(|part| first_of(part, number));
+                let [veil, air, diffuse, near, rough, sky] = parts.map(|part| first_of(part, number));
                 let [block_columns, block_rows] = viewport.size().map(|side| side.div_ceil(PLAIN_BLOCK_PX));
                 PlainGrid {
-                    first: grid.first,
+                    first: if plain.spacings_px[number].is_some() { grid.first } else { NO_POINTS },
                     columns: grid.columns,
                     rows: grid.rows,
                     spacing: grid.spacing,
@@ -101,6 +110,8 @@ impl Technique for PlainBlocks {
                     first_flag: targets.plain_flags[number],
                     block_columns,
                     block_rows,
+                    rough,
+                    sky,
                     ..Default::default()
                 }
             })
@@ -114,18 +125,23 @@ impl Technique for PlainBlocks {
         let (Phase::Points, Some(plain)) = (phase, &plan.plain_blocks) else { return };
         let Some(PlainGrids { grids, own, list }) = recording.targets.plain.clone() else { return };
         let points = recording.targets.grid_points(gpu);
-        let (gather, mark) = (self.gather(gpu), self.mark(gpu));
+        let tone_map = &plan.display.tone_map;
+        let (gather, mark) = (self.gather(gpu), &self.mark(gpu, tone_map));
+        let Some(ev100) = plan.exposure.known_ev100 else { unreachable!("plain blocks need a known exposure") };
         let parameters = layout::PlainParameters {
-            most_error: plain.most_error_cd_m2 as f32,
+            air: AirAbove::from_sky(plan.air.sky.as_deref()),
+            shown: encode_display(tone_map),
+            display_per_cd_m2: (1.0 / white_luminance_cd_m2(ev100)) as f32,
+            most_error_codes: plain.most_error_codes as f32,
             least_sine: least_sine(plan, plain) as f32,
-            ..Default::default()
+            reads_faint_map: u32::from(plan.smooth_light.map.is_some()),
         };
         let parameters = gpu.frame_uniform("plain parameters", &parameters);
         let (viewports, counters) = (&recording.targets.viewports, &recording.targets.counters);
         let mut pass = begin_pass(recording.encoder, recording.timer, "plain blocks");
         pass.set_pipeline(gather);
         gpu.bind_tables(&mut pass, gather);
-        pass.set_bind_group(0, &bind_in_order(gpu, gather, 0, &[viewports, &list, &points]), &[]);
+        pass.set_bind_group(0, &bind_in_order(gpu, gather, 0, &[&parameters, viewports, &list, &points]), &[]);
         dispatch_points(&mut pass, &own.grids);
         pass.set_pipeline(mark);
         gpu.bind_tables(&mut pass, mark);
