@@ -120,16 +120,27 @@ fn starlight(index: u32, high: bool) -> vec3<f32> {
 // Runs of ROWS rows per workgroup, with one invocation per column. A GPU is fastest with a full wave, a software driver
 // with one SIMD step.
 override ROW_GROUPS: u32 = 1u;
+// Runs per invocation. A software driver spends a microsecond on each workgroup.
+override RUNS: u32 = 1u;
 
 @compute @workgroup_size(BLOCK_COLUMNS, ROW_GROUPS)
 fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>) {
     let tile = tiles[group.z];
     let viewport = viewports[tile.viewport];
     let x = group.x * BLOCK_COLUMNS + local.x;
-    let row_group = group.y * ROW_GROUPS + local.y;
-    if x >= viewport.size.x || row_group * ROWS >= tile.rows {
+    if x >= viewport.size.x {
         return;
     }
+    let first_run = (group.y * ROW_GROUPS + local.y) * RUNS;
+    let end_run = min(first_run + RUNS, (tile.rows + ROWS - 1u) / ROWS);
+    for (var run = first_run; run < end_run; run++) {
+        resolve_run(tile, viewport, group, local.x, run);
+    }
+}
+
+// Resolves a run of ROWS rows of one column.
+fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row_group: u32) {
+    let x = group.x * BLOCK_COLUMNS + local;
     // One flag for a block of COLUMNS by ROWS pixels.
     let columns = (viewport.size.x + COLUMNS - 1u) / COLUMNS;
     let high = has_high_words(tile.first_flag + row_group * columns + group.x * BLOCK_COLUMNS / COLUMNS);
@@ -164,8 +175,8 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id
             // each side. All addresses of points are the same for the whole workgroup.
             let is_rough = (flags & BLOCK_HAS_ROUGH_SKY) != 0u;
             let spacing = plain_grid.spacing;
-            let is_second = local.x >= spacing;
-            let share = (f32(select(local.x, local.x - spacing, is_second)) + 0.5) / f32(spacing);
+            let is_second = local >= spacing;
+            let share = (f32(select(local, local - spacing, is_second)) + 0.5) / f32(spacing);
             let step = 1.0 / f32(spacing);
             let is_halved = spacing < BLOCK_COLUMNS;
             for (var cell_row = first_row; cell_row < end_block; cell_row += spacing) {
@@ -199,6 +210,7 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id
                 }
                 let slope = (bottom - top) * step;
                 var smooth_light = top + 0.5 * slope;
+                var cell_sum = 0.0;
                 for (var row = cell_row; row < min(end_block, cell_row + spacing); row++) {
                     let index = tile.first_pixel + row * viewport.size.x + x;
                     var luminance = starlight(index, high) * smooth_light.w + smooth_light.xyz;
@@ -208,12 +220,13 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id
                     if is_rough {
                         luminance += passed * map_luminance(parameters.diffuse.map, 0u, PictureDirection(number, place));
                     }
-                    sum += dot(luminance, LUMINANCE_WEIGHTS) / smooth_light.w;
+                    cell_sum += dot(luminance, LUMINANCE_WEIGHTS);
                     show(index, display_word(luminance, parameters.display_per_cd_m2, parameters.shown, x, tile.first_row + row));
                     smooth_light += slope;
                     place += place_slope;
                     passed += passed_slope;
                 }
+                sum += cell_sum * 2.0 / (top.w + bottom.w);
             }
             continue;
         }

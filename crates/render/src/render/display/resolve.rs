@@ -19,6 +19,11 @@ use crate::{
     },
 };
 
+/// Runs of rows per invocation on this adapter.
+fn runs(gpu: &Gpu) -> u32 {
+    if gpu.software { SOFTWARE_RUNS } else { 1 }
+}
+
 /// Outputs and inputs of the resolve pass of a batch, compiled into its pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ResolveOutputs {
@@ -41,6 +46,9 @@ pub(crate) struct ResolveOutputs {
     /// Whether the frame has plain blocks.
     pub plain: bool,
 }
+
+/// Runs of rows per invocation on a software driver, which spends a microsecond on each workgroup.
+const SOFTWARE_RUNS: u32 = 4;
 
 /// Pipelines of the resolve pass.
 pub(crate) struct ResolvePass {
@@ -128,8 +136,8 @@ impl ResolvePass {
                 ("HAS_PLAIN", outputs.plain),
             ]
             .map(|(name, value)| (name, f64::from(u8::from(value))));
-            let row_constant = ("ROW_GROUPS", f64::from(row_groups(gpu)));
-            let constants = [&written[..], &[row_constant], &variant.constants()].concat();
+            let row_constants = [("ROW_GROUPS", f64::from(row_groups(gpu))), ("RUNS", f64::from(runs(gpu)))];
+            let constants = [&written[..], &row_constants, &variant.constants()].concat();
             gpu.compute_pipeline_with(&self.source, &constants)
         })
     }
@@ -204,7 +212,7 @@ impl ResolvePass {
         pass.set_pipeline(pipeline);
         gpu.bind_tables(pass, pipeline);
         pass.set_bind_group(0, &bind_buffers(gpu, pipeline, 0, &bindings), &[]);
-        let [columns, rows, tiles] = workgroups(batch.grid, row_groups(gpu));
+        let [columns, rows, tiles] = workgroups(batch.grid, row_groups(gpu) * runs(gpu));
         pass.dispatch_workgroups(columns, rows, tiles);
     }
 }
