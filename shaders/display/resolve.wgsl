@@ -108,6 +108,16 @@ fn block_points(first: u32, stride: u32, is_halved: bool, is_second: bool, share
     return value;
 }
 
+// Writes the light and the display value of a pixel of a plain block, or of one outside.
+fn write(index: u32, luminance: vec4<f32>, word: u32) {
+    if WRITE_HDR {
+        store_luminance(index, luminance);
+    }
+    if WRITE_DISPLAY {
+        show(index, word);
+    }
+}
+
 // Illuminance of a pixel's stars, lx.
 fn starlight(index: u32, high: bool) -> vec3<f32> {
     var illuminance = sums(index, high) * parameters.lx_per_unit;
@@ -166,7 +176,7 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
         let flags = block_flags(tile.viewport, vec2(group.x * BLOCK_COLUMNS, tile.first_row + first_row));
         if (flags & BLOCK_IS_OUTSIDE) != 0u {
             for (var row = first_row; row < end_block; row++) {
-                show(tile.first_pixel + row * viewport.size.x + x, BLACK);
+                write(tile.first_pixel + row * viewport.size.x + x, vec4(0.0), BLACK);
             }
             continue;
         }
@@ -221,7 +231,11 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
                         luminance += passed * map_luminance(parameters.diffuse.map, 0u, PictureDirection(number, place));
                     }
                     cell_sum += dot(luminance, LUMINANCE_WEIGHTS);
-                    show(index, display_word(luminance, parameters.display_per_cd_m2, parameters.shown, x, tile.first_row + row));
+                    var word = BLACK;
+                    if WRITE_DISPLAY {
+                        word = display_word(luminance, parameters.display_per_cd_m2, parameters.shown, x, tile.first_row + row);
+                    }
+                    write(index, vec4(luminance, 1.0 / smooth_light.w), word);
                     smooth_light += slope;
                     place += place_slope;
                     passed += passed_slope;

@@ -87,7 +87,8 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     if is_mixed {
-        counters[flag] = BLOCK_IS_MIXED;
+        // The air near the horizon is steep.
+        counters[flag] = BLOCK_IS_MIXED | BLOCK_HAS_STEEP_AIR;
         return;
     }
     // Second differences at two opposite corners.

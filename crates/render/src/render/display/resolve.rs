@@ -163,7 +163,7 @@ impl ResolvePass {
             sky: sky.is_some(),
             air: air.present != 0,
             moves: diffuse.is_some_and(|diffuse| diffuse.light.beta > 0.0),
-            plain: targets.plain.is_some() && display.is_some(),
+            plain: targets.plain.is_some(),
             ..ResolveOutputs::new(hdr, display.is_some())
         };
         // Parameters.
