@@ -54,7 +54,7 @@ fn place_diffuse(@builtin(global_invocation_id) place: vec3<u32>) {
         let blocks = (map.side + ROUGHNESS_BLOCK - 1u) / ROUGHNESS_BLOCK;
         let block = min(texel / ROUGHNESS_BLOCK, vec2(blocks - 1u));
         let of_block = roughness[(direction.number * blocks + block.y) * blocks + block.x];
-        is_rough = !(of_block <= parameters.most_rough);
+        is_rough = !(of_block * grid.spacing_rad * grid.spacing_rad <= parameters.most_rough);
     }
     let point = grid.first + place.y * grid.columns + place.x;
     if parameters.rough_points > 0u {

@@ -163,7 +163,8 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
     // loaded.
     let has_diffuse = parameters.diffuse.map.side > 0u || parameters.diffuse.zodiacal.side > 0u;
     let reads_points = parameters.diffuse_is_smooth != 0u;
-    var diffuse_grid = PointGrid(0u, 0u, 0u, 1u);
+    var diffuse_grid: PointGrid;
+    diffuse_grid.spacing = 1u;
     if reads_points {
         diffuse_grid = diffuse_grids[tile.viewport];
     }

@@ -17,6 +17,8 @@
 @group(0) @binding(3) var<storage, read> grid_points: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> counters: array<u32>;
 
+// Margin above the highest ground, pixels.
+const PIXELS_ABOVE_GROUND: f32 = 2.0;
 // Relative error of the inverse solid angle that a plain block may have.
 const MOST_SOLID_ANGLE_ERROR: f32 = 5e-4;
 // Error of the place in a picture of the sky, rad: a twentieth of a texel of the finest map.
@@ -61,6 +63,7 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let cells = PLAIN_BLOCK / grid.spacing;
+    let least_sine = parameters.ground_sine + PIXELS_ABOVE_GROUND * grid.spacing_rad / f32(grid.spacing);
     let last = vec2(grid.columns, grid.rows) - 1u;
     var is_mixed = false;
     var is_steep = false;
@@ -74,7 +77,7 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
         let point = place.y * grid.columns + place.x;
         is_mixed = is_mixed || !(grid_points[grid.first + point].w > 0.0);
         if grid.air != NO_POINTS {
-            is_mixed = is_mixed || !(grid_points[grid.air + point].w > parameters.least_sine);
+            is_mixed = is_mixed || !(grid_points[grid.air + point].w > least_sine);
         }
         if grid.near != NO_POINTS {
             is_mixed = is_mixed || grid_points[grid.near + point].w > 0.0;

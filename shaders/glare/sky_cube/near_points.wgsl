@@ -48,7 +48,7 @@ fn place_near(@builtin(global_invocation_id) place: vec3<u32>) {
     var steep: array<vec4<f32>, 2>;
     for (var i = view.first_near; i < view.first_near + view.near_count; i++) {
         let parts = select(near[i].parts, 0u, (near[i].parts & IS_EXTENDED) != 0u);
-        let reach = max(parameters.beside, select(0.0, near[i].reach, parts > 0u));
+        let reach = max(parameters.spacings_beside * grid.spacing_rad, select(0.0, near[i].reach, parts > 0u));
         for (var four = 0u; four < 2u; four++) {
             let is_near = chords_squared(directions[four], near[i].direction) < vec4(reach * reach);
             steep[four] = select(steep[four], vec4(1.0), is_near);

@@ -6,7 +6,7 @@ use super::{
     budget::{draws_outputs_apart, may_have_veil_in_sums},
     display::{is_scattered_after, resolves_to_display},
     glare::GlareMap,
-    plain_blocks::spacings_px,
+    plain_blocks::plain_spacings,
     settings::{Accumulator, Culling, GlareMethod, ImpostorMethod, RenderSettings, StarMethod, ToneMapSettings},
 };
 use crate::{scene::SceneObjects, view::Viewport};
@@ -73,7 +73,7 @@ impl Forecast {
             may_have_veil_in_sums: may_have_veil_in_sums(settings, objects, viewports),
             may_have_plain: limits.fuses_display
                 && draws_outputs_apart(settings, objects, viewports)
-                && spacings_px(viewports).is_some(),
+                && plain_spacings(viewports).is_some(),
             may_be_metered: settings.exposure.is_metered(),
             culls_on_gpu: settings.asteroids.culling == Culling::Gpu,
         }

@@ -23,6 +23,7 @@ mod error;
 pub mod exposure;
 mod frame;
 pub mod glare;
+pub mod grid_spacing;
 mod headset;
 mod kept;
 mod limits;

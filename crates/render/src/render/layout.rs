@@ -70,6 +70,11 @@ gpu_structs! {
         rows: u32,
         /// Pixels from point to point; the first point lies on the top left corner of the picture.
         spacing: u32,
+        /// The greatest angle from point to point, rad.
+        spacing_rad: f32,
+        unused_0: u32,
+        unused_1: u32,
+        unused_2: u32,
     }
     /// The grid over the picture of a viewport with plain blocks: all smooth light together, and where its parts begin.
     struct PlainGrid {
@@ -95,9 +100,27 @@ gpu_structs! {
         /// Index of the first point of directions: two entries each, the place in a picture of the sky and the share of light that passes the
         /// air.
         sky: u32,
+        /// The greatest angle from point to point, rad.
+        spacing_rad: f32,
         unused_0: u32,
         unused_1: u32,
-        unused_2: u32,
+    }
+    /// Parameters of the tone mapping.
+    struct Display {
+        /// Luminance that Reinhard's operator maps to white, over display white.
+        white: f32,
+        /// White of a calibrated display, cd/m^2.
+        peak_cd_m2: f32,
+        /// Black of a calibrated display, cd/m^2.
+        black_cd_m2: f32,
+        /// Fraction of the hue that is kept at the end of the display's range, 0 to 1.
+        desaturation: f32,
+        /// Weight of scotopic vision for dim light, 0 to 1.
+        scotopic: f32,
+        /// 1: rounding errors are dithered.
+        dither: u32,
+        unused_0: u32,
+        unused_1: u32,
     }
     /// Layout of the texels of a map of the sky.
     struct SkyMap {

@@ -15,6 +15,7 @@ mod bodies;
 pub(crate) mod constants;
 mod diffuse;
 mod display;
+mod display_variant;
 mod error;
 mod frame;
 mod glare;

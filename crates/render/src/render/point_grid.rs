@@ -1,8 +1,11 @@
 //! Grids of points over pictures, at which smooth light is computed. Shader: `shaders/shared/point_grid.wgsl`.
 
 use super::{constants::workgroups::VEIL_SIDE, layout::PointGrid};
-pub(crate) use crate::plan::plain_blocks::GridSpacing;
-use crate::{plan::Plan, view::Viewport};
+pub(crate) use crate::plan::grid_spacing::GridSpacing;
+use crate::{
+    plan::{Plan, plain_blocks::PlainSpacing},
+    view::Viewport,
+};
 
 /// Dispatches the current pipeline over all points of all grids: workgroups of [`VEIL_SIDE`] x [`VEIL_SIDE`] points,
 /// one layer per grid.
@@ -16,23 +19,23 @@ pub(crate) fn dispatch_points(pass: &mut wgpu::ComputePass<'_>, grids: &[PointGr
 pub(crate) fn point_grids(plan: &Plan, spacing: GridSpacing) -> (Vec<PointGrid>, u32) {
     let viewports = &plan.views.viewports;
     match &plan.plain_blocks {
-        Some(plain) => {
-            let other = |number: usize| spacing.in_viewport(&viewports[number]);
-            grids_of(viewports, |number| plain.spacings_px[number].unwrap_or_else(|| other(number)))
-        }
-        None => grids_of(viewports, |number| spacing.in_viewport(&viewports[number])),
+        Some(plain) => grids_of(viewports, spacing, &plain.spacings),
+        None => grids_of(viewports, spacing, &[]),
     }
 }
 
-fn grids_of(viewports: &[Viewport], spacing_px: impl Fn(usize) -> u32) -> (Vec<PointGrid>, u32) {
+fn grids_of(viewports: &[Viewport], spacing: GridSpacing, plain: &[Option<PlainSpacing>]) -> (Vec<PointGrid>, u32) {
     let mut first = 0;
     let grids = viewports
         .iter()
         .enumerate()
         .map(|(number, viewport)| {
-            let spacing = spacing_px(number);
+            let own = plain.get(number).copied().flatten();
+            let PlainSpacing { px: spacing, rad: spacing_rad } =
+                own.unwrap_or_else(|| PlainSpacing { px: spacing.in_viewport(viewport), rad: spacing.most_rad });
             let [columns, rows] = viewport.size().map(|side| side.div_ceil(spacing) + 1);
-            let grid = PointGrid { first, columns, rows, spacing };
+            let grid =
+                PointGrid { first, columns, rows, spacing, spacing_rad: spacing_rad as f32, ..Default::default() };
             first += columns * rows;
             grid
         })

@@ -49,7 +49,7 @@ impl Air {
             stand_in: filled_buffer(
                 gpu,
                 "no grids",
-                &[[0_u32; 4]; MAX_VIEWPORTS],
+                &[crate::render::layout::PointGrid::default(); MAX_VIEWPORTS],
                 wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::UNIFORM,
             ),
             held: None,

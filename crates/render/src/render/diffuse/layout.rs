@@ -12,7 +12,7 @@ gpu_structs! {
         light: DiffuseLight,
         /// The air in front of it.
         air: AirAbove,
-        /// Greatest error of the light between points, cd/m^2 of its pictures.
+        /// Greatest error of the light between points, cd/m^2 of its pictures, times the square of the distance of the roughness values, rad^2.
         most_rough: f32,
         /// Points from the sum of diffuse light to its part that may be rough; 0: the part is not wanted.
         rough_points: u32,

@@ -35,16 +35,14 @@ pub(super) struct DiffusePoints {
     pipeline: OnceLock<wgpu::ComputePipeline>,
 }
 
-/// Distance of the roughness values of a map, rad, and greatest distance between grid points.
-fn spacings_rad(plan: &Plan, sky: Option<&DiffuseSky>) -> (f64, f64) {
-    let of_roughness = sky.map_or(MOST_RAD, |sky| 2.0 * f64::from(ROUGHNESS_TEXELS) * sky.pictures().texel_rad());
-    let most_rad = plan.plain_blocks.as_ref().map_or(MOST_RAD.min(of_roughness), |plain| plain.spacing_rad);
-    (of_roughness, most_rad)
+/// Distance of the roughness values of a map, rad.
+fn roughness_spacing_rad(sky: Option<&DiffuseSky>) -> f64 {
+    sky.map_or(MOST_RAD, |sky| 2.0 * f64::from(ROUGHNESS_TEXELS) * sky.pictures().texel_rad())
 }
 
 /// Grids over the pictures of a plan, and their number of points.
 pub(super) fn grids(plan: &Plan, sky: Option<&DiffuseSky>) -> (Vec<PointGrid>, u32) {
-    let (_, most_rad) = spacings_rad(plan, sky);
+    let most_rad = MOST_RAD.min(roughness_spacing_rad(sky));
     point_grids(plan, GridSpacing { most_rad, most_px: MOST_PX })
 }
 
@@ -67,12 +65,11 @@ impl DiffusePoints {
     ) {
         let gpu = recording.gpu;
         let plan: &Plan = recording.frame.plan;
-        let (roughness_spacing_rad, most_rad) = spacings_rad(plan, sky);
         let parameters = DiffusePointParameters {
             light,
             air: AirAbove::from_sky(plan.air.sky.as_deref()),
             // Roughness grows with the square of the distance.
-            most_rough: (ROUGHNESS_OF_BUDGET * step_cd_m2 * (roughness_spacing_rad / most_rad).powi(2)) as f32,
+            most_rough: (ROUGHNESS_OF_BUDGET * step_cd_m2 * roughness_spacing_rad(sky).powi(2)) as f32,
             rough_points: rough.map_or(0, |rough| rough.grids[0].first - grid.grids[0].first),
             ..Default::default()
         };

@@ -1,26 +1,9 @@
 //! Structures that the shaders from light to display read.
 
 use crate::gpu::gpu_structs;
-pub(crate) use crate::render::layout::{AirAbove, DiffuseLight, SkyMap};
+pub(crate) use crate::render::layout::{AirAbove, DiffuseLight, Display, SkyMap};
 
 gpu_structs! {
-    /// Parameters of the tone mapping.
-    struct Display {
-        /// Luminance that Reinhard's operator maps to white, over display white.
-        white: f32,
-        /// White of a calibrated display, cd/m^2.
-        peak_cd_m2: f32,
-        /// Black of a calibrated display, cd/m^2.
-        black_cd_m2: f32,
-        /// Fraction of the hue that is kept at the end of the display's range, 0 to 1.
-        desaturation: f32,
-        /// Weight of scotopic vision for dim light, 0 to 1.
-        scotopic: f32,
-        /// 1: rounding errors are dithered.
-        dither: u32,
-        unused_0: u32,
-        unused_1: u32,
-    }
     /// Parameters of the resolve pass.
     struct ResolveParameters {
         /// Lux per fixed-point unit.

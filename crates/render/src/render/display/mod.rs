@@ -8,7 +8,6 @@ pub(crate) mod layout;
 pub(crate) mod present;
 pub(crate) mod resolve;
 pub(crate) mod tone_map;
-pub(crate) mod variant;
 
 use self::{
     exposure::{ExposureInputs, ExposurePass},

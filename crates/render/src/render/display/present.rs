@@ -3,7 +3,7 @@
 //!
 //! No twin: photometry/tone_map.rs.
 
-use super::variant::{DisplayVariant, encode_display};
+use crate::render::display_variant::{DisplayVariant, encode_display};
 use crate::render::presentation::{PresentSource, present_source};
 use crate::render::shader::Shader;
 use crate::{

@@ -5,8 +5,8 @@
 //!
 //! No twin: reference/stars/splat.rs, which divides by the solid angle at its end.
 
-use super::variant::{DisplayVariant, encode_display};
 use crate::plan::stars::cull::MAX_VIEWPORTS;
+use crate::render::display_variant::{DisplayVariant, encode_display};
 use crate::{
     gpu::{self, Gpu, ShaderSource, Variants, bind_buffers},
     photometry::exposure::white_luminance_cd_m2,
@@ -110,7 +110,12 @@ impl ResolvePass {
             fuses_display,
             reads_faint_map,
             pipelines: Variants::new(),
-            nothing: gpu::filled_buffer(gpu, "no light", &[[0_u32; 4]; MAX_VIEWPORTS], usage),
+            nothing: gpu::filled_buffer(
+                gpu,
+                "no light",
+                &[crate::render::layout::PointGrid::default(); MAX_VIEWPORTS],
+                usage,
+            ),
             no_display: gpu::storage_buffer(gpu, "no display", &[0_u32]),
         }
     }

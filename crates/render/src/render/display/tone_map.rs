@@ -3,7 +3,7 @@
 //!
 //! No twin: photometry/tone_map.rs.
 
-use super::variant::{DisplayVariant, encode_display};
+use crate::render::display_variant::{DisplayVariant, encode_display};
 use crate::render::shader::Shader;
 use crate::{
     gpu::{Gpu, Variants, bind_buffers},

@@ -135,8 +135,8 @@ gpu_structs! {
     struct NearPointParameters {
         /// Fraction of the light that is scattered.
         fraction: f32,
-        /// Chord around a source within which its glare is too steep for interpolation.
-        beside: f32,
+        /// Distance from a source within which its glare is too steep for interpolation, spacings of the grid.
+        spacings_beside: f32,
         unused_0: u32,
         unused_1: u32,
     }

@@ -2,7 +2,7 @@
 
 use crate::{
     gpu::gpu_structs,
-    render::{display::layout::Display, layout::AirAbove},
+    render::layout::{AirAbove, Display},
 };
 
 gpu_structs! {
@@ -16,8 +16,8 @@ gpu_structs! {
         display_per_cd_m2: f32,
         /// Greatest error of interpolated light, codes of 8 bits.
         most_error_codes: f32,
-        /// Sine of the altitude from which on a point shows no ground.
-        least_sine: f32,
+        /// Sine of the altitude of the highest ground.
+        ground_sine: f32,
         /// 1: pixels read the map of faint light.
         reads_faint_map: u32,
     }

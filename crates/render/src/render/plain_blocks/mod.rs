@@ -11,7 +11,7 @@ use std::sync::OnceLock;
 
 use super::{
     constants::{plain_blocks::NO_POINTS, workgroups::VEIL_SIDE},
-    display::variant::{DisplayVariant, encode_display},
+    display_variant::{DisplayVariant, encode_display},
     layout::{AirAbove, PlainGrid},
     point_grid::{GridSpacing, dispatch_points, point_grids},
     tabulated::projecting,
@@ -21,16 +21,8 @@ use super::{
 use crate::{
     gpu::{Gpu, Variants, bind_in_order},
     photometry::exposure::white_luminance_cd_m2,
-    plan::{
-        Plan,
-        plain_blocks::{PLAIN_BLOCK_PX, PlainBlocksPlan},
-        settings::ToneMapSettings,
-        stars::cull::MAX_VIEWPORTS,
-    },
+    plan::{plain_blocks::PLAIN_BLOCK_PX, settings::ToneMapSettings, stars::cull::MAX_VIEWPORTS},
 };
-
-/// Margin above the highest ground, pixels.
-const PIXELS_ABOVE_GROUND: f64 = 2.0;
 
 /// Pipelines of the two passes.
 pub(super) struct PlainBlocks {
@@ -54,13 +46,6 @@ impl PlainBlocks {
     }
 }
 
-/// Sine of the altitude from which on a block shows no ground. Without ground the limit is at the horizon, where the sky above is mirrored.
-fn least_sine(plan: &Plan, plain: &PlainBlocksPlan) -> f64 {
-    let least_spacing_px = plain.spacings_px.iter().flatten().min().map_or(1.0, |px| f64::from(*px));
-    let ground = plan.air.sky.as_ref().and_then(|sky| sky.highest_ground_sine());
-    ground.unwrap_or(0.0) + PIXELS_ABOVE_GROUND * plain.spacing_rad / least_spacing_px
-}
-
 impl Technique for PlainBlocks {
     fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
         let (gpu, tone_map) = (wish.gpu, &wish.forecast.tone_map);
@@ -75,7 +60,7 @@ impl Technique for PlainBlocks {
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
         let Some(plain) = &frame.plan.plain_blocks else { return };
-        let spacing = GridSpacing { most_rad: plain.spacing_rad, most_px: PLAIN_BLOCK_PX };
+        let spacing = GridSpacing { most_rad: 1.0, most_px: PLAIN_BLOCK_PX };
         let own = targets.reserve_points(gpu, "plain grids", point_grids(frame.plan, spacing));
         let (mut sky, count) = point_grids(frame.plan, spacing);
         sky.iter_mut().for_each(|grid| grid.first *= 2);
@@ -99,7 +84,7 @@ impl Technique for PlainBlocks {
                 let [veil, air, diffuse, near, rough, sky] = parts.map(|part| first_of(part, number));
                 let [block_columns, block_rows] = viewport.size().map(|side| side.div_ceil(PLAIN_BLOCK_PX));
                 PlainGrid {
-                    first: if plain.spacings_px[number].is_some() { grid.first } else { NO_POINTS },
+                    first: if plain.spacings[number].is_some() { grid.first } else { NO_POINTS },
                     columns: grid.columns,
                     rows: grid.rows,
                     spacing: grid.spacing,
@@ -112,6 +97,7 @@ impl Technique for PlainBlocks {
                     block_rows,
                     rough,
                     sky,
+                    spacing_rad: grid.spacing_rad,
                     ..Default::default()
                 }
             })
@@ -128,12 +114,14 @@ impl Technique for PlainBlocks {
         let tone_map = &plan.display.tone_map;
         let (gather, mark) = (self.gather(gpu), &self.mark(gpu, tone_map));
         let Some(ev100) = plan.exposure.known_ev100 else { unreachable!("plain blocks need a known exposure") };
+        let ground = plan.air.sky.as_ref().and_then(|sky| sky.highest_ground_sine());
         let parameters = layout::PlainParameters {
             air: AirAbove::from_sky(plan.air.sky.as_deref()),
             shown: encode_display(tone_map),
             display_per_cd_m2: (1.0 / white_luminance_cd_m2(ev100)) as f32,
             most_error_codes: plain.most_error_codes as f32,
-            least_sine: least_sine(plan, plain) as f32,
+            // Without ground, the sky above the horizon is mirrored there.
+            ground_sine: ground.unwrap_or(0.0) as f32,
             reads_faint_map: u32::from(plan.smooth_light.map.is_some()),
         };
         let parameters = gpu.frame_uniform("plain parameters", &parameters);

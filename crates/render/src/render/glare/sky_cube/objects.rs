@@ -26,7 +26,7 @@ use crate::{
 };
 
 /// Distance from a source within which its glare is too steep for interpolation, spacings of the grid.
-const SPACINGS_BESIDE: f64 = 3.0;
+const SPACINGS_BESIDE: f32 = 3.0;
 
 /// Chord length of an angle, on the unit sphere.
 fn chord(angle_rad: f64) -> f64 {
@@ -142,10 +142,10 @@ impl SkyCube {
         let Some(held) = held else { unreachable!("the map is made before the veil") };
         let (gpu, plan) = (recording.gpu, recording.frame.plan);
         let frame_buffers = object_frame.insert(ObjectFrame::new(gpu, held, plan));
-        let (Some(grid), Some(plain)) = (recording.targets.near.clone(), &plan.plain_blocks) else { return };
+        let Some(grid) = recording.targets.near.clone() else { return };
         let parameters = layout::NearPointParameters {
             fraction: plan.glare.fraction as f32,
-            beside: chord(SPACINGS_BESIDE * plain.spacing_rad) as f32,
+            spacings_beside: SPACINGS_BESIDE,
             ..Default::default()
         };
         let parameters = gpu.frame_uniform("near point parameters", &parameters);

@@ -6,7 +6,7 @@
 use crate::render::constants::display;
 use crate::{
     plan::settings::{ToneMapOperator, ToneMapSettings},
-    render::display::layout,
+    render::layout,
 };
 
 /// Tone-mapping options compiled into a pipeline, so that unused options cost nothing.
