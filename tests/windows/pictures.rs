@@ -79,7 +79,9 @@ vsync = false
     assert!(show.terminate().success(), "{}", show.log());
     let report = show.out();
     assert_eq!(report.lines().count(), 4, "{report}");
-    assert!(report.contains("again on screen: ") && report.contains("intervals median"), "{report}");
+    // A window that is closed after its first frame has no intervals.
+    let has_intervals = report.contains("intervals median") || report.contains("again on screen: 1 frames");
+    assert!(report.contains("again on screen: ") && has_intervals, "{report}");
     Ok(())
 }
 
