@@ -7,6 +7,10 @@ use std::{
     io::{BufRead, BufReader},
     path::PathBuf,
     process::{Child, Command, Stdio},
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
     time::{Duration, Instant},
 };
 
@@ -144,19 +148,23 @@ async fn round(daemon: &Daemon, arguments: &Arguments, number: u32) -> Result<Ro
     for _ in 0..if number == 0 { 12 } else { 3 } {
         stream.next().await?.ok_or("the stream has ended")?;
     }
+    let ended = Arc::new(AtomicBool::new(false));
+    let has_ended = Arc::clone(&ended);
     let mut watch = Client::connect(&daemon.address).await?.watch_stats(Some(STATS_S)).await?;
     let begin = Instant::now();
     let mut ages_ms = Vec::new();
-    let mut parts_ms = Vec::new();
+    let watching = tokio::spawn(async move {
+        let mut parts_ms = Vec::new();
+        while !has_ended.load(Ordering::Relaxed)
+            && let Ok(Some(stats)) = watch.next().await
+        {
+            parts_ms.extend(parts_of(&stats));
+        }
+        parts_ms
+    });
     let (mut ev100, mut pixels, mut limit) = (0.0, 0, 0.0);
     while begin.elapsed().as_secs_f64() < arguments.seconds {
-        let frame = tokio::select! {
-            frame = timeout(START, stream.next()) => frame??.ok_or("the stream has ended")?,
-            stats = watch.next() => {
-                parts_ms.extend(stats?.as_ref().and_then(parts_of));
-                continue;
-            }
-        };
+        let frame = timeout(START, stream.next()).await??.ok_or("the stream has ended")?;
         ages_ms.push(frame.pose_time.elapsed()?.as_secs_f64() * 1e3);
         ev100 = frame.exposure_ev100;
         limit = frame.limiting_magnitude.unwrap_or(f64::NAN);
@@ -164,6 +172,8 @@ async fn round(daemon: &Daemon, arguments: &Arguments, number: u32) -> Result<Ro
     }
     let frames_per_s = ages_ms.len() as f64 / begin.elapsed().as_secs_f64();
     steer.abort();
+    ended.store(true, Ordering::Relaxed);
+    let parts_ms = watching.await?;
     Ok(Round { frames_per_s, age_ms: median(ages_ms), ev100, pixels, limit, parts_ms })
 }
 

@@ -60,7 +60,11 @@ fn plain_blocks(plan: &Plan, display_codes: f64) -> Option<PlainBlocksPlan> {
     let spacings = plain_spacings(&plan.views.viewports)?;
     let has_veil_if_any = plan.glare.method == GlareMethod::None || plan.glare.in_sums.is_some();
     let mut tiles = plan.views.batches.iter().flat_map(|batch| &batch.tiles);
-    let is_possible = plan.display.resolves_to_display
+    // Measured with llvmpipe (docs/benchmarks.md): in flat views of space, marking the blocks takes longer than what it saves.
+    let is_round = |viewport: &Viewport| matches!(viewport.projection, Projection::Fisheye(_));
+    let pays = plan.air.sky.is_some() || plan.views.viewports.iter().any(is_round);
+    let is_possible = pays
+        && plan.display.resolves_to_display
         && has_veil_if_any
         && plan.views.motion.is_none()
         && tiles.all(|tile| tile.first_row.is_multiple_of(PLAIN_BLOCK_PX));
