@@ -54,8 +54,8 @@ pub struct Forecast {
     /// Whether frames with display images only may include the veil of single sources in their sums of light: see
     /// [`super::GlarePlan::in_sums`].
     pub may_have_veil_in_sums: bool,
-    /// Whether display images may have plain blocks.
-    pub may_have_plain: bool,
+    /// Whether frames with display images only may have plain blocks, and whether they may have none.
+    has_plain: (bool, bool),
     /// Whether a frame may be drawn before its exposure is known.
     pub may_be_metered: bool,
     /// Whether asteroids are culled on the adapter.
@@ -65,17 +65,28 @@ pub struct Forecast {
 impl Forecast {
     /// Properties of frames of these objects in these viewports.
     pub fn new(settings: &RenderSettings, objects: &SceneObjects, viewports: &[Viewport], limits: &Limits) -> Self {
+        let spacings = plain_spacings(viewports, objects.surroundings.is_some());
+        let is_possible = limits.fuses_display && draws_outputs_apart(settings, objects, viewports);
+        let has_plain =
+            (is_possible && spacings.iter().any(Option::is_some), !is_possible || spacings.iter().any(Option::is_none));
         Self {
             limits: *limits,
             methods: Methods::new(settings),
             tone_map: settings.tone_map,
             draws_outputs_apart: draws_outputs_apart(settings, objects, viewports),
             may_have_veil_in_sums: may_have_veil_in_sums(settings, objects, viewports),
-            may_have_plain: limits.fuses_display
-                && draws_outputs_apart(settings, objects, viewports)
-                && plain_spacings(viewports).is_some(),
+            has_plain,
             may_be_metered: settings.exposure.is_metered(),
             culls_on_gpu: settings.asteroids.culling == Culling::Gpu,
+        }
+    }
+
+    /// For each kind of frame with display images only, whether it has plain blocks: frames of some of the views may have none.
+    pub fn plain_forms(&self) -> &'static [bool] {
+        match self.has_plain {
+            (true, true) => &[true, false],
+            (true, false) => &[true],
+            _ => &[false],
         }
     }
 

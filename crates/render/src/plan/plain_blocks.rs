@@ -20,6 +20,7 @@ const LEAST_SPACING_PX: u32 = 4;
 const MOST_RAD: f64 = 0.0246;
 /// Error of the interpolated light that a block may have, as a fraction of the budget of display images.
 const SHARE_OF_BUDGET: f64 = 0.5;
+
 /// Distance between the points of a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlainSpacing {
@@ -32,7 +33,8 @@ pub struct PlainSpacing {
 /// Plain blocks of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlainBlocksPlan {
-    /// Spacing of the grid of each viewport; `None`: the picture has no plain blocks, because of its projection or its wide pixels.
+    /// Spacing of the grid of each viewport; `None`: the picture has no plain blocks, because of its projection or its wide pixels, or because they
+    /// would not save time.
     pub spacings: Vec<Option<PlainSpacing>>,
     /// Greatest error of the interpolated light, codes of 8 bits.
     pub most_error_codes: f64,
@@ -41,29 +43,31 @@ pub struct PlainBlocksPlan {
 /// Plans [`PlainBlocksPlan`].
 pub(super) struct PlainBlocks;
 
-/// Spacings of the grids of viewports: see [`PlainBlocksPlan::spacings`]. `None`: no picture has plain blocks.
-pub(super) fn plain_spacings(viewports: &[Viewport]) -> Option<Vec<Option<PlainSpacing>>> {
+/// Spacings of the grids of viewports, in air or in space: see [`PlainBlocksPlan::spacings`].
+pub(super) fn plain_spacings(viewports: &[Viewport], is_in_air: bool) -> Vec<Option<PlainSpacing>> {
+    let are_smooth = are_smooth(viewports);
     let spacing = GridSpacing { most_rad: MOST_RAD, most_px: PLAIN_BLOCK_PX };
     let of_viewport = |viewport: &Viewport| {
-        let has_mapping = matches!(viewport.projection, Projection::Perspective(_) | Projection::Fisheye(_));
+        // Measured with llvmpipe (docs/benchmarks.md): in flat views of space, marking the blocks takes longer than what it saves.
+        let pays = match viewport.projection {
+            Projection::Perspective(_) => is_in_air,
+            Projection::Fisheye(_) => true,
+            _ => false,
+        };
         let px = spacing.in_viewport(viewport);
         let rad = f64::from(px) * widest_pixel_rad(viewport);
-        (has_mapping && px >= LEAST_SPACING_PX).then_some(PlainSpacing { px, rad })
+        (are_smooth && pays && px >= LEAST_SPACING_PX).then_some(PlainSpacing { px, rad })
     };
-    let spacings: Vec<_> = viewports.iter().map(of_viewport).collect();
-    (are_smooth(viewports) && spacings.iter().any(Option::is_some)).then_some(spacings)
+    viewports.iter().map(of_viewport).collect()
 }
 
 /// Plain blocks for a plan; `None`: its pictures are computed pixel by pixel.
 fn plain_blocks(plan: &Plan, display_codes: f64) -> Option<PlainBlocksPlan> {
     plan.display.step_cd_m2?;
-    let spacings = plain_spacings(&plan.views.viewports)?;
+    let spacings = plain_spacings(&plan.views.viewports, plan.air.sky.is_some());
     let has_veil_if_any = plan.glare.method == GlareMethod::None || plan.glare.in_sums.is_some();
     let mut tiles = plan.views.batches.iter().flat_map(|batch| &batch.tiles);
-    // Measured with llvmpipe (docs/benchmarks.md): in flat views of space, marking the blocks takes longer than what it saves.
-    let is_round = |viewport: &Viewport| matches!(viewport.projection, Projection::Fisheye(_));
-    let pays = plan.air.sky.is_some() || plan.views.viewports.iter().any(is_round);
-    let is_possible = pays
+    let is_possible = spacings.iter().any(Option::is_some)
         && plan.display.resolves_to_display
         && has_veil_if_any
         && plan.views.motion.is_none()

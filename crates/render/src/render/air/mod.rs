@@ -80,15 +80,15 @@ impl Technique for Air {
         let has_landscape = surroundings.ground.as_ref().is_some_and(|ground| ground.landscape.is_some());
         let mut jobs = Vec::new();
         let has_budget = wish.forecast.draws_outputs_apart;
-        let mut add = |from_grid| {
-            let form = Form { has_landscape, from_grid, has_plain: from_grid && wish.forecast.may_have_plain };
+        let mut add = |from_grid, has_plain| {
+            let form = Form { has_landscape, from_grid, has_plain };
             jobs.push(PipelineJob::new("air and ground", move || self.pass.pipeline(gpu, form)));
         };
         if !has_budget || wish.made.hdr || wish.made.hdr_stays {
-            add(false);
+            add(false, false);
         }
         if has_budget {
-            add(true);
+            wish.forecast.plain_forms().iter().for_each(|&has_plain| add(true, has_plain));
             jobs.push(PipelineJob::new("light of the sky", move || {
                 self.pass.points_pipeline(gpu);
             }));

@@ -224,11 +224,13 @@ impl Technique for Bodies {
             return Vec::new();
         }
         // In a scene with asteroid fields, pictures that no field reaches are drawn without layers.
-        let has_plain = wish.forecast.may_have_plain;
-        let form = move |has_layers| RayForm { has_layers, has_plain: has_plain && !has_layers };
-        let mut jobs = vec![PipelineJob::new("bodies", move || self.rays(gpu).pipeline(gpu, form(false)))];
+        let form = |has_plain| RayForm { has_layers: false, has_plain };
+        let job = |has_plain| PipelineJob::new("bodies", move || self.rays(gpu).pipeline(gpu, form(has_plain)));
+        let mut jobs: Vec<_> = wish.forecast.plain_forms().iter().copied().map(job).collect();
         if !objects.fields.is_empty() {
-            jobs.push(PipelineJob::new("bodies and asteroids", move || self.rays(gpu).pipeline(gpu, form(true))));
+            jobs.push(PipelineJob::new("bodies and asteroids", move || {
+                self.rays(gpu).pipeline(gpu, RayForm { has_layers: true, has_plain: false })
+            }));
         }
         jobs.push(PipelineJob::new("points of light", move || {
             self.points(gpu);

@@ -188,11 +188,14 @@ impl Technique for Display {
                 geometry: !objects.is_empty(),
                 air: objects.surroundings.as_ref().is_some_and(|around| around.air.is_some()),
                 veil,
-                plain: forecast.may_have_plain && veil && resolves_to_display,
                 ..ResolveOutputs::new(hdr_made, resolves_to_display && display)
             };
-            if forecast.methods.adds_up() && !resolves.contains(&outputs) {
-                resolves.push(outputs);
+            let is_within_budget = resolves_to_display && hdr_made == HdrImage::None;
+            for &plain in if is_within_budget { forecast.plain_forms() } else { &[false] } {
+                let outputs = ResolveOutputs { plain, ..outputs };
+                if forecast.methods.adds_up() && !resolves.contains(&outputs) {
+                    resolves.push(outputs);
+                }
             }
             maps_tones |= display && !resolves_to_display;
         }

@@ -55,7 +55,7 @@ impl Technique for PlainBlocks {
                 self.mark(gpu, tone_map)
             })
         };
-        wish.forecast.may_have_plain.then(job).into_iter().collect()
+        wish.forecast.plain_forms().contains(&true).then(job).into_iter().collect()
     }
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {

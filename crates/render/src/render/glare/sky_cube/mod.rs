@@ -141,7 +141,7 @@ impl SkyCube {
         let gpu = wish.gpu;
         let variant = Variant::new(&wish.forecast.methods.glare_map, wish.viewports);
         let in_sums = wish.forecast.may_have_veil_in_sums;
-        let may_have_plain = wish.forecast.may_have_plain;
+        let plain_forms = wish.forecast.plain_forms();
         let mut jobs = Vec::new();
         // The jobs that take longest come first.
         if !in_sums || wish.made.hdr || wish.made.hdr_stays {
@@ -155,8 +155,10 @@ impl SkyCube {
                 self.veil.get_or_init(VeilPasses::new).pipelines(gpu, variant.tabulated);
             }));
             if !wish.objects.is_empty() {
-                jobs.push(PipelineJob::new("glare of bodies", move || {
-                    objects::pipeline(&self.objects, gpu, variant, may_have_plain)
+                jobs.extend(plain_forms.iter().map(|&has_plain| {
+                    PipelineJob::new("glare of bodies", move || {
+                        objects::pipeline(&self.objects, gpu, variant, has_plain)
+                    })
                 }));
                 jobs.push(PipelineJob::new("points of the glare of bodies", move || {
                     objects::points_pipeline(&self.near_points, gpu, variant.tabulated)
