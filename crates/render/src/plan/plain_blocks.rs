@@ -72,7 +72,7 @@ fn plain_blocks(plan: &Plan, display_codes: f64) -> Option<PlainBlocksPlan> {
         && has_veil_if_any
         && plan.views.motion.is_none()
         && tiles.all(|tile| tile.first_row.is_multiple_of(PLAIN_BLOCK_PX));
-    is_possible.then(|| PlainBlocksPlan { spacings, most_error_codes: SHARE_OF_BUDGET * display_codes })
+    is_possible.then_some(PlainBlocksPlan { spacings, most_error_codes: SHARE_OF_BUDGET * display_codes })
 }
 
 impl Technique for PlainBlocks {
