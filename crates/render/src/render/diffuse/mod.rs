@@ -98,14 +98,10 @@ impl Technique for Diffuse {
             self.held = skies.into_iter().map(Arc::downgrade).collect();
         }
         if let Some(texels) = self.texels.held() {
-            let smooth = diffuse.step_cd_m2.map(|_| {
-                let grids = points::grids(frame.plan, diffuse.sky.as_deref());
-                targets.reserve_points(gpu, "diffuse grids", grids)
-            });
-            let rough = (smooth.is_some() && frame.plan.plain_blocks.is_some() && diffuse.sky.is_some()).then(|| {
-                let grids = points::grids(frame.plan, diffuse.sky.as_deref());
-                targets.reserve_points(gpu, "grids of rough light", grids)
-            });
+            let grids = diffuse.step_cd_m2.map(|_| points::grids(frame.plan, diffuse.sky.as_deref()));
+            let rough_grids = grids.clone().filter(|_| frame.plan.plain_blocks.is_some() && diffuse.sky.is_some());
+            let smooth = grids.map(|grids| targets.reserve_points(gpu, "diffuse grids", grids));
+            let rough = rough_grids.map(|grids| targets.reserve_points(gpu, "grids of rough light", grids));
             targets.diffuse =
                 Some(DiffuseTexels { light: encode(diffuse, frame.plan), texels: texels.clone(), smooth, rough });
         }

@@ -115,6 +115,13 @@ pub(super) struct SkyCube {
     lists: GrowingBuffer,
 }
 
+/// The map of frames whose veil is in the sums, of a series.
+fn held_in_sums(held: &[[Option<Held>; 2]], series: Series) -> &Held {
+    let held = held.get(series.slot).and_then(|[_, in_sums]| in_sums.as_ref());
+    let Some(held) = held else { unreachable!("the map is made before the veil") };
+    held
+}
+
 fn pixel_class(viewport: &Viewport) -> f64 {
     pixel_class_rad(viewport.projection.middle_pixel_rad())
 }

@@ -5,7 +5,7 @@
 
 use std::f64::consts::PI;
 
-use super::{SkyCube, map::Held, record::Variant};
+use super::{SkyCube, held_in_sums, map::Held, record::Variant};
 use crate::plan::stars::cull::MAX_VIEWPORTS;
 use crate::{
     gpu::{Gpu, Variants, bind_in_order},
@@ -138,8 +138,7 @@ impl SkyCube {
     /// Records the glare of bodies at the points of the grids of plain blocks.
     pub(super) fn record_near_points(&mut self, recording: &mut Recording<'_>) {
         let Self { near_points, held, object_frame, .. } = self;
-        let held = held.get(recording.frame.series.slot).and_then(|[_, in_sums]| in_sums.as_ref());
-        let Some(held) = held else { unreachable!("the map is made before the veil") };
+        let held = held_in_sums(held, recording.frame.series);
         let (gpu, plan) = (recording.gpu, recording.frame.plan);
         let frame_buffers = object_frame.insert(ObjectFrame::new(gpu, held, plan));
         let Some(grid) = recording.targets.near.clone() else { return };
@@ -173,13 +172,11 @@ impl SkyCube {
     pub(super) fn record_objects(&mut self, recording: &mut Recording<'_>, number: usize) {
         let Some(geometry) = recording.targets.batches[number].geometry.clone() else { return };
         let Self { objects, held, object_frame, .. } = self;
-        let held = held.get(recording.frame.series.slot).and_then(|[_, in_sums]| in_sums.as_ref());
-        let Some(held) = held else { unreachable!("the map is made before the veil") };
+        let held = held_in_sums(held, recording.frame.series);
         let (gpu, plan) = (recording.gpu, recording.frame.plan);
         let Some(frame_buffers) = object_frame.as_ref() else { unreachable!("points are recorded before surfaces") };
         let variant = Variant::new(&plan.glare.map, &plan.views.all_viewports);
-        let plain = recording.targets.plain.clone();
-        let pipeline = pipeline(objects, gpu, variant, plain.is_some());
+        let pipeline = pipeline(objects, gpu, variant, recording.targets.plain.is_some());
         let fraction = plan.glare.fraction as f32;
         let parameters = layout::ObjectGlareParameters { fraction, ..Default::default() };
         let parameters = gpu.frame_uniform("object glare parameters", &parameters);

@@ -11,7 +11,7 @@
 use std::f64::consts::PI;
 
 use super::{
-    SkyCube,
+    SkyCube, held_in_sums,
     map::Held,
     objects::{has_sources, points_of},
 };
@@ -120,8 +120,7 @@ impl SkyCube {
     /// Records the smooth part of all pictures.
     pub(super) fn record_veil_points(&mut self, recording: &mut Recording<'_>) {
         let Self { veil, held, veil_frame, .. } = self;
-        let held = held.get(recording.frame.series.slot).and_then(|[_, in_sums]| in_sums.as_ref());
-        let Some(held) = held else { unreachable!("the map is made before the veil") };
+        let held = held_in_sums(held, recording.frame.series);
         let gpu = recording.gpu;
         let [points, _] = veil.get_or_init(VeilPasses::new).pipelines(gpu, held.inverse_square.is_none());
         let frame = veil_frame.insert(VeilFrame::new(gpu, held, recording));
@@ -132,8 +131,7 @@ impl SkyCube {
     /// Records the veil of single sources into the sums of a batch.
     pub(super) fn record_veil(&mut self, recording: &mut Recording<'_>, number: usize) {
         let Self { veil, held, veil_frame, .. } = self;
-        let held = held.get(recording.frame.series.slot).and_then(|[_, in_sums]| in_sums.as_ref());
-        let Some(held) = held else { unreachable!("the map is made before the veil") };
+        let held = held_in_sums(held, recording.frame.series);
         let gpu = recording.gpu;
         let [_, splat] = veil.get_or_init(VeilPasses::new).pipelines(gpu, held.inverse_square.is_none());
         let Some(frame) = veil_frame.as_ref() else { unreachable!("points are recorded before the sums") };
