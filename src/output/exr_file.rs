@@ -44,9 +44,10 @@ pub(super) fn exr_of(
         channels.push(("alpha", FlatSamples::F32(blend.weights().iter().map(|[alpha, _]| *alpha).collect())));
     }
     let channels = channels.into_iter().map(|(name, samples)| AnyChannel::new(Text::from(name), samples));
-    // Write blocks in order of their rows, and no attribute with a time or a place.
+    // Write blocks in order of their rows, and no attribute with a time or a place. Run lengths: deflate needs 20 times as long for light with
+    // stars, and makes files smaller by a tenth only.
     let encoding = Encoding {
-        compression: exr::prelude::Compression::ZIP16,
+        compression: exr::prelude::Compression::RLE,
         blocks: exr::prelude::Blocks::ScanLines,
         line_order: exr::prelude::LineOrder::Increasing,
     };
