@@ -150,6 +150,8 @@ shared_constants! {
         PYRAMID_SIDE: u32 = 8;
         /// Passes over the points of a glare map.
         MAP_SIDE: u32 = 8;
+        /// Invocations along a column of points of a glare map, for four points each.
+        MAP_ROWS: u32 = 2;
         /// Pass over the points of a veil.
         VEIL_SIDE: u32 = 8;
         /// Squares in a row for which one workgroup finds sprites.

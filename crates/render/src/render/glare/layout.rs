@@ -30,14 +30,23 @@ gpu_structs! {
         coarser_cells: u32,
         /// Squared chord at which the kernel ends.
         end_squared: f32,
-        /// Sine of the angle at which the kernel ends; 2: the kernel covers the whole sphere.
-        end_sine: f32,
+        /// Sine of the angle from the centre of a workgroup's points beyond which the kernel has ended for all of them; 2: no such angle.
+        group_end_sine: f32,
         /// Entries of the table per unit of a squared chord.
         entries: f32,
-        /// 1 over the squared radius of bumps; 0: there are none.
-        bump_inverse: f32,
         unused_0: u32,
         unused_1: u32,
+        unused_2: u32,
+    }
+    /// Parameters of adding bumps to the finest level of the glare map.
+    struct GlareBumpParameters {
+        /// Cells along an edge of a face.
+        edge_cells: u32,
+        /// 1 over the squared radius of a bump.
+        inverse_squared: f32,
+        /// Sine of the angle from the centre of a workgroup's points beyond which no bump reaches any of them; 2: no such angle.
+        group_end_sine: f32,
+        unused_0: u32,
     }
     /// Parameters of sharpening a level of the glare map.
     struct GlareSharpenParameters {

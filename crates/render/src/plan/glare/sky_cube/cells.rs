@@ -66,9 +66,55 @@ struct Moments {
 }
 
 impl Moments {
+    fn of(source: &Source) -> Self {
+        Self { light: source.light, place: source.direction * source.illuminance_lx }
+    }
+
     fn add(&mut self, other: &Self) {
         (0..3).for_each(|c| self.light[c] += other.light[c]);
         self.place += other.place;
+    }
+}
+
+/// All stars of the sky, binned.
+pub(super) struct Gathered {
+    /// Cells of all stars except the near ones.
+    pub cells: Vec<Cell>,
+    /// The brightest of the near stars.
+    pub near: Vec<NearStar>,
+    /// All stars except the near ones, by brightness.
+    pub brightnesses: Option<Brightnesses>,
+}
+
+/// Stars of some chunks, binned.
+struct Group {
+    sums: Vec<Moments>,
+    near: Vec<NearStar>,
+    brightnesses: Option<Brightnesses>,
+}
+
+impl Group {
+    fn new(cells: u32, counts_brightnesses: bool) -> Self {
+        Self {
+            sums: vec![Moments::default(); 6 * cells as usize * cells as usize],
+            near: Vec::new(),
+            brightnesses: counts_brightnesses.then(Brightnesses::default),
+        }
+    }
+
+    fn add(&mut self, source: &Source, cells: u32) {
+        self.sums[cell_of(source.direction, cells)].add(&Moments::of(source));
+        if let Some(brightnesses) = &mut self.brightnesses {
+            brightnesses.add(source);
+        }
+    }
+
+    fn add_all(&mut self, other: Self) {
+        self.sums.iter_mut().zip(&other.sums).for_each(|(sum, part)| sum.add(part));
+        self.near.extend(other.near);
+        if let (Some(sums), Some(parts)) = (&mut self.brightnesses, &other.brightnesses) {
+            sums.add_all(parts);
+        }
     }
 }
 
@@ -93,71 +139,53 @@ impl Sky<'_> {
         !self.set.chunks[visible.chunk].at_infinity && place_pc.length_squared() < self.near_pc * self.near_pc
     }
 
-    fn source(&self, place_pc: DVec3, star: &PackedStar) -> Option<Source> {
+    /// A star whose illuminance at the camera is at least `least_lx`.
+    fn source(&self, place_pc: DVec3, star: &PackedStar, least_lx: f64) -> Option<Source> {
+        // The air only dims stars: faint ones need no refraction.
+        if light_at(place_pc, star, self.motion) < least_lx {
+            return None;
+        }
         Source::at_position(place_pc, star, self.motion, self.local_sky)
-            .filter(|source| source.illuminance_lx >= self.faintest_lx)
+            .filter(|source| source.illuminance_lx >= least_lx)
     }
 
-    /// Cells of all stars except the near ones, and the near stars.
-    pub(super) fn gather(&self, cells: u32) -> (Vec<Cell>, Vec<NearStar>) {
+    /// All stars in cells with `cells` along an edge of a face. `counts_brightnesses`: also by brightness.
+    pub(super) fn gather(&self, cells: u32, counts_brightnesses: bool) -> Gathered {
         let per_group = self.visible.len().div_ceil(MOST_GROUPS).max(GROUP_CHUNKS);
-        let groups: Vec<_> = self
+        let groups: Vec<Group> = self
             .visible
             .par_chunks(per_group)
             .map(|chunks| {
-                let mut sums = vec![Moments::default(); 6 * cells as usize * cells as usize];
-                let mut near = Vec::new();
+                let mut group = Group::new(cells, counts_brightnesses);
                 for visible in chunks {
                     for (place_pc, star) in self.stars(visible) {
                         if self.is_near(visible, place_pc) {
-                            near.push(NearStar { place_pc, star: *star });
-                        } else if let Some(Source { direction, illuminance_lx, light }) = self.source(place_pc, star) {
-                            sums[cell_of(direction, cells)].add(&Moments { light, place: direction * illuminance_lx });
+                            group.near.push(NearStar { place_pc, star: *star });
+                        } else if let Some(source) = self.source(place_pc, star, self.faintest_lx) {
+                            group.add(&source, cells);
                         }
                     }
                 }
-                (sums, near)
+                group
             })
             .collect();
-        let mut sums = vec![Moments::default(); 6 * cells as usize * cells as usize];
-        let mut near = Vec::new();
-        for (of_group, near_of_group) in groups {
-            sums.iter_mut().zip(&of_group).for_each(|(sum, part)| sum.add(part));
-            near.extend(near_of_group);
-        }
+        let mut whole = Group::new(cells, counts_brightnesses);
+        groups.into_iter().for_each(|group| whole.add_all(group));
+        let Group { mut sums, mut near, brightnesses } = whole;
         let light = |near: &NearStar| light_at(near.place_pc, &near.star, self.motion);
         // The sort is stable: the same order for the same stars.
         near.sort_by(|a, b| light(b).total_cmp(&light(a)));
         for NearStar { place_pc, star } in near.drain(near.len().min(MOST_NEAR)..) {
-            if let Some(Source { direction, illuminance_lx, light }) = self.source(place_pc, &star) {
-                sums[cell_of(direction, cells)].add(&Moments { light, place: direction * illuminance_lx });
+            if let Some(source) = self.source(place_pc, &star, self.faintest_lx) {
+                sums[cell_of(source.direction, cells)].add(&Moments::of(&source));
             }
         }
-        (finished(&sums, cells), near)
-    }
-
-    /// Brightness of all stars except the near ones.
-    pub(super) fn brightnesses(&self) -> Brightnesses {
-        let per_group = self.visible.len().div_ceil(MOST_GROUPS).max(GROUP_CHUNKS);
-        let of_group = |chunks: &[VisibleChunk]| {
-            let mut sums = Brightnesses::default();
-            for visible in chunks {
-                let far = self.stars(visible).filter(|(place_pc, _)| !self.is_near(visible, *place_pc));
-                far.filter_map(|(place_pc, star)| self.source(place_pc, star)).for_each(|source| sums.add(&source));
-            }
-            sums
-        };
-        let groups: Vec<Brightnesses> = self.visible.par_chunks(per_group).map(of_group).collect();
-        let add = |mut sums: Brightnesses, part: Brightnesses| {
-            sums.add_all(&part);
-            sums
-        };
-        groups.into_iter().reduce(add).unwrap_or_default()
+        Gathered { cells: finished(&sums, cells), near, brightnesses }
     }
 
     /// Sources that are drawn individually.
     pub(super) fn sprites(&self, reach: &Reach, veil: &Veil) -> Vec<Sprite> {
-        let least_lx = reach.least_lx(veil.least_hidden());
+        let least_lx = reach.least_lx(veil.least_hidden()).max(self.faintest_lx);
         self.visible
             .par_iter()
             .filter(|visible| visible.brightest_lx >= least_lx)
@@ -166,7 +194,7 @@ impl Sky<'_> {
                     if self.is_near(visible, place_pc) {
                         return None;
                     }
-                    let source = self.source(place_pc, star).filter(|source| source.illuminance_lx >= least_lx)?;
+                    let source = self.source(place_pc, star, least_lx)?;
                     reach.sprite(&source, veil.hidden_at(source.direction))
                 })
             })

@@ -189,7 +189,8 @@ impl SkyCubePlan {
         let near_pc = settings.farthest_eye_pc / SHARED_PARALLAX_RAD;
         let local_sky = settings.local_sky.as_deref();
         let sky = cells::Sky { set, visible: &visible, motion, local_sky, faintest_lx, near_pc };
-        let (finest, near) = sky.gather(FINEST_CELLS);
+        let is_exact = settings.least_cd_m2 == 0.0;
+        let cells::Gathered { cells: finest, near, brightnesses } = sky.gather(FINEST_CELLS, is_exact);
         // Levels of the map, and the veil that hides individual sources.
         let levels = levels::of_kernel(kernel, finest);
         let soft = SoftCore::new(kernel, smooth_angle_rad(0));
@@ -197,9 +198,9 @@ impl SkyCubePlan {
         let mut veil = sprites::Veil::new(kernel, &levels[LEVELS - 1].cells, hidden);
         let finest = settings.pixel_classes_rad.first().map(|pixel| ShownCore::new(kernel, shown_rad(*pixel)));
         let reach = sprites::Reach::new(kernel, finest.as_ref(), smooth_angle_rad(0));
-        // Individual sources are visible from a fraction of the display's budget.
-        if settings.least_cd_m2 == 0.0 {
-            veil.hide_less(settings.tolerance, &reach, &sky.brightnesses());
+        // In a display image, sources are visible individually from a fraction of its budget; in an exact one, less is hidden.
+        if let Some(brightnesses) = &brightnesses {
+            veil.hide_less(settings.tolerance, &reach, brightnesses);
         }
         // Sources that are drawn individually. In each class of pixels, bumps contain the light near the other sources.
         let sprites = sky.sprites(&reach, &veil);

@@ -87,8 +87,9 @@ impl Held {
 /// Passes of a level.
 pub(super) struct MapPasses {
     gather: wgpu::ComputePipeline,
+    bumps: wgpu::ComputePipeline,
     sharpen: wgpu::ComputePipeline,
-    /// Placeholder for a missing coarser level or missing bumps.
+    /// Placeholder for a missing coarser level.
     nothing: wgpu::Buffer,
 }
 
@@ -104,6 +105,30 @@ struct LevelBuffers {
 /// Number of points of a finished map.
 pub(super) fn map_points(edge_cells: u32) -> u32 {
     6 * (edge_cells + RIM) * (edge_cells + RIM)
+}
+
+/// Largest angle between the centre of a workgroup's points and one of them. In the plane of a face the distance is at least that.
+fn group_radius_rad(edge_cells: u32) -> f64 {
+    let half_diagonal_cells = f64::from(MAP_SIDE - 1) * std::f64::consts::FRAC_1_SQRT_2;
+    half_diagonal_cells * 2.0 / f64::from(edge_cells)
+}
+
+/// Number of points that a level gathers light for.
+fn gathered_points(edge_cells: u32) -> u32 {
+    6 * (edge_cells + 2 * RIM) * (edge_cells + 2 * RIM)
+}
+
+/// Dispatches a pass over the points of all faces, `groups` by `groups` workgroups each.
+fn dispatch(
+    gpu: &Gpu,
+    pass: &mut wgpu::ComputePass<'_>,
+    pipeline: &wgpu::ComputePipeline,
+    buffers: &[(u32, wgpu::BindingResource<'_>)],
+    groups: u32,
+) {
+    pass.set_pipeline(pipeline);
+    pass.set_bind_group(0, &gpu.bind_once(LayoutOf::Compute(pipeline, 0), buffers), &[]);
+    pass.dispatch_workgroups(groups, groups, 6);
 }
 
 impl LevelBuffers {
@@ -128,55 +153,50 @@ impl LevelBuffers {
     }
 }
 
-/// Bumps of the finest level: light of each, and square of their radius.
-struct Bumps<'a> {
-    light: &'a wgpu::Buffer,
-    squared: f64,
+/// Sine of the angle from the centre of a workgroup's points beyond which no source with a kernel that ends at `end_squared`, the square of a
+/// chord, reaches any of them; 2: there is no such angle.
+fn group_end_sine(edge_cells: u32, end_squared: f64) -> f32 {
+    let angle = angle_of_chord_squared(end_squared) + group_radius_rad(edge_cells);
+    if angle >= std::f64::consts::FRAC_PI_2 { 2.0 } else { angle.sin() as f32 }
 }
 
-/// Light that a level is added to.
-struct Below<'a> {
-    /// The coarser level, and its number of cells along an edge.
-    coarser: Option<(&'a wgpu::Buffer, u32)>,
-    bumps: Option<Bumps<'a>>,
+/// Creates a buffer of points.
+fn points_buffer(gpu: &Gpu, label: &str, points: u32) -> wgpu::Buffer {
+    gpu.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size: 16 * u64::from(points),
+        usage: wgpu::BufferUsages::STORAGE,
+        mapped_at_creation: false,
+    })
 }
 
 impl MapPasses {
     pub(super) fn new(gpu: &Gpu) -> Self {
+        let pipeline = |name| gpu.compute_pipeline(&Shader::new(name).source());
         Self {
-            gather: gpu.compute_pipeline(&Shader::new("glare/sky_cube/map_gather").source()),
-            sharpen: gpu.compute_pipeline(&Shader::new("glare/sky_cube/map_sharpen").source()),
+            gather: pipeline("glare/sky_cube/map_gather"),
+            bumps: pipeline("glare/sky_cube/map_bumps"),
+            sharpen: pipeline("glare/sky_cube/map_sharpen"),
             nothing: gpu::storage_buffer(gpu, "nothing", &[[0.0_f32; 4]]),
         }
     }
 
-    /// Records a level that is added to the light below. It is written to `map` from `first_point` on.
-    fn level(
+    /// Records the sum of the light that the cells of a level scatter towards each of its points, and of the coarser level. `coarser`: its
+    /// sharpened points, and its number of cells along an edge.
+    fn gather(
         &self,
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
         level: &LevelBuffers,
-        below: &Below<'_>,
-        (map, first_point): (&wgpu::Buffer, u32),
-    ) {
-        // Gather the light of the cells at every point.
-        let Below { coarser, bumps } = below;
-        let wide = level.edge_cells + 2 * RIM;
-        let scattered = gpu.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("glare level"),
-            size: 16 * 6 * u64::from(wide) * u64::from(wide),
-            usage: wgpu::BufferUsages::STORAGE,
-            mapped_at_creation: false,
-        });
-        let end_angle = angle_of_chord_squared(level.end_squared);
-        let reaches_all = end_angle >= std::f64::consts::FRAC_PI_2;
+        coarser: Option<(&wgpu::Buffer, u32)>,
+    ) -> wgpu::Buffer {
+        let scattered = points_buffer(gpu, "glare level", gathered_points(level.edge_cells));
         let parameters = layout::GlareLevelParameters {
             edge_cells: level.edge_cells,
             coarser_cells: coarser.map_or(0, |(_, edge_cells)| edge_cells),
             end_squared: level.end_squared as f32,
-            end_sine: if reaches_all { 2.0 } else { end_angle.sin() as f32 },
+            group_end_sine: group_end_sine(level.edge_cells, level.end_squared),
             entries: ((level.entries - 1) as f64 / level.end_squared) as f32,
-            bump_inverse: bumps.as_ref().map_or(0.0, |bumps| (1.0 / bumps.squared) as f32),
             ..Default::default()
         };
         let parameters = gpu::uniform_buffer(gpu, "glare level parameters", &parameters);
@@ -184,25 +204,59 @@ impl MapPasses {
             (0, parameters.as_entire_binding()),
             (1, level.cells.as_entire_binding()),
             (2, level.table.as_entire_binding()),
-            (3, bumps.as_ref().map_or(&self.nothing, |bumps| bumps.light).as_entire_binding()),
-            (4, coarser.map_or(&self.nothing, |(map, _)| map).as_entire_binding()),
-            (5, scattered.as_entire_binding()),
+            (3, coarser.map_or(&self.nothing, |(map, _)| map).as_entire_binding()),
+            (4, scattered.as_entire_binding()),
         ];
-        pass.set_pipeline(&self.gather);
-        pass.set_bind_group(0, &gpu.bind_once(LayoutOf::Compute(&self.gather, 0), &buffers), &[]);
-        let groups = wide.div_ceil(MAP_SIDE);
-        pass.dispatch_workgroups(groups, groups, 6);
+        let groups = (level.edge_cells + 2 * RIM).div_ceil(MAP_SIDE);
+        dispatch(gpu, pass, &self.gather, &buffers, groups);
+        scattered
+    }
 
-        // Sharpen the result and write it to the map.
-        let parameters =
-            layout::GlareSharpenParameters { edge_cells: level.edge_cells, first_point, ..Default::default() };
+    /// Records the sum of the points of a level and of bumps around its cells. `light`: of each bump; `squared`: square of their radius.
+    fn add_bumps(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        level: &LevelBuffers,
+        scattered: &wgpu::Buffer,
+        (light, squared): (&[[f64; 3]], f64),
+    ) -> wgpu::Buffer {
+        let light: Vec<[f32; 4]> = light.iter().map(|c| [c[0] as f32, c[1] as f32, c[2] as f32, 0.0]).collect();
+        let light = storage_buffer(gpu, "glare bumps", &light);
+        let with_bumps = points_buffer(gpu, "glare level with bumps", gathered_points(level.edge_cells));
+        let parameters = layout::GlareBumpParameters {
+            edge_cells: level.edge_cells,
+            inverse_squared: (1.0 / squared) as f32,
+            group_end_sine: group_end_sine(level.edge_cells, squared),
+            ..Default::default()
+        };
+        let parameters = gpu::uniform_buffer(gpu, "glare bump parameters", &parameters);
+        let buffers = [
+            (0, parameters.as_entire_binding()),
+            (1, level.cells.as_entire_binding()),
+            (2, light.as_entire_binding()),
+            (3, scattered.as_entire_binding()),
+            (4, with_bumps.as_entire_binding()),
+        ];
+        let groups = (level.edge_cells + 2 * RIM).div_ceil(MAP_SIDE);
+        dispatch(gpu, pass, &self.bumps, &buffers, groups);
+        with_bumps
+    }
+
+    /// Records the sharpening of the points of a level. They are written to `map` from `first_point` on.
+    fn sharpen(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        edge_cells: u32,
+        scattered: &wgpu::Buffer,
+        (map, first_point): (&wgpu::Buffer, u32),
+    ) {
+        let parameters = layout::GlareSharpenParameters { edge_cells, first_point, ..Default::default() };
         let parameters = gpu::uniform_buffer(gpu, "glare sharpen parameters", &parameters);
         let buffers =
             [(0, parameters.as_entire_binding()), (1, scattered.as_entire_binding()), (2, map.as_entire_binding())];
-        pass.set_pipeline(&self.sharpen);
-        pass.set_bind_group(0, &gpu.bind_once(LayoutOf::Compute(&self.sharpen, 0), &buffers), &[]);
-        let groups = (level.edge_cells + RIM).div_ceil(MAP_SIDE);
-        pass.dispatch_workgroups(groups, groups, 6);
+        dispatch(gpu, pass, &self.sharpen, &buffers, (edge_cells + RIM).div_ceil(MAP_SIDE));
     }
 
     /// Computes the map.
@@ -214,33 +268,23 @@ impl MapPasses {
         });
         let sky = SkyCubePlan::new(&key.stars, kernel, &key.settings);
         let points = map_points(sky.levels[0].edge_cells);
-        let buffer = |label, points: u32| {
-            gpu.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size: 16 * u64::from(points),
-                usage: wgpu::BufferUsages::STORAGE,
-                mapped_at_creation: false,
-            })
-        };
-        let map = buffer("glare map", points * sky.classes.len() as u32);
+        let map = points_buffer(gpu, "glare map", points * sky.classes.len() as u32);
         // Levels from the coarsest to the second finest.
         let mut coarser: Option<(wgpu::Buffer, u32)> = None;
         for level in sky.levels[1..].iter().rev() {
-            let made = buffer("glare level", map_points(level.edge_cells));
             let below = coarser.as_ref().map(|(buffer, edge)| (buffer, *edge));
-            let below = Below { coarser: below, bumps: None };
-            self.level(gpu, pass, &LevelBuffers::new(gpu, level), &below, (&made, 0));
+            let scattered = self.gather(gpu, pass, &LevelBuffers::new(gpu, level), below);
+            let made = points_buffer(gpu, "glare level", map_points(level.edge_cells));
+            self.sharpen(gpu, pass, level.edge_cells, &scattered, (&made, 0));
             coarser = Some((made, level.edge_cells));
         }
         // The finest level, with the bumps of each class of pixel size.
         let finest = LevelBuffers::new(gpu, &sky.levels[0]);
         let below = coarser.as_ref().map(|(buffer, edge)| (buffer, *edge));
+        let scattered = self.gather(gpu, pass, &finest, below);
         for (index, class) in sky.classes.iter().enumerate() {
-            let light: Vec<[f32; 4]> =
-                class.bumps.iter().map(|light| [light[0] as f32, light[1] as f32, light[2] as f32, 0.0]).collect();
-            let light = storage_buffer(gpu, "glare bumps", &light);
-            let bumps = Some(Bumps { light: &light, squared: sky.bump_squared });
-            self.level(gpu, pass, &finest, &Below { coarser: below, bumps }, (&map, points * index as u32));
+            let with_bumps = self.add_bumps(gpu, pass, &finest, &scattered, (&class.bumps, sky.bump_squared));
+            self.sharpen(gpu, pass, finest.edge_cells, &with_bumps, (&map, points * index as u32));
         }
         // Sprites.
         let mut drawn: Vec<&Sprite> = sky.sprites.sprites.iter().collect();
