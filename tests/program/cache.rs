@@ -39,12 +39,23 @@ fn render(folder: &Path, cache: &Path, more: &[&str]) -> String {
     render_to("out", folder, cache, more)
 }
 
-/// The entries, in the order of their names.
-fn entries(cache: &Path) -> Vec<PathBuf> {
+/// All files of a cache, in the order of their names.
+fn files(cache: &Path) -> Vec<PathBuf> {
     let Ok(entries) = fs::read_dir(cache) else { return Vec::new() };
-    let mut entries: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
-    entries.sort();
-    entries
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    files
+}
+
+/// Notes of compiled shaders. Only drivers that keep compiled shaders have them.
+fn shaders(cache: &Path) -> Vec<PathBuf> {
+    files(cache).into_iter().filter(|path| path.to_string_lossy().contains("compiled-shader-")).collect()
+}
+
+/// All files except notes of compiled shaders, in the order of their names.
+fn entries(cache: &Path) -> Vec<PathBuf> {
+    let shaders = shaders(cache);
+    files(cache).into_iter().filter(|path| !shaders.contains(path)).collect()
 }
 
 /// Name of the part that made an entry.
@@ -65,11 +76,13 @@ fn stars_are_kept_mended_and_switched_off() {
     render(folder.path(), &cache, &[]);
     let [kept] = &entries(&cache)[..] else { panic!("{:?}", entries(&cache)) };
     assert_eq!(part(kept), "galaxy");
+    let shaders_of_first = shaders(&cache);
     let valid = fs::read(kept).unwrap();
     let written = || fs::metadata(kept).unwrap().modified().unwrap();
     let first = written();
     let log = render(folder.path(), &cache, &[]);
     assert!(written() == first && !log.contains("cached"), "the second run reads it: {log}");
+    assert_eq!(shaders(&cache), shaders_of_first, "the second run compiles the same shaders");
     assert!(fs::read(folder.path().join("out/v.png")).unwrap() == picture);
 
     // Other inputs make other stars; the first ones stay.
@@ -108,7 +121,7 @@ fn the_cache_is_shown_limited_and_cleared() {
     assert!(printed(&["cache", "info"]).contains("size:   0.0 MiB of at most 2048.0 MiB"), "the folder does not exist");
     render(folder.path(), &cache, &[]);
     let info: serde_json::Value = serde_json::from_str(&printed(&["cache", "info", "--json"])).unwrap();
-    let bytes: u64 = entries(&cache).iter().map(|path| fs::metadata(path).unwrap().len()).sum();
+    let bytes: u64 = files(&cache).iter().map(|path| fs::metadata(path).unwrap().len()).sum();
     assert_eq!(info["bytes"], bytes);
     assert_eq!(
         (&info["parts"]["galaxy"]["entries"], &info["parts"]["asteroid-atlas"]["entries"]),
@@ -118,8 +131,9 @@ fn the_cache_is_shown_limited_and_cleared() {
     assert!(text.contains("galaxy: 1 entries, ") && text.contains(cache.to_str().unwrap()), "{text}");
 
     fs::write(cache.join("notes.txt"), "mine").unwrap();
-    assert!(printed(&["cache", "clear"]).starts_with("removed 2 entries, "));
-    assert_eq!(entries(&cache), [cache.join("notes.txt")]);
+    let removed = format!("removed {} entries, ", 2 + shaders(&cache).len());
+    assert!(printed(&["cache", "clear"]).starts_with(&removed));
+    assert_eq!(files(&cache), [cache.join("notes.txt")]);
 
     // Without a folder, or with a wrong limit, the problem is named.
     for (variable, value, problem) in [

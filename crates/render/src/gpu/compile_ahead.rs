@@ -2,13 +2,14 @@
 //!
 //! A software driver compiles a compute shader when it first runs, on the thread of the queue, one shader after another, and stores the
 //! machine code in a cache on disk. Therefore each shader is dispatched once with zero workgroups, on extra devices, one per thread. The
-//! device that draws frames then loads the machine code from the cache. It gains nothing without the cache.
+//! device that draws frames then loads the machine code from the cache. A shader that the cache already has is skipped
+//! (`gpu/driver_cache.rs`), and so is a driver without such a cache.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use wgpu::naga;
 
-use super::{ShaderSource, adapter::Selection, binding::empty_table_texture};
+use super::{ShaderSource, adapter::Selection, binding::empty_table_texture, driver_cache::DriverCache};
 
 /// Size of every buffer, bytes; larger if a structure of the shader needs it.
 const LEAST_BUFFER_BYTES: u64 = 1 << 16;
@@ -46,13 +47,14 @@ enum SkipReason {
 pub(super) struct CompileAhead {
     adapter: wgpu::Adapter,
     selection: Selection,
+    driver_cache: DriverCache,
     /// Devices that no thread uses at the moment; `None` outside `during`.
     idle: Mutex<Option<Vec<(wgpu::Device, wgpu::Queue)>>>,
 }
 
 impl CompileAhead {
-    pub(super) fn new(adapter: wgpu::Adapter, selection: Selection) -> Self {
-        Self { adapter, selection, idle: Mutex::new(None) }
+    pub(super) fn new(adapter: wgpu::Adapter, selection: Selection, driver_cache: DriverCache) -> Self {
+        Self { adapter, selection, driver_cache, idle: Mutex::new(None) }
     }
 
     fn idle(&self) -> MutexGuard<'_, Option<Vec<(wgpu::Device, wgpu::Queue)>>> {
@@ -67,21 +69,23 @@ impl CompileAhead {
         *self.idle() = None;
     }
 
-    /// Compiles a shader with values for its overridable constants, if called inside `during`.
+    /// Compiles a shader with values for its overridable constants, if called inside `during` and the driver's cache does not have it.
     pub(super) fn compile(&self, source: &ShaderSource, constants: &[(&str, f64)]) {
-        let Some(device) = self.idle().as_mut().map(Vec::pop) else { return };
-        let compiled = device.map_or_else(|| self.open(), Ok).and_then(|(device, queue)| {
+        if self.idle().is_none() {
+            return;
+        }
+        let compiled = self.driver_cache.compile(source, constants, || {
+            let device = self.idle().as_mut().and_then(Vec::pop);
+            let (device, queue) = device.map_or_else(|| self.open(), Ok)?;
             dispatch_nothing(&device, &queue, source, constants)?;
-            Ok((device, queue))
-        });
-        match compiled {
-            Ok(device) => {
-                if let Some(idle) = self.idle().as_mut() {
-                    idle.push(device);
-                }
+            if let Some(idle) = self.idle().as_mut() {
+                idle.push((device, queue));
             }
-            // The first frame compiles the shader instead.
-            Err(reason) => tracing::debug!("{} is not compiled ahead: {reason}", source.name),
+            Ok::<_, SkipReason>(())
+        });
+        // The first frame compiles the shader instead.
+        if let Err(reason) = compiled {
+            tracing::debug!("{} is not compiled ahead: {reason}", source.name);
         }
     }
 
@@ -225,7 +229,7 @@ mod tests {
     #[test]
     fn a_valid_shader_is_compiled_and_an_invalid_one_is_skipped() {
         let gpu = Gpu::open(&GpuOptions::default()).unwrap();
-        let Some(ahead) = &gpu.compile_ahead else { return assert!(!gpu.software, "software drivers compile ahead") };
+        let Some(ahead) = &gpu.compile_ahead else { return };
         let (device, queue) = ahead.open().unwrap();
         dispatch_nothing(&device, &queue, &source(DOUBLES), &[("WIDTH", 8.0)]).unwrap();
         let table = "@group(0) @binding(0) var table: texture_2d<u32>;

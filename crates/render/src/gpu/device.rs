@@ -13,6 +13,7 @@ use super::{
         explain_no_adapter, unusable,
     },
     compile_ahead::CompileAhead,
+    driver_cache::DriverCache,
     frame_pool::{Counters, FramePool},
 };
 use crate::{plan::Limits, platform::BACKENDS};
@@ -76,7 +77,7 @@ pub struct Gpu {
     options: GpuOptions,
     pub(super) pool: Mutex<FramePool>,
     pub(super) counters: Counters,
-    /// Set for software drivers, if this module opened the device.
+    /// Set for software drivers that keep compiled shaders on disk, if this module opened the device.
     pub(super) compile_ahead: Option<CompileAhead>,
     /// Largest number of workgroups of a dispatch along an axis.
     pub(super) max_workgroups: u32,
@@ -142,9 +143,12 @@ impl Gpu {
         options: &GpuOptions,
     ) -> Result<Self, wgpu::RequestDeviceError> {
         let (device, queue) = pollster::block_on(adapter.request_device(&selection.descriptor()))?;
-        let ahead = CompileAhead::new(adapter.clone(), selection.clone());
-        let mut gpu = Self::assemble(adapter.get_info(), device, queue, selection, options);
-        gpu.compile_ahead = gpu.software.then_some(ahead);
+        let mut gpu = Self::assemble(adapter.get_info(), device, queue, selection.clone(), options);
+        if gpu.software
+            && let Some(driver_cache) = DriverCache::of_driver(&gpu.report.driver)
+        {
+            gpu.compile_ahead = Some(CompileAhead::new(adapter.clone(), selection, driver_cache));
+        }
         Ok(gpu)
     }
 

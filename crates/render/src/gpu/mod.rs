@@ -9,6 +9,7 @@ mod buffers;
 mod compile_ahead;
 mod constants;
 mod device;
+mod driver_cache;
 mod frame_pool;
 mod pipelines;
 mod shader;

@@ -1,0 +1,121 @@
+//! The cache of compiled shaders that Mesa's software driver keeps on disk.
+//!
+//! Its files say nothing about the shaders that they hold. So this program notes in its own cache which shaders it has had compiled, together
+//! with the identity of the driver's cache: if that folder is removed and made again, the notes no longer apply.
+
+use std::{
+    env,
+    ffi::OsString,
+    path::{Path, PathBuf},
+    time::UNIX_EPOCH,
+};
+
+use crate::cache::{self, Form, Part};
+
+use super::ShaderSource;
+
+/// Notes of compiled shaders. They have no content.
+const PART: Part = Part { name: "compiled-shader", version: 1 };
+const FORM: Form<()> = Form { to_bytes: |()| Vec::new(), from_bytes: |bytes| bytes.is_empty().then_some(()) };
+
+/// Folders of Mesa's cache in the user's folder of caches, by version of Mesa.
+const FOLDERS: [&str; 2] = ["mesa_shader_cache_db", "mesa_shader_cache"];
+
+/// The driver's cache.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct DriverCache {
+    /// Name and version of the driver.
+    driver: String,
+    /// Folders in which the driver may keep shaders.
+    folders: Vec<PathBuf>,
+}
+
+impl DriverCache {
+    /// The cache of a driver; `None` if the driver does not keep compiled shaders, as far as known.
+    pub(super) fn of_driver(driver: &str) -> Option<Self> {
+        let is_off = |name| env::var(name).is_ok_and(|value| value == "true" || value == "1");
+        if !driver.contains("Mesa") || is_off("MESA_SHADER_CACHE_DISABLE") {
+            return None;
+        }
+        let folders = folders(|name| env::var_os(name).filter(|value| !value.is_empty()));
+        Some(Self { driver: driver.to_owned(), folders })
+    }
+
+    /// Calls `compile`, unless the driver's cache has this shader with these constants since an earlier call.
+    ///
+    /// # Errors
+    ///
+    /// That of `compile`.
+    pub(super) fn compile<E>(
+        &self,
+        source: &ShaderSource,
+        constants: &[(&str, f64)],
+        compile: impl FnOnce() -> Result<(), E>,
+    ) -> Result<(), E> {
+        let Some(identity) = self.identity() else { return compile() };
+        let constants = format!("{constants:?}");
+        let inputs = [env!("CARGO_PKG_VERSION"), &self.driver, &identity, source.entry_point, &constants, &source.text];
+        cache::kept_or_made(PART, &inputs.map(str::as_bytes), FORM, compile)
+    }
+
+    /// The existing folders with the times of their creation; `None` if there is no folder, or the system does not know its time.
+    fn identity(&self) -> Option<String> {
+        let folders: Vec<String> = self.folders.iter().filter_map(|folder| created(folder)).collect();
+        (!folders.is_empty()).then(|| folders.join("\n"))
+    }
+}
+
+/// A folder and the time of its creation.
+fn created(folder: &Path) -> Option<String> {
+    let created = folder.metadata().ok()?.created().ok()?.duration_since(UNIX_EPOCH).ok()?;
+    Some(format!("{} {}", folder.display(), created.as_nanos()))
+}
+
+/// Folders in which Mesa may keep shaders, for values of environment variables (`docs.mesa3d.org/envvars.html`).
+fn folders(variable: impl Fn(&str) -> Option<OsString>) -> Vec<PathBuf> {
+    let base = variable("MESA_SHADER_CACHE_DIR")
+        .or_else(|| variable("XDG_CACHE_HOME"))
+        .map(PathBuf::from)
+        .or_else(|| variable("HOME").map(|home| Path::new(&home).join(".cache")));
+    base.map(|base| FOLDERS.map(|folder| base.join(folder)).to_vec()).unwrap_or_default()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "an unexpected error fails the test")]
+mod tests {
+    use super::*;
+    use crate::gpu::GpuOptions;
+
+    #[test]
+    fn the_folder_follows_the_environment() {
+        let folders_with = |set: &[(&str, &str)]| {
+            folders(|name| set.iter().find(|(other, _)| *other == name).map(|(_, value)| OsString::from(value)))
+        };
+        let first = |set: &[(&str, &str)]| folders_with(set).first().cloned();
+        assert_eq!(first(&[("HOME", "/h")]), Some(PathBuf::from("/h/.cache/mesa_shader_cache_db")));
+        assert_eq!(first(&[("HOME", "/h"), ("XDG_CACHE_HOME", "/c")]), Some("/c/mesa_shader_cache_db".into()));
+        let all = [("HOME", "/h"), ("XDG_CACHE_HOME", "/c"), ("MESA_SHADER_CACHE_DIR", "/m")];
+        assert_eq!(first(&all), Some("/m/mesa_shader_cache_db".into()));
+        assert_eq!(first(&[]), None);
+    }
+
+    #[test]
+    fn another_folder_has_another_identity() {
+        let parent = tempfile::tempdir().unwrap();
+        let folders = vec![parent.path().join("one"), parent.path().join("other")];
+        let cache = DriverCache { driver: "Mesa".to_owned(), folders: folders.clone() };
+        assert_eq!(cache.identity(), None);
+        std::fs::create_dir(&folders[0]).unwrap();
+        let first = cache.identity().unwrap();
+        assert_eq!(cache.identity(), Some(first.clone()));
+        std::fs::create_dir(&folders[1]).unwrap();
+        assert_ne!(cache.identity(), Some(first));
+    }
+
+    #[test]
+    fn drivers_without_a_known_cache_compile_nothing_ahead() {
+        assert_eq!(DriverCache::of_driver("SwiftShader driver"), None);
+        let gpu = crate::gpu::Gpu::open(&GpuOptions::default()).unwrap();
+        assert_eq!(gpu.compile_ahead.is_some(), gpu.software && gpu.report().driver.contains("Mesa"));
+    }
+}
