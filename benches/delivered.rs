@@ -43,6 +43,12 @@ struct Arguments {
     /// Overrides of keys for the second daemon only.
     #[arg(long = "beside-set")]
     beside_set: Vec<String>,
+    /// Encoding of the images: rgba8 or rgb32f.
+    #[arg(long, default_value = "rgba8", value_parser = encoding)]
+    encoding: Encoding,
+    /// Encoding of the images of the second daemon. Default: the same.
+    #[arg(long = "beside-encoding", value_parser = encoding)]
+    beside_encoding: Option<Encoding>,
     /// Program of the second daemon. Default: the same program, if it has separate overrides.
     #[arg(long)]
     beside: Option<PathBuf>,
@@ -60,14 +66,30 @@ struct Arguments {
     bench: bool,
 }
 
+/// Reads the name of an encoding.
+fn encoding(name: &str) -> Result<Encoding, String> {
+    match name {
+        "rgba8" => Ok(Encoding::Rgba8),
+        "rgb32f" => Ok(Encoding::Rgb32f),
+        _ => Err("must be rgba8 or rgb32f".to_owned()),
+    }
+}
+
 /// A daemon that is killed on drop.
 struct Daemon {
     child: Child,
     address: String,
+    /// Encoding of its images.
+    encoding: Encoding,
 }
 
 impl Daemon {
-    fn start(program: &PathBuf, arguments: &Arguments, set: &[String]) -> Result<Self, Box<dyn Error>> {
+    fn start(
+        program: &PathBuf,
+        arguments: &Arguments,
+        set: &[String],
+        encoding: Encoding,
+    ) -> Result<Self, Box<dyn Error>> {
         let mut command = Command::new(program);
         command.args(["--log", "error", "serve", "--listen", "127.0.0.1:0", "--config"]).arg(&arguments.config);
         for key in arguments.set.iter().chain(set) {
@@ -79,7 +101,7 @@ impl Daemon {
         for line in BufReader::new(output).lines() {
             if let Some(address) = line?.strip_prefix("listening on ") {
                 println!("{} listens after {:.1} s", program.display(), begin.elapsed().as_secs_f64());
-                return Ok(Self { child, address: format!("http://{address}") });
+                return Ok(Self { child, address: format!("http://{address}"), encoding });
             }
             if begin.elapsed() > START {
                 break;
@@ -143,7 +165,7 @@ async fn round(daemon: &Daemon, arguments: &Arguments, number: u32) -> Result<Ro
             sleep(Duration::from_secs_f64(1.0 / POSES_HZ)).await;
         }
     });
-    let mut stream = client.stream_frames(&arguments.view, Encoding::Rgba8, 0.0).await?;
+    let mut stream = client.stream_frames(&arguments.view, daemon.encoding, 0.0).await?;
     // Skip the first frames, which build the map of faint light among others.
     for _ in 0..if number == 0 { 12 } else { 3 } {
         stream.next().await?.ok_or("the stream has ended")?;
@@ -196,10 +218,15 @@ fn median(mut values: Vec<f64>) -> f64 {
 async fn main() -> Result<(), Box<dyn Error>> {
     let arguments = Arguments::parse();
     let own = PathBuf::from(env!("CARGO_BIN_EXE_steradian"));
-    let mut daemons = vec![Daemon::start(&own, &arguments, &[])?];
-    if arguments.beside.is_some() || !arguments.beside_set.is_empty() {
+    let mut daemons = vec![Daemon::start(&own, &arguments, &[], arguments.encoding)?];
+    if arguments.beside.is_some() || !arguments.beside_set.is_empty() || arguments.beside_encoding.is_some() {
         let program = arguments.beside.as_ref().unwrap_or(&own);
-        daemons.push(Daemon::start(program, &arguments, &arguments.beside_set)?);
+        daemons.push(Daemon::start(
+            program,
+            &arguments,
+            &arguments.beside_set,
+            arguments.beside_encoding.unwrap_or(arguments.encoding),
+        )?);
     }
     let mut rounds: Vec<Vec<Round>> = daemons.iter().map(|_| Vec::new()).collect();
     for number in 0..arguments.rounds {

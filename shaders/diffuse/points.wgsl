@@ -3,6 +3,7 @@
 
 #import constants/diffuse
 #import constants/frame_lists
+#import constants/rec709
 #import constants/workgroups
 #import shared/air_mass
 #import shared/diffuse_light
@@ -54,7 +55,8 @@ fn place_diffuse(@builtin(global_invocation_id) place: vec3<u32>) {
         let blocks = (map.side + ROUGHNESS_BLOCK - 1u) / ROUGHNESS_BLOCK;
         let block = min(texel / ROUGHNESS_BLOCK, vec2(blocks - 1u));
         let of_block = roughness[(direction.number * blocks + block.y) * blocks + block.x];
-        is_rough = !(of_block * grid.spacing_rad * grid.spacing_rad <= parameters.most_rough);
+        let most_rough = parameters.most_rough + parameters.most_rough_per_cd_m2 * dot(light, LUMINANCE_WEIGHTS);
+        is_rough = !(of_block * grid.spacing_rad * grid.spacing_rad <= most_rough);
     }
     let point = grid.first + place.y * grid.columns + place.x;
     if parameters.rough_points > 0u {

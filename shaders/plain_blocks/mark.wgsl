@@ -4,6 +4,7 @@
 
 #import constants/frame_lists
 #import constants/plain_blocks
+#import constants/rec709
 #import constants/workgroups
 #import display/encode
 #import shared/projection
@@ -19,8 +20,6 @@
 
 // Margin above the highest ground, pixels.
 const PIXELS_ABOVE_GROUND: f32 = 2.0;
-// Relative error of the inverse solid angle that a plain block may have.
-const MOST_SOLID_ANGLE_ERROR: f32 = 5e-4;
 // Error of the place in a picture of the sky, rad: a twentieth of a texel of the finest map.
 const MOST_PLACE_ERROR: f32 = 2e-4;
 // Error of the share of light that passes the air.
@@ -36,11 +35,18 @@ fn error_at(first: u32, point: u32, columns: u32, stride: u32) -> vec4<f32> {
     return 0.125 * (abs(along) + abs(across));
 }
 
-// Whether an error of light is visible where the sum of light is `light`.
+// Whether the image is a display image, whose errors are codes.
+override JUDGES_CODES: bool;
+
+// Whether an error of light counts where the sum of light is `light`.
 fn is_visible(light: vec3<f32>, error: vec3<f32>) -> bool {
+    if !JUDGES_CODES {
+        let most = max(parameters.most_error * dot(light, LUMINANCE_WEIGHTS), parameters.floor_cd_m2);
+        return !(max(error.x, max(error.y, error.z)) <= most);
+    }
     let change = encoded_display(light + error, parameters.display_per_cd_m2, parameters.shown)
         - encoded_display(light, parameters.display_per_cd_m2, parameters.shown);
-    return !(255.0 * max(abs(change.x), max(abs(change.y), abs(change.z))) <= parameters.most_error_codes);
+    return !(255.0 * max(abs(change.x), max(abs(change.y), abs(change.z))) <= parameters.most_error);
 }
 
 @compute @workgroup_size(VEIL_SIDE, VEIL_SIDE)
@@ -100,7 +106,7 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
         let point = inner.y * grid.columns + inner.x;
         let own = grid_points[grid.first + point];
         var error = error_at(grid.first, point, grid.columns, 1u);
-        is_mixed = is_mixed || !(error.w <= MOST_SOLID_ANGLE_ERROR * own.w);
+        is_mixed = is_mixed || !(error.w <= parameters.most_solid_angle_error * own.w);
         if grid.rough != NO_POINTS {
             let of_rough = error_at(grid.rough, point, grid.columns, 1u);
             is_rough = is_rough || is_visible(own.xyz, of_rough.xyz);

@@ -30,10 +30,13 @@ use glam::DVec3;
 
 use self::sample::Place;
 use crate::{
-    photometry::{exposure::white_luminance_cd_m2, glare::split::ShownCore, tone_map::dither_threshold},
+    photometry::{
+        exposure::white_luminance_cd_m2, glare::split::ShownCore, rec709::luminance, tone_map::dither_threshold,
+    },
     plan::{
         ExposureSource, Limits, Output, Plan, PlanError, PlanOutputs, Planner,
         audit::{Audit, AuditedOutput, ImageAudit, WorstPixel},
+        budget::ErrorBudget,
         glare::sky_cube::{shown_rad_of, smooth_angle_rad},
         settings::{Accumulator, GlareMethod, RenderSettings, StarMethod, ToneMapSettings},
         view_settings::FrameGroup,
@@ -121,7 +124,8 @@ pub fn audit(audited: &AuditedScene<'_>, frame: &Frame, limits: &Limits) -> Resu
             continue;
         }
         let own = if frame.hdr_plan.is_some() { &mut *exact } else { &mut *displayed };
-        own.images.extend(image.compare_hdr(&expected, audited.settings));
+        let budget = frame.hdr_plan.as_ref().unwrap_or(&frame.plan).budget;
+        own.images.extend(image.compare_hdr(&expected, audited.settings, budget));
         displayed.images.extend(image.compare_display(&expected, audited.settings));
     }
     if images.is_empty() {
@@ -377,7 +381,12 @@ impl<'a> AuditedImage<'a> {
     }
 
     /// Errors of the HDR image; `None` if there is no HDR image.
-    fn compare_hdr(&self, expected: &Expected, settings: &RenderSettings) -> Option<ImageAudit> {
+    fn compare_hdr(
+        &self,
+        expected: &Expected,
+        settings: &RenderSettings,
+        budget: Option<ErrorBudget>,
+    ) -> Option<ImageAudit> {
         let hdr = self.image.hdr.as_ref()?;
         let mut compared = Vec::new();
         let mut left_out = 0;
@@ -386,7 +395,13 @@ impl<'a> AuditedImage<'a> {
                 left_out += 1;
                 continue;
             }
-            let allowed = self.allowed_cd_m2(light, [*x, *y], expected, settings);
+            let within_budget = match budget {
+                Some(ErrorBudget::Hdr { relative, floor_cd_m2 }) => {
+                    (relative * luminance(light.luminance_cd_m2())).max(floor_cd_m2)
+                }
+                _ => 0.0,
+            };
+            let allowed = within_budget + self.allowed_cd_m2(light, [*x, *y], expected, settings);
             let drawn = hdr[self.index_of([*x, *y])];
             for (channel, exact) in light.luminance_cd_m2().into_iter().enumerate() {
                 let drawn = f64::from(drawn[channel]);

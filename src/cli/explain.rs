@@ -51,7 +51,7 @@ fn describe_view(view: &ViewStatistics) -> String {
 }
 
 fn describe_plan(images: &str, plan: &FramePlan) -> String {
-    let FramePlan { stars, accumulator, glare, certificate, audit } = plan;
+    let FramePlan { stars, accumulator, glare, budget: _, certificate, audit } = plan;
     let mut text = format!("{images}\n  stars     {stars}\n  sums      {accumulator}\n  glare     {glare}\n");
     for Approximation { name, bound, unit, within_budget } in certificate {
         let verdict = match within_budget {

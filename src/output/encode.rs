@@ -37,8 +37,11 @@ named!(Encoding {
 impl Encoding {
     /// Returns the buffers that the encoding needs.
     pub fn wanted(self) -> Wanted {
-        let hdr = matches!(self, Encoding::Rgb32f | Encoding::Exr);
-        Wanted { display: !hdr, hdr, ..Wanted::default() }
+        match self {
+            Self::Exr => Wanted::hdr(),
+            Self::Rgb32f => Wanted::hdr_streamed(),
+            _ => Wanted::display(),
+        }
     }
 }
 
@@ -347,9 +350,9 @@ pub(super) mod tests {
             [Encoding::Rgba8, Encoding::Png, Encoding::Jpeg, Encoding::H264, Encoding::Rgb32f, Encoding::Exr]
         {
             let wanted = encoding.wanted();
-            assert!(wanted.display != wanted.hdr);
+            assert!(wanted.display != wanted.reads_hdr());
             let mut image = sample(4, 4);
-            if wanted.hdr {
+            if wanted.reads_hdr() {
                 image.hdr = None
             } else {
                 image.display = None

@@ -14,6 +14,7 @@ mod display_errors;
 mod display_poses;
 mod display_stability;
 mod glare;
+mod hdr_budget;
 mod overlay;
 mod pool;
 mod prepare;

@@ -123,7 +123,7 @@ fn reason_of(status: &Status) -> Option<&str> {
 /// Whether the images include all requested ones.
 fn has(frame: &MirroredFrame, wanted: Wanted) -> bool {
     let images = &frame.frame.images;
-    let complete = |display: bool, hdr: bool| (display || !wanted.display) && (hdr || !wanted.hdr);
+    let complete = |display: bool, hdr: bool| (display || !wanted.display) && (hdr || !wanted.reads_hdr());
     !images.is_empty() && images.iter().all(|image| complete(image.display.is_some(), image.hdr.is_some()))
 }
 
@@ -290,7 +290,8 @@ impl Host for Headset {
         }
         all.into_iter().fold(Wanted::default(), |sum, one| Wanted {
             display: sum.display || one.display,
-            hdr: sum.hdr || one.hdr,
+            // The headset draws exact images in any case.
+            hdr: sum.hdr || one.reads_hdr(),
             ..sum
         })
     }

@@ -347,7 +347,7 @@ impl Worker {
                 for (view, wanted) in views.iter().zip(&job.wanted) {
                     let view = job.scene.views.ids()[*view];
                     // Store nothing for a deleted view, because it would never be removed.
-                    if (wanted.display || wanted.hdr) && state.has_view(view) {
+                    if (wanted.display || wanted.reads_hdr()) && state.has_view(view) {
                         state.queue.newest_frames.insert(view, (frame.number, job.shows(), job.start));
                     }
                 }

@@ -170,7 +170,7 @@ impl Service {
         let encoding = encoding::encoding_from_pb(encoding).ok_or_else(|| {
             refusals::invalid(format!("encoding = {encoding}: must be one of RGBA8, PNG, JPEG, RGB32F, EXR, H264"))
         })?;
-        if max_size > 0 && encoding.wanted().hdr {
+        if max_size > 0 && encoding.wanted().reads_hdr() {
             let problem = format!(
                 "max_size = {max_size}: must be 0, because {} images have the size of the view",
                 encoding.name()

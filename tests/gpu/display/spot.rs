@@ -60,7 +60,7 @@ fn draw(scene: &SceneSnapshot, settings: &RenderSettings, wanted: [Wanted; 2], a
     renderer().render(request).unwrap()
 }
 
-const NOTHING: Wanted = Wanted { display: false, hdr: false, hdr_stays: false };
+const NOTHING: Wanted = Wanted { display: false, hdr: false, hdr_streamed: false, hdr_stays: false };
 
 #[test]
 fn spot_exposure_equals_the_f64_mean_of_the_cone() {

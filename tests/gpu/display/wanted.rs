@@ -14,7 +14,7 @@ use steradian::{
     view::{Rig, ViewKind},
 };
 
-const NOTHING: Wanted = Wanted { display: false, hdr: false, hdr_stays: false };
+const NOTHING: Wanted = Wanted { display: false, hdr: false, hdr_streamed: false, hdr_stays: false };
 
 fn scene() -> SceneSnapshot {
     let placed = |i: u8| {

@@ -1,12 +1,14 @@
 //! Error budget of a frame, in the unit of its output.
 //!
-//! An HDR image has relative errors. A display image of 8 bits resolves only codes: a luminance counts if it changes a display value by
+//! Files of HDR images are exact. HDR images of streams may have an error relative to the luminance of a pixel, with a floor for dark
+//! pixels. A display image of 8 bits resolves only codes: a luminance counts if it changes a display value by
 //! `display_codes` codes where the transform from luminance to display value is steepest
 //! ([`super::settings::ToneMapSettings::greatest_slope`]).
 
 use std::{f64::consts::PI, slice};
 
 use super::{
+    Approximation,
     settings::{Accumulator, AccuracySettings, GlareMethod, RenderSettings, StarMethod},
     smooth_light::fit_one_map,
 };
@@ -23,6 +25,8 @@ const CODES: f64 = 255.0;
 /// Fraction of the budget that the veil of one source may have without being drawn individually: such a veil is part of the smooth rest,
 /// whose error is far smaller than its total.
 const SHARE_OF_ONE_VEIL: f64 = 0.2;
+/// The same for HDR images: their budget is a luminance, while the step of a display image is that of its darkest codes.
+const SHARE_OF_ONE_VEIL_HDR: f64 = 0.04;
 
 /// Budget steps per octave: exposures that differ by less than a step share data that depends on the budget.
 const STEPS_PER_OCTAVE: f64 = 2.0;
@@ -34,24 +38,93 @@ const MOST_PIXEL_OF_VEIL_RAD: f64 = 0.0123;
 pub enum Output {
     /// Display images of 8 bits only.
     Display,
-    /// HDR images, with or without display images.
+    /// HDR images for streams only, within `accuracy.hdr`.
+    HdrStream,
+    /// Exact HDR images, with or without other images.
     Hdr,
 }
 
-/// Whether frames with display images only may differ from frames with HDR images: display images have a separate budget for the veil of
-/// single sources and for the faint stars of a map.
+/// Error that the images of a frame may have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ErrorBudget {
+    /// Codes of an 8-bit display image.
+    Codes(f64),
+    /// Error of an HDR image.
+    Hdr {
+        /// Relative to the luminance of a pixel.
+        relative: f64,
+        /// Error that any pixel may have, cd/m^2.
+        floor_cd_m2: f64,
+    },
+}
+
+impl ErrorBudget {
+    /// Budget of a frame's images; `None`: they are exact.
+    pub fn of_output(accuracy: &AccuracySettings, output: Output) -> Option<Self> {
+        match output {
+            Output::Display if accuracy.display_codes > 0.0 => Some(Self::Codes(accuracy.display_codes)),
+            Output::HdrStream if accuracy.hdr > 0.0 => {
+                Some(Self::Hdr { relative: accuracy.hdr, floor_cd_m2: accuracy.hdr_floor_cd_m2 })
+            }
+            _ => None,
+        }
+    }
+
+    /// An approximation whose error is a share of the budget.
+    pub fn bound(self, name: &str, share: f64) -> Approximation {
+        match self {
+            Self::Codes(codes) => Approximation::new(name, share * codes, "codes of 8 bits", Some(codes)),
+            Self::Hdr { relative, .. } => {
+                Approximation::new(name, share * relative, "relative to the pixel's luminance", Some(relative))
+            }
+        }
+    }
+
+    /// An approximation whose error is a number of the least visible steps of luminance, of which it may have `most`.
+    pub fn bound_in_steps(self, name: &str, steps: f64, most: f64) -> Approximation {
+        let (step, unit) = match self {
+            Self::Codes(codes) => (codes, "codes of 8 bits"),
+            Self::Hdr { floor_cd_m2, .. } => (floor_cd_m2, "cd/m^2"),
+        };
+        Approximation::new(name, steps * step, unit, Some(most * step))
+    }
+
+    /// Fraction of the least luminance that counts, from which the veil of a source is drawn individually.
+    pub fn share_of_one_veil(self) -> f64 {
+        match self {
+            Self::Codes(_) => SHARE_OF_ONE_VEIL,
+            Self::Hdr { .. } => SHARE_OF_ONE_VEIL_HDR,
+        }
+    }
+
+    /// The least luminance that counts, cd/m^2; `None` if there is none. For display images with display white at `white_cd_m2` it is rounded down to half
+    /// octaves. `greatest_slope` is that of the display transform ([`super::settings::ToneMapSettings::greatest_slope`]).
+    pub fn step_cd_m2(self, greatest_slope: f64, white_cd_m2: f64) -> Option<f64> {
+        match self {
+            Self::Codes(codes) => {
+                let step = codes / CODES / greatest_slope * white_cd_m2;
+                (step > 0.0 && step.is_finite())
+                    .then(|| ((step.log2() * STEPS_PER_OCTAVE).floor() / STEPS_PER_OCTAVE).exp2())
+            }
+            Self::Hdr { floor_cd_m2, .. } => Some(floor_cd_m2),
+        }
+    }
+}
+
+/// Whether frames with display images only, with HDR images for streams and with exact images may differ: each has a separate budget for
+/// the veil of single sources and for the faint stars of a map.
 pub fn draws_outputs_apart(settings: &RenderSettings, objects: &SceneObjects, viewports: &[Viewport]) -> bool {
     may_have_veil_in_sums(settings, objects, viewports) || may_read_map_alone(settings, objects, viewports)
 }
 
-/// Whether display images have a budget: if stars are summed in fixed point and there are no asteroid fields.
+/// Whether some images have a budget: if stars are summed in fixed point and there are no asteroid fields.
 fn has_budget(settings: &RenderSettings, objects: &SceneObjects) -> bool {
-    settings.accuracy.display_codes > 0.0
+    (settings.accuracy.display_codes > 0.0 || settings.accuracy.hdr > 0.0)
         && settings.stars.method.accumulator() == Accumulator::FixedPoint
         && objects.fields.is_empty()
 }
 
-/// Whether frames with display images only may include the veil of single sources in their sums of light.
+/// Whether frames within a budget may include the veil of single sources in their sums of light.
 pub fn may_have_veil_in_sums(settings: &RenderSettings, objects: &SceneObjects, viewports: &[Viewport]) -> bool {
     has_budget(settings, objects)
         && settings.glare.chosen(settings.stars.method) == GlareMethod::SkyCube
@@ -59,7 +132,7 @@ pub fn may_have_veil_in_sums(settings: &RenderSettings, objects: &SceneObjects, 
         && !viewports.iter().any(is_coarse)
 }
 
-/// Whether frames with display images and without glare may read their faint stars from a map.
+/// Whether frames within a budget and without glare may read their faint stars from a map.
 fn may_read_map_alone(settings: &RenderSettings, objects: &SceneObjects, viewports: &[Viewport]) -> bool {
     has_budget(settings, objects)
         && settings.stars.method == StarMethod::Auto
@@ -87,24 +160,29 @@ fn surrounds(viewport: &Viewport) -> bool {
     }
 }
 
-/// The least visible luminance of a display image with display white at `white_cd_m2` within its budget, cd/m^2, rounded down to half
-/// octaves; `None` if the budget requires exact images. `greatest_slope` is that of the display transform
-/// ([`super::settings::ToneMapSettings::greatest_slope`]).
-pub fn display_step_cd_m2(accuracy: &AccuracySettings, greatest_slope: f64, white_cd_m2: f64) -> Option<f64> {
-    let step = accuracy.display_codes / CODES / greatest_slope * white_cd_m2;
-    (step > 0.0 && step.is_finite()).then(|| ((step.log2() * STEPS_PER_OCTAVE).floor() / STEPS_PER_OCTAVE).exp2())
-}
-
-/// Luminance from which the veil of a source is drawn individually, for a display step in cd/m^2.
-pub fn least_veil_cd_m2(display_step_cd_m2: f64) -> f64 {
-    SHARE_OF_ONE_VEIL * display_step_cd_m2
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
     use crate::plan::settings::{ToneMapOperator, ToneMapSettings};
+
+    fn display_step_cd_m2(accuracy: &AccuracySettings, greatest_slope: f64, white_cd_m2: f64) -> Option<f64> {
+        ErrorBudget::of_output(accuracy, Output::Display)?.step_cd_m2(greatest_slope, white_cd_m2)
+    }
+
+    #[test]
+    fn streams_of_light_have_their_own_budget() {
+        let accuracy = AccuracySettings { hdr: 0.01, hdr_floor_cd_m2: 3e-6, ..AccuracySettings::default() };
+        let budget = ErrorBudget::of_output(&accuracy, Output::HdrStream).unwrap();
+        assert_eq!(budget.step_cd_m2(8.0, 0.0), Some(3e-6));
+        let bound = budget.bound("light", 0.5);
+        assert!(bound.bound == 0.005 && bound.within_budget == Some(true), "{bound:?}");
+        let beyond = budget.bound_in_steps("star", 1.9, 1.8);
+        assert!(beyond.unit == "cd/m^2" && beyond.within_budget == Some(false), "{beyond:?}");
+        // Files are exact, and so are streams by default.
+        assert_eq!(ErrorBudget::of_output(&accuracy, Output::Hdr), None);
+        assert_eq!(ErrorBudget::of_output(&AccuracySettings::default(), Output::HdrStream), None);
+    }
 
     #[test]
     fn a_step_changes_codes_by_at_most_half() {

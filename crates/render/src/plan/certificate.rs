@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::audit::Audit;
+use super::{audit::Audit, budget::ErrorBudget};
 
 /// An approximation with the bound of its error.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -39,6 +39,9 @@ pub struct FramePlan {
     pub accumulator: String,
     /// Glare method.
     pub glare: String,
+    /// Error that the images may have; `None`: they are exact.
+    #[serde(skip)]
+    pub budget: Option<ErrorBudget>,
     /// Every approximation with its bound.
     pub certificate: Vec<Approximation>,
     /// Result of comparing sampled pixels with f64, if `accuracy.audit` is set.

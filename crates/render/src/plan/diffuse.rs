@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use super::{
-    Approximation, Plan, PlanError, SkyUse,
+    Plan, PlanError, SkyUse,
     budget::are_smooth,
     kept::Kept,
     technique::{PlanInputs, Step, Technique},
@@ -47,17 +47,12 @@ impl Technique for Diffuse {
             }
             Step::Report => {
                 let interpolated = plan.diffuse.as_ref().and_then(|diffuse| diffuse.step_cd_m2);
-                let bound = interpolated.map(|_| interpolation_error(inputs.settings.accuracy.display_codes));
-                plan.report.certificate.extend(bound);
+                let budget = plan.display.budget.filter(|_| interpolated.is_some());
+                let name = "diffuse light, interpolated where it is smooth";
+                plan.report.certificate.extend(budget.map(|budget| budget.bound(name, 1.0)));
             }
             _ => {}
         }
         Ok(())
     }
-}
-
-/// Bound of the error of light that is interpolated between grid points.
-fn interpolation_error(display_codes: f64) -> Approximation {
-    let name = "diffuse light, interpolated where it is smooth";
-    Approximation::new(name, display_codes, "codes of 8 bits", Some(display_codes))
 }

@@ -1,8 +1,8 @@
 //! Display images: their transform, the error that they may have, and the pass that writes them.
 
 use super::{
-    Limits, Output, Plan, PlanError,
-    budget::{display_step_cd_m2, draws_outputs_apart},
+    Limits, Plan, PlanError,
+    budget::{ErrorBudget, draws_outputs_apart},
     kept::Kept,
     settings::{GlareMethod, ToneMapSettings},
     technique::{PlanInputs, Step, Technique},
@@ -14,7 +14,9 @@ use crate::photometry::exposure::white_luminance_cd_m2;
 pub struct DisplayPlan {
     /// Display transform.
     pub tone_map: ToneMapSettings,
-    /// The least luminance that is visible in display images, if the frame has no other images and they have an error budget, cd/m^2.
+    /// Error that the images may have; `None`: they are exact.
+    pub budget: Option<ErrorBudget>,
+    /// The least luminance that counts within the budget, cd/m^2.
     pub step_cd_m2: Option<f64>,
     /// Whether light is summed in fixed point, for the resolve pass to convert to luminance.
     pub adds_up: bool,
@@ -73,10 +75,14 @@ impl Technique for Display {
                 let settings = inputs.settings;
                 plan.display.tone_map = settings.tone_map;
                 let all_viewports = &plan.views.all_viewports;
-                if inputs.output == Output::Display && draws_outputs_apart(settings, inputs.objects, all_viewports) {
+                let budget = ErrorBudget::of_output(&settings.accuracy, inputs.output)
+                    .filter(|_| draws_outputs_apart(settings, inputs.objects, all_viewports));
+                if let Some(budget) = budget {
                     let white_cd_m2 = plan.exposure.expected_ev100.map_or(0.0, white_luminance_cd_m2);
                     let slope = self.slope_of(&settings.tone_map);
-                    plan.display.step_cd_m2 = display_step_cd_m2(&settings.accuracy, slope, white_cd_m2);
+                    plan.display.step_cd_m2 = budget.step_cd_m2(slope, white_cd_m2);
+                    plan.display.budget = plan.display.step_cd_m2.map(|_| budget);
+                    plan.report.budget = plan.display.budget;
                 }
             }
             Step::Light => {

@@ -1,9 +1,9 @@
-//! Plain blocks of a display image: squares of pixels that show stars in front of light that is smooth over the square, and nothing else. In them
+//! Plain blocks of an image within an error budget: squares of pixels that show stars in front of light that is smooth over the square, and nothing else. In them
 //! a pixel is its sum of starlight plus light that is interpolated between the points of one grid. All other blocks are computed pixel by pixel.
 
 use super::{
-    Approximation, Plan, PlanError,
-    budget::are_smooth,
+    Plan, PlanError,
+    budget::{ErrorBudget, are_smooth},
     grid_spacing::{GridSpacing, widest_pixel_rad},
     kept::Kept,
     settings::GlareMethod,
@@ -18,8 +18,8 @@ const LEAST_SPACING_PX: u32 = 4;
 /// Greatest angle between two points of the grid at the centre of a picture, rad. Light that is too curved for it is found by its second
 /// differences.
 const MOST_RAD: f64 = 0.0246;
-/// Error of the interpolated light that a block may have, as a fraction of the budget of display images.
-const SHARE_OF_BUDGET: f64 = 0.5;
+/// Error of the interpolated light that a block may have, as a fraction of the budget.
+pub const SHARE_OF_BUDGET: f64 = 0.5;
 
 /// Distance between the points of a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,13 +31,13 @@ pub struct PlainSpacing {
 }
 
 /// Plain blocks of a frame.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PlainBlocksPlan {
     /// Spacing of the grid of each viewport; `None`: the picture has no plain blocks, because of its projection or its wide pixels, or because they
     /// would not save time.
     pub spacings: Vec<Option<PlainSpacing>>,
-    /// Greatest error of the interpolated light, codes of 8 bits.
-    pub most_error_codes: f64,
+    /// Budget of the images. Interpolated light may use [`SHARE_OF_BUDGET`] of it.
+    pub budget: ErrorBudget,
 }
 
 /// Plans [`PlainBlocksPlan`].
@@ -62,34 +62,37 @@ pub(super) fn plain_spacings(viewports: &[Viewport], is_in_air: bool) -> Vec<Opt
 }
 
 /// Plain blocks for a plan; `None`: its pictures are computed pixel by pixel.
-fn plain_blocks(plan: &Plan, display_codes: f64) -> Option<PlainBlocksPlan> {
-    plan.display.step_cd_m2?;
+fn plain_blocks(plan: &Plan) -> Option<PlainBlocksPlan> {
+    let budget = plan.display.budget?;
+    let is_resolved_at_once = match budget {
+        ErrorBudget::Codes(_) => plan.display.resolves_to_display,
+        ErrorBudget::Hdr { .. } => plan.display.adds_up && !plan.display.is_scattered_after,
+    };
     let spacings = plain_spacings(&plan.views.viewports, plan.air.sky.is_some());
     let has_veil_if_any = plan.glare.method == GlareMethod::None || plan.glare.in_sums.is_some();
     let mut tiles = plan.views.batches.iter().flat_map(|batch| &batch.tiles);
     let is_possible = spacings.iter().any(Option::is_some)
-        && plan.display.resolves_to_display
+        && is_resolved_at_once
         && has_veil_if_any
         && plan.views.motion.is_none()
         && tiles.all(|tile| tile.first_row.is_multiple_of(PLAIN_BLOCK_PX));
-    is_possible.then_some(PlainBlocksPlan { spacings, most_error_codes: SHARE_OF_BUDGET * display_codes })
+    is_possible.then_some(PlainBlocksPlan { spacings, budget })
 }
 
 impl Technique for PlainBlocks {
     fn plan(
         &mut self,
         step: Step,
-        inputs: &PlanInputs<'_>,
+        _inputs: &PlanInputs<'_>,
         _kept: &mut Kept,
         plan: &mut Plan,
     ) -> Result<(), PlanError> {
         match step {
-            Step::Light => plan.plain_blocks = plain_blocks(plan, inputs.settings.accuracy.display_codes),
-            Step::Report if plan.plain_blocks.is_some() => {
-                let codes = inputs.settings.accuracy.display_codes;
+            Step::Light => plan.plain_blocks = plain_blocks(plan),
+            Step::Report => {
                 let name = "smooth light of plain blocks, interpolated between grid points";
-                let bound = Approximation::new(name, SHARE_OF_BUDGET * codes, "codes of 8 bits", Some(codes));
-                plan.report.certificate.push(bound);
+                let bound = plan.plain_blocks.as_ref().map(|plain| plain.budget.bound(name, SHARE_OF_BUDGET));
+                plan.report.certificate.extend(bound);
             }
             _ => {}
         }

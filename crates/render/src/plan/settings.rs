@@ -37,6 +37,13 @@ pub struct AccuracySettings {
     /// Display images: error against an exact frame, codes of 8 bits; 0 draws them as exactly as HDR images.
     #[schemars(range(min = 0.0, max = 64.0), extend("x-unit" = "codes of 8 bits"))]
     pub display_codes: f64,
+    /// HDR images that the daemon sends as RGB32F: error of a pixel's light, relative to its luminance; 0 draws them as exactly as EXR files, which are
+    /// always exact.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub hdr: f64,
+    /// With `hdr`: error that any pixel may have, however dark it is.
+    #[schemars(range(max = 1e6), extend("exclusiveMinimum" = 0.0, "x-unit" = "cd/m²"))]
+    pub hdr_floor_cd_m2: f64,
     /// Whether sampled pixels are compared with f64: `render` fails where the budget is broken, `serve` warns.
     pub audit: bool,
     /// `serve` alone: how long a frame of display images may take. Where it takes longer, the images of streams give up quality step by step, and every
@@ -53,6 +60,8 @@ impl Default for AccuracySettings {
             flicker: 0.02,
             glare: 0.02,
             display_codes: 0.5,
+            hdr: 0.0,
+            hdr_floor_cd_m2: 2e-6,
             audit: false,
             frame_ms: None,
         }

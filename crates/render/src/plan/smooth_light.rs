@@ -15,7 +15,9 @@ use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
 use super::{
-    Approximation, Limits, Plan, PlanError, SkyUse, costs,
+    Approximation, Limits, Plan, PlanError, SkyUse,
+    budget::ErrorBudget,
+    costs,
     glare::sky_cube::map_place_pc,
     kept::Kept,
     settings::{ExposureSettings, GlareMethod, RenderSettings, StarMethod},
@@ -218,9 +220,8 @@ impl Technique for SmoothLight {
                 plan.smooth_light.face = if let SkyUse::Face(face) = inputs.sky { Some(face) } else { None };
             }
             Step::Report => {
-                let codes = inputs.settings.accuracy.display_codes;
-                let read = plan.smooth_light.map.as_ref().zip(plan.display.step_cd_m2);
-                let bound = read.map(|(sky, step)| map_error(&sky.map, &plan.views.viewports, step, codes));
+                let read = plan.smooth_light.map.as_ref().zip(plan.display.step_cd_m2.zip(plan.display.budget));
+                let bound = read.map(|(sky, (step, budget))| map_error(&sky.map, &plan.views.viewports, step, budget));
                 plan.report.certificate.extend(bound);
             }
             _ => {}
@@ -231,13 +232,12 @@ impl Technique for SmoothLight {
 
 /// Bound of the error of the brightest star that a map may contain in these views: weights of its kernel and of the tent are between 0 and
 /// 1. The budget bounds the error of a pixel; a single star may have [`BRIGHTEST_STEPS`] of it, because its light is not lost but spread.
-fn map_error(map: &SkyMap, viewports: &[Viewport], step_cd_m2: f64, display_codes: f64) -> Approximation {
+fn map_error(map: &SkyMap, viewports: &[Viewport], step_cd_m2: f64, budget: ErrorBudget) -> Approximation {
     let name = "the brightest star in the map of faint light, compared with that star drawn individually";
     let smallest_sr = viewports.iter().map(|v| v.projection.smallest_pixel_sr()).fold(f64::INFINITY, f64::min);
     let steps = map.below_lx / (step_cd_m2 * smallest_sr);
     // The limit has a margin for rounding.
-    let limit = BRIGHTEST_STEPS * (1.0 + 1e-9) * display_codes;
-    Approximation::new(name, steps * display_codes, "codes of 8 bits", Some(limit))
+    budget.bound_in_steps(name, steps, BRIGHTEST_STEPS * (1.0 + 1e-9))
 }
 
 fn fitting(inputs: &SkyInputs<'_>) -> Option<SkyMap> {
@@ -342,7 +342,8 @@ mod tests {
         let viewports = Rig::new(vec![view]).unwrap().viewports(DQuat::IDENTITY);
         let pixel_sr = viewports[0].projection.smallest_pixel_sr();
         for codes in [0.5, 1.0, 4.0] {
-            let error = |below_lx: f64| map_error(&SkyMap { below_lx, ..map(64) }, &viewports, 2e-5, codes);
+            let budget = ErrorBudget::Codes(codes);
+            let error = |below_lx: f64| map_error(&SkyMap { below_lx, ..map(64) }, &viewports, 2e-5, budget);
             let taken = error(1.8 * 2e-5 * pixel_sr);
             assert!((taken.bound - 1.8 * codes).abs() < 1e-6 && taken.within_budget == Some(true), "{taken:?}");
             let brighter = error(1.9 * 2e-5 * pixel_sr);

@@ -107,8 +107,10 @@ pub struct ViewStatistics {
 pub struct Wanted {
     /// The tone-mapped display image.
     pub display: bool,
-    /// The HDR image.
+    /// The exact HDR image.
     pub hdr: bool,
+    /// The HDR image within `accuracy.hdr`. It is exact if any view of the frame wants an exact one.
+    pub hdr_streamed: bool,
     /// Make the HDR image but leave it on the GPU, to time its making.
     pub hdr_stays: bool,
 }
@@ -116,17 +118,27 @@ pub struct Wanted {
 impl Wanted {
     /// Only the display image.
     pub const fn display() -> Self {
-        Self { display: true, hdr: false, hdr_stays: false }
+        Self { display: true, hdr: false, hdr_streamed: false, hdr_stays: false }
     }
 
-    /// Only the HDR image.
+    /// Only the exact HDR image.
     pub const fn hdr() -> Self {
-        Self { display: false, hdr: true, hdr_stays: false }
+        Self { display: false, hdr: true, hdr_streamed: false, hdr_stays: false }
+    }
+
+    /// Only the HDR image within `accuracy.hdr`.
+    pub const fn hdr_streamed() -> Self {
+        Self { display: false, hdr: false, hdr_streamed: true, hdr_stays: false }
     }
 
     /// Both images.
     pub const fn both() -> Self {
-        Self { display: true, hdr: true, hdr_stays: false }
+        Self { display: true, hdr: true, hdr_streamed: false, hdr_stays: false }
+    }
+
+    /// Whether an HDR image is read back.
+    pub const fn reads_hdr(self) -> bool {
+        self.hdr || self.hdr_streamed
     }
 }
 
@@ -135,6 +147,7 @@ impl BitOrAssign for Wanted {
     fn bitor_assign(&mut self, other: Self) {
         self.display |= other.display;
         self.hdr |= other.hdr;
+        self.hdr_streamed |= other.hdr_streamed;
         self.hdr_stays |= other.hdr_stays;
     }
 }

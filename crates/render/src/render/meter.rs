@@ -22,6 +22,11 @@ use crate::{
     view::Rig,
 };
 
+/// Planners of a series, and the places of two of them: the one of meters, and the one of HDR images within a budget.
+const SLOTS: usize = 3;
+const METER_SLOT: usize = 1;
+const HDR_STREAM_SLOT: usize = 2;
+
 /// Buffers of meters, created by the first frame that needs them.
 #[derive(Default)]
 pub(super) struct MeterTargets {
@@ -39,21 +44,23 @@ pub(super) struct Metered {
 }
 
 impl Renderer {
-    /// Ensures planners for the series of a frame. Each series has a second one for its meters.
+    /// Ensures planners for the series of a frame. Each series has a second one for its meters, and a third one for HDR images within a budget: they are
+    /// drawn in turn with display images, and have other maps.
     pub(super) fn keep_series(&mut self, request: &FrameRequest<'_>) -> Series {
         let [number, count] = request.series;
-        self.planners.resize_with(2 * count, Planner::new);
+        self.planners.resize_with(SLOTS * count, Planner::new);
         for planner in &mut self.planners {
             (planner.culling, planner.unit_factor) = (self.culling, self.unit_factor);
         }
-        Series { slot: 2 * number, slots: 2 * count }
+        let own = if request.output() == Output::HdrStream { HDR_STREAM_SLOT } else { 0 };
+        Series { slot: SLOTS * number + own, slots: SLOTS * count }
     }
 
     /// Finds the exposure of a frame if its own plan does not.
     pub(super) fn meter_for(&mut self, request: &FrameRequest<'_>, series: Series) -> Result<Metered, RenderError> {
         let FrameRequest { scene, adapted_ev100, .. } = *request;
         let (rig, settings) = request.exposed_as.unwrap_or((request.rig, request.settings));
-        let meter_series = Series { slot: series.slot + 1, ..series };
+        let meter_series = Series { slot: series.slot / SLOTS * SLOTS + METER_SLOT, ..series };
         match ExposureOrigin::new(rig, settings, request.exposed_as.is_some())? {
             ExposureOrigin::Own => Ok(Metered { exposure: ExposureSource::Own, adapted_ev100, buffer: None }),
             ExposureOrigin::Plan => {

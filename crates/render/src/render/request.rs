@@ -155,30 +155,44 @@ impl<'a> FrameRequest<'a> {
         if let Some(output) = self.output {
             return output;
         }
-        let exact = |wanted: &Wanted| wanted.hdr || wanted.hdr_stays;
-        if self.wanted_views().iter().any(exact) { Output::Hdr } else { Output::Display }
+        let given = self.given_views();
+        let any = |wants: fn(&Wanted) -> bool| given.iter().any(wants);
+        let is_exact = self.settings.accuracy.hdr == 0.0;
+        if any(|wanted| wanted.hdr || wanted.hdr_stays) || (is_exact && any(|wanted| wanted.hdr_streamed)) {
+            Output::Hdr
+        } else if any(|wanted| wanted.hdr_streamed) {
+            Output::HdrStream
+        } else {
+            Output::Display
+        }
     }
 
     /// Buffers to read back from a frame of display images and from one of HDR images, if these must be two frames.
     pub(super) fn outputs(&self) -> Option<[Vec<Wanted>; 2]> {
-        let wanted = self.wanted_views();
+        let wanted = self.given_views();
         let apart = self.output.is_none() && self.presentations.is_empty() && {
             let viewports = self.rig.viewports(glam::DQuat::IDENTITY);
             draws_outputs_apart(self.settings, &self.scene.objects, &viewports)
         };
-        let both = self.output() == Output::Hdr && wanted.iter().any(|wanted| wanted.display);
+        let both = self.output() != Output::Display && wanted.iter().any(|wanted| wanted.display);
         (apart && both).then(|| {
-            let display = |wanted: &Wanted| Wanted { hdr: false, hdr_stays: false, ..*wanted };
-            let exact = |wanted: &Wanted| Wanted { display: false, ..*wanted };
-            [wanted.iter().map(display).collect(), wanted.iter().map(exact).collect()]
+            let display = |wanted: &Wanted| Wanted { hdr: false, hdr_streamed: false, hdr_stays: false, ..*wanted };
+            let hdr = |wanted: &Wanted| Wanted { display: false, ..*wanted };
+            [wanted.iter().map(display).collect(), wanted.iter().map(hdr).collect()]
         })
     }
 
-    /// Buffers to read back for each view.
-    pub fn wanted_views(&self) -> Cow<'a, [Wanted]> {
+    /// Buffers to read back for each view, as given.
+    fn given_views(&self) -> Cow<'a, [Wanted]> {
         match self.wanted {
             WantedViews::Every(wanted) => Cow::Owned(vec![wanted; self.rig.views().len()]),
             WantedViews::Each(wanted) => Cow::Borrowed(wanted),
         }
+    }
+
+    /// Buffers to read back for each view. HDR images for streams are HDR images: [`Self::output`] has their budget.
+    pub fn wanted_views(&self) -> Vec<Wanted> {
+        let reads = |wanted: &Wanted| Wanted { hdr: wanted.reads_hdr(), hdr_streamed: false, ..*wanted };
+        self.given_views().iter().map(reads).collect()
     }
 }

@@ -323,6 +323,7 @@ impl Targets {
                 let made_of_batch = batch.tiles.iter().fold(Wanted::default(), |all, tile| Wanted {
                     display: all.display || made[tile.viewport].display,
                     hdr: all.hdr || made[tile.viewport].hdr,
+                    hdr_streamed: false,
                     hdr_stays: all.hdr_stays || made[tile.viewport].hdr_stays,
                 });
                 let bytes = batch.pixels * BYTES_PER_PIXEL;

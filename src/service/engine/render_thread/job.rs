@@ -61,12 +61,12 @@ impl Job {
 
     /// Returns the groups of frames of this kind: HDR images keep full quality.
     pub(super) fn frame_groups(&self) -> &[FrameGroup] {
-        if self.wanted.iter().any(|wanted| wanted.hdr) { &self.groups.all } else { &self.groups.reduced }
+        if self.wanted.iter().any(|wanted| wanted.reads_hdr()) { &self.groups.all } else { &self.groups.reduced }
     }
 
     /// Returns the quality level of the frame; `None` if it has full quality in any case.
     pub(super) fn level(&self) -> Option<u32> {
-        (!self.wanted.iter().any(|wanted| wanted.hdr)).then_some(self.groups.level)
+        (!self.wanted.iter().any(|wanted| wanted.reads_hdr())).then_some(self.groups.level)
     }
 
     pub(super) fn shows(&self) -> Revisions {
@@ -128,7 +128,7 @@ impl Groups {
     pub(super) fn kind_of(&self, view: ViewId, wanted: Wanted) -> Kind {
         // No request refers to a view that the scene lacks.
         let group = self.of_view[&view].0;
-        (group, self.apart[group] && wanted.hdr)
+        (group, self.apart[group] && wanted.reads_hdr())
     }
 }
 

@@ -10,7 +10,7 @@ use crate::{
     photometry::glare::{GlareKernel, GlareKernelName},
     plan::{
         Approximation, Plan, PlanError,
-        budget::{least_veil_cd_m2, may_have_veil_in_sums},
+        budget::may_have_veil_in_sums,
         kept::Kept,
         settings::RenderSettings,
         technique::{CheckInputs, PlanInputs, Step, Technique},
@@ -149,11 +149,11 @@ impl Technique for Glare {
             Step::Scatter => Self::plan_sources(inputs, kept, plan),
             Step::Budget => {
                 let (settings, all_viewports) = (inputs.settings, &plan.views.all_viewports);
-                let step_cd_m2 =
-                    plan.display.step_cd_m2.filter(|_| may_have_veil_in_sums(settings, inputs.objects, all_viewports));
+                let may_have_veil = may_have_veil_in_sums(settings, inputs.objects, all_viewports);
+                let budget = plan.display.step_cd_m2.zip(plan.display.budget).filter(|_| may_have_veil);
                 let fraction = plan.glare.fraction;
-                plan.glare.in_sums =
-                    step_cd_m2.map(|step| VeilInSums { least_cd_m2: least_veil_cd_m2(step) / fraction });
+                plan.glare.in_sums = budget
+                    .map(|(step, budget)| VeilInSums { least_cd_m2: budget.share_of_one_veil() * step / fraction });
             }
             Step::Light => Self::report(inputs, plan),
             _ => {}

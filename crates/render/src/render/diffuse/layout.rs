@@ -16,7 +16,8 @@ gpu_structs! {
         most_rough: f32,
         /// Points from the sum of diffuse light to its part that may be rough; 0: the part is not wanted.
         rough_points: u32,
+        /// Addition to `most_rough` per cd/m^2 of the light there, rad^2.
+        most_rough_per_cd_m2: f32,
         unused_0: u32,
-        unused_1: u32,
     }
 }

@@ -12,7 +12,7 @@ use super::layout::DiffusePointParameters;
 use crate::{
     catalogue::diffuse::{DiffuseSky, ROUGHNESS_TEXELS},
     gpu::{Gpu, bind_in_order},
-    plan::Plan,
+    plan::{Plan, budget::ErrorBudget},
     render::{
         layout::{AirAbove, DiffuseLight, PointGrid},
         point_grid::{GridSpacing, dispatch_points, point_grids},
@@ -65,11 +65,16 @@ impl DiffusePoints {
     ) {
         let gpu = recording.gpu;
         let plan: &Plan = recording.frame.plan;
+        let relative = match plan.display.budget {
+            Some(ErrorBudget::Hdr { relative, .. }) => relative,
+            _ => 0.0,
+        };
         let parameters = DiffusePointParameters {
             light,
             air: AirAbove::from_sky(plan.air.sky.as_deref()),
             // Roughness grows with the square of the distance.
             most_rough: (ROUGHNESS_OF_BUDGET * step_cd_m2 * roughness_spacing_rad(sky).powi(2)) as f32,
+            most_rough_per_cd_m2: (ROUGHNESS_OF_BUDGET * relative * roughness_spacing_rad(sky).powi(2)) as f32,
             rough_points: rough.map_or(0, |rough| rough.grids[0].first - grid.grids[0].first),
             ..Default::default()
         };

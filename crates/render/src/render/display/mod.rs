@@ -161,7 +161,8 @@ impl Technique for Display {
         let (presents_codes, presents_light) = (presents(PresentSource::Codes), presents(PresentSource::Light));
         let exact = Wanted {
             display: made.display || presents_codes,
-            hdr: made.hdr,
+            hdr: made.reads_hdr(),
+            hdr_streamed: false,
             hdr_stays: made.hdr_stays || presents_light,
         };
         let display_only = Wanted { hdr: false, hdr_stays: presents_light, ..exact };
@@ -169,7 +170,7 @@ impl Technique for Display {
         let veil = forecast.may_have_veil_in_sums;
         let kinds = match forecast.draws_outputs_apart {
             false => vec![(exact, false)],
-            true if made.hdr || made.hdr_stays => {
+            true if made.reads_hdr() || made.hdr_stays => {
                 vec![(display_only, veil), (exact, false), (Wanted { display: false, ..exact }, false)]
             }
             true => vec![(display_only, veil)],
@@ -179,7 +180,7 @@ impl Technique for Display {
         let mut resolves: Vec<ResolveOutputs> = Vec::new();
         let mut maps_tones = false;
         for (known, (made, veil)) in known.iter().flat_map(|&known| kinds.iter().map(move |&kind| (known, kind))) {
-            let Wanted { display, hdr, hdr_stays } = made;
+            let Wanted { display, hdr, hdr_stays, .. } = made;
             let resolves_to_display = forecast.resolves_to_display(known, veil);
             let hdr_made = hdr_image(forecast.is_scattered_after(veil), [display, hdr, hdr_stays], resolves_to_display);
             // Two forms are created by the first frame that needs them: the form with a map, which depends on the

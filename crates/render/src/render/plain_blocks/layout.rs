@@ -14,11 +14,17 @@ gpu_structs! {
         shown: Display,
         /// Display value 1 per cd/m^2.
         display_per_cd_m2: f32,
-        /// Greatest error of interpolated light, codes of 8 bits.
-        most_error_codes: f32,
+        /// Greatest error of interpolated light: of display images in codes of 8 bits, of HDR images relative to the luminance.
+        most_error: f32,
+        /// Of HDR images: error of interpolated light that is allowed everywhere, cd/m^2.
+        floor_cd_m2: f32,
+        /// Relative error of the inverse solid angle that a plain block may have.
+        most_solid_angle_error: f32,
         /// Sine of the altitude of the highest ground.
         ground_sine: f32,
         /// 1: pixels read the map of faint light.
         reads_faint_map: u32,
+        unused_0: u32,
+        unused_1: u32,
     }
 }

@@ -1,4 +1,4 @@
-//! Plain blocks of display images (`crate::plan::plain_blocks`): adds the smooth lights of a frame at the points of one grid per picture, and marks the
+//! Plain blocks of images (`crate::plan::plain_blocks`): adds the smooth lights of a frame at the points of one grid per picture, and marks the
 //! blocks that are not plain. Passes over pixels read the marks: `shaders/shared/plain_block.wgsl`.
 //!
 //! Shaders: `shaders/plain_blocks/`.
@@ -21,13 +21,24 @@ use super::{
 use crate::{
     gpu::{Gpu, Variants, bind_in_order},
     photometry::exposure::white_luminance_cd_m2,
-    plan::{plain_blocks::PLAIN_BLOCK_PX, settings::ToneMapSettings, stars::cull::MAX_VIEWPORTS},
+    plan::{
+        budget::ErrorBudget,
+        plain_blocks::{PLAIN_BLOCK_PX, SHARE_OF_BUDGET},
+        settings::ToneMapSettings,
+        stars::cull::MAX_VIEWPORTS,
+    },
 };
+
+/// Relative error of the inverse solid angle that a plain block of a display image may have.
+const MOST_SOLID_ANGLE_ERROR: f32 = 5e-4;
+/// The same for an HDR image, whose sums of starlight are exact to 1e-4.
+const MOST_SOLID_ANGLE_ERROR_HDR: f32 = 3e-5;
 
 /// Pipelines of the two passes.
 pub(super) struct PlainBlocks {
     gather: OnceLock<wgpu::ComputePipeline>,
-    mark: Variants<DisplayVariant, wgpu::ComputePipeline>,
+    /// Variants that judge display images, and the one that judges HDR images.
+    mark: Variants<Option<DisplayVariant>, wgpu::ComputePipeline>,
 }
 
 impl PlainBlocks {
@@ -39,10 +50,14 @@ impl PlainBlocks {
         self.gather.get_or_init(|| gpu.compute_pipeline(&projecting(gpu, "plain_blocks/gather").source()))
     }
 
-    fn mark(&self, gpu: &Gpu, tone_map: &ToneMapSettings) -> wgpu::ComputePipeline {
-        let variant = DisplayVariant::from_settings(tone_map);
-        let source = || projecting(gpu, "plain_blocks/mark").source();
-        self.mark.get(variant, || gpu.compute_pipeline_with(&source(), &variant.constants()))
+    /// Pipeline that judges display images with this tone mapping, or HDR images.
+    fn mark(&self, gpu: &Gpu, tone_map: Option<&ToneMapSettings>) -> wgpu::ComputePipeline {
+        let variant = tone_map.map(DisplayVariant::from_settings);
+        self.mark.get(variant, || {
+            let judges = [("JUDGES_CODES", f64::from(u8::from(variant.is_some())))];
+            let constants = [&judges[..], &variant.unwrap_or_default().constants()].concat();
+            gpu.compute_pipeline_with(&projecting(gpu, "plain_blocks/mark").source(), &constants)
+        })
     }
 }
 
@@ -52,7 +67,7 @@ impl Technique for PlainBlocks {
         let job = || {
             PipelineJob::new("plain blocks", move || {
                 self.gather(gpu);
-                self.mark(gpu, tone_map)
+                self.mark(gpu, Some(tone_map))
             })
         };
         wish.forecast.plain_forms().contains(&true).then(job).into_iter().collect()
@@ -112,17 +127,26 @@ impl Technique for PlainBlocks {
         let Some(PlainGrids { grids, own, list }) = recording.targets.plain.clone() else { return };
         let points = recording.targets.grid_points(gpu);
         let tone_map = &plan.display.tone_map;
-        let (gather, mark) = (self.gather(gpu), &self.mark(gpu, tone_map));
-        let Some(ev100) = plan.exposure.known_ev100 else { unreachable!("plain blocks need a known exposure") };
+        // The error that a block may have, and the form that judges it.
+        let (most_error, floor_cd_m2, white_cd_m2, judged) = match (plain.budget, plan.exposure.known_ev100) {
+            (ErrorBudget::Hdr { relative, floor_cd_m2 }, _) => (relative, floor_cd_m2, 1.0, None),
+            (ErrorBudget::Codes(codes), Some(ev100)) => (codes, 0.0, white_luminance_cd_m2(ev100), Some(tone_map)),
+            (ErrorBudget::Codes(_), None) => unreachable!("plain blocks of display images need a known exposure"),
+        };
+        let most_solid_angle_error = if judged.is_some() { MOST_SOLID_ANGLE_ERROR } else { MOST_SOLID_ANGLE_ERROR_HDR };
+        let (gather, mark) = (self.gather(gpu), &self.mark(gpu, judged));
         let ground = plan.air.sky.as_ref().and_then(|sky| sky.highest_ground_sine());
         let parameters = layout::PlainParameters {
             air: AirAbove::from_sky(plan.air.sky.as_deref()),
             shown: encode_display(tone_map),
-            display_per_cd_m2: (1.0 / white_luminance_cd_m2(ev100)) as f32,
-            most_error_codes: plain.most_error_codes as f32,
+            display_per_cd_m2: (1.0 / white_cd_m2) as f32,
+            most_error: (SHARE_OF_BUDGET * most_error) as f32,
+            floor_cd_m2: (SHARE_OF_BUDGET * floor_cd_m2) as f32,
+            most_solid_angle_error,
             // Without ground, the sky above the horizon is mirrored there.
             ground_sine: ground.unwrap_or(0.0) as f32,
             reads_faint_map: u32::from(plan.smooth_light.map.is_some()),
+            ..Default::default()
         };
         let parameters = gpu.frame_uniform("plain parameters", &parameters);
         let (viewports, counters) = (&recording.targets.viewports, &recording.targets.counters);
