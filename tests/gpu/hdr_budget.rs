@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use steradian::{
+    output::Encoding,
     plan::budget::ErrorBudget,
     render::{Frame, FrameRequest, Renderer, Wanted},
 };
@@ -82,6 +83,26 @@ fn a_coarser_budget_fails_the_finer_one() {
     ];
     let [most, _] = errors(&draw(&mut renderer(), "tonight.toml", &set), 0);
     assert!(most > 1.5, "{most}");
+}
+
+#[test]
+fn each_encoding_gets_its_own_budget() {
+    let views = "views=[{ name = 'a', type = 'perspective', size = [64, 64], fov_y_deg = 40 }, { name = 'b', type = 'perspective', size = [64, 64], fov_y_deg = 40 }]";
+    let mut renderer = renderer();
+    let mut drawn = |set: &[&str], encodings: [Encoding; 2]| {
+        let (scene, rig, settings) = configured("dome.toml", set);
+        let wanted = encodings.map(Encoding::wanted);
+        let request = FrameRequest::new(&scene, &rig).settings(&settings).wanted_per_view(&wanted);
+        let frame = renderer.render(request).unwrap();
+        (frame.plan.budget, frame.hdr_plan.map(|plan| plan.budget))
+    };
+    let set = [views, BUDGET, "accuracy.hdr_floor_cd_m2=3e-6"];
+    let hdr = Some(ErrorBudget::Hdr { relative: RELATIVE, floor_cd_m2: 3e-6 });
+    let codes = Some(ErrorBudget::Codes(0.5));
+    assert_eq!(drawn(&set, [Encoding::Rgb32f; 2]), (hdr, None));
+    assert_eq!(drawn(&set, [Encoding::Rgb32f, Encoding::Rgba8]), (codes, Some(hdr)));
+    assert_eq!(drawn(&set, [Encoding::Rgb32f, Encoding::Exr]), (None, None), "a file is exact");
+    assert_eq!(drawn(&[views], [Encoding::Rgb32f; 2]), (None, None), "streams are exact by default");
 }
 
 /// The largest relative error of the light of the brightest stars of a flat view, each weighted by the profile of its image.
