@@ -22,7 +22,7 @@ use super::error::DeepError;
 use super::index::{self, BrightFile};
 pub use super::journal::Counts;
 use super::journal::{BrightStars, State};
-use super::resident::{is_resident, listed_again};
+use super::resident::{is_resident, keeps_names, listed_again};
 use super::spill::{self, Spill};
 use super::writer::{EncodedBucket, Writer};
 use super::{BRIGHT_FILE, BUCKET_ORDER, BUCKETS, DeepStore, EPOCH_YEAR, LAYERS, is_deep_store};
@@ -217,7 +217,12 @@ impl Build {
         self.state.counts.at_infinity += u64::from(!record.distance_known);
         if is_resident(&record, v_mag, about.velocity) {
             self.state.counts.bright_without_colour += u64::from(about.without_colour);
-            self.bright.push(record, about.velocity, about.names, about.is_built_in);
+            let names = about.names.filter(|names| {
+                let keeps = keeps_names(&record, v_mag, names);
+                self.state.counts.names_left_out += u64::from(!keeps);
+                keeps
+            });
+            self.bright.push(record, about.velocity, names, about.is_built_in);
             return self.check_bright();
         }
         self.add_faint(record, v_mag, &about)
@@ -295,6 +300,8 @@ fn memory_error(what: &str, needed: u64, limit: u64) -> DeepError {
 /// Bright stars that are kept.
 struct ReadyBright {
     stars: BrightStars,
+    /// Stars that were left out because another one is equal.
+    repeated: u64,
     listed_again: u64,
     /// Stars of the limiting magnitude that may be in leaves.
     ties_left: u64,
@@ -333,7 +340,32 @@ fn ready_bright(folder: &Path, state: &State, limit: Option<Limit>) -> Result<Re
         again = keep.iter().filter(|keep| !**keep).count() as u64;
         stars.retain(&keep);
     }
-    Ok(ReadyBright { stars, listed_again: again, ties_left })
+    let keep = first_of_equals(&stars.records);
+    let repeated = keep.iter().filter(|keep| !**keep).count() as u64;
+    if repeated > 0 {
+        stars.retain(&keep);
+    }
+    Ok(ReadyBright { stars, repeated, listed_again: again, ties_left })
+}
+
+/// Whether each star is the first of those that equal it in every field.
+fn first_of_equals(stars: &[StarRecord]) -> Vec<bool> {
+    let content = |index: &u32| {
+        let star = &stars[*index as usize];
+        (
+            star.position.to_array().map(f64::to_bits),
+            star.magnitude.to_bits(),
+            star.temperature_k.to_bits(),
+            star.distance_known,
+        )
+    };
+    let mut order: Vec<u32> = (0..stars.len() as u32).collect();
+    order.par_sort_unstable_by(|a, b| content(a).cmp(&content(b)).then(a.cmp(b)));
+    let mut is_first = vec![true; stars.len()];
+    for pair in order.windows(2).filter(|pair| content(&pair[0]) == content(&pair[1])) {
+        is_first[pair[1] as usize] = false;
+    }
+    is_first
 }
 
 /// Reads the stars of a bucket that are not beyond the limit.
@@ -431,7 +463,7 @@ fn complete(
     writer: &Writer,
     bright: ReadyBright,
 ) -> Result<BuildReport, DeepError> {
-    let ReadyBright { stars, listed_again, .. } = bright;
+    let ReadyBright { stars, repeated: repeated_bright, listed_again, .. } = bright;
     let (motions, names) = (stars.velocities.len() as u64, stars.names.len() as u64);
     let count = stars.records.len() as u64;
     let store = Store::from_records(description.clone(), stars.records, stars.velocities, stars.names);
@@ -456,7 +488,7 @@ fn complete(
         layers: std::array::from_fn(|layer| index.leaves[layer].stars()),
         counts,
         median_colour,
-        repeated,
+        repeated: repeated + repeated_bright,
         listed_again,
         motions,
         names,

@@ -15,10 +15,11 @@ use tempfile::NamedTempFile;
 
 use super::super::StarRecord;
 use super::super::motion::KM_S_PER_PC_A;
+use super::super::store::Store;
 use super::DeepStore;
 use super::build::{NewStar, OnStep};
 use super::error::DeepError;
-use super::slice::{Selection, each_star};
+use super::slice::{Selection, each_bright_star, each_star};
 use crate::coordinates::lon_lat_from_direction;
 use crate::files;
 use crate::units::ARCSECOND_RAD;
@@ -80,7 +81,7 @@ impl Row {
     fn write_csv(&self, out: &mut impl Write) -> std::io::Result<()> {
         write!(out, "{:.8},{:.8},{:.4},{:.0},", self.ra_deg, self.dec_deg, self.v_mag, self.teff_k)?;
         match self.distance_pc {
-            Some(distance) => write!(out, "{distance:.5e},")?,
+            Some(distance) => write!(out, "{},", distance as f32)?,
             None => write!(out, ",")?,
         }
         match self.motion {
@@ -221,17 +222,21 @@ fn write_group(writer: &mut SerializedFileWriter<File>, rows: &[Row]) -> Result<
     Ok(())
 }
 
+/// Stars to be exported.
+#[derive(Clone, Copy, Debug)]
+pub enum Rows<'a> {
+    /// A store in one file.
+    Single(&'a Store),
+    /// A deep store.
+    Deep(&'a DeepStore),
+}
+
 /// Writes the stars of a store that meet conditions to a file, whose extension is `.csv` or `.parquet`. Columns: right ascension, declination (of
 /// `ref_epoch`, ICRS), V, temperature, distance, motion, epoch and name. Returns the number of rows.
 ///
 /// # Errors
 /// The extension is another one, the store is damaged, or the file cannot be written. No file is left then.
-pub fn export(
-    store: &DeepStore,
-    selection: &Selection,
-    path: &Path,
-    on_step: &mut OnStep<'_>,
-) -> Result<u64, DeepError> {
+pub fn export(stars: Rows<'_>, selection: &Selection, path: &Path, on_step: &mut OnStep<'_>) -> Result<u64, DeepError> {
     let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
     let format = match extension.as_ref().and_then(|extension| extension.to_str()) {
         Some("csv") => Format::Csv,
@@ -247,7 +252,10 @@ pub fn export(
         rows += 1;
         target.add(path, Row::new(&star, &about, epoch_year))
     };
-    each_star(store, selection, &mut add, on_step)?;
+    match stars {
+        Rows::Single(store) => each_bright_star(store, selection, &mut add)?,
+        Rows::Deep(store) => each_star(store, selection, &mut add, on_step)?,
+    }
     target.finish(path)?;
     Ok(rows)
 }

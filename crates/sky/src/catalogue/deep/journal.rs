@@ -39,7 +39,7 @@ pub struct Counts {
     pub too_faint: u64,
     /// Stars in leaves whose motion is not stored; they are placed at the store's epoch.
     pub motions_left_out: u64,
-    /// Stars in leaves whose names are not stored.
+    /// Stars whose names are not stored: those in leaves, and bright ones beyond the rule of `resident`.
     pub names_left_out: u64,
 }
 

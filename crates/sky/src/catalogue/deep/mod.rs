@@ -29,9 +29,10 @@ pub mod check;
 pub mod composite;
 mod error;
 pub mod export;
-
+pub mod import;
 pub mod index;
 mod journal;
+pub mod prior;
 mod reader;
 pub mod resident;
 pub mod slice;

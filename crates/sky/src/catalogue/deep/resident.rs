@@ -5,6 +5,7 @@ use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 
 use super::super::StarRecord;
+use super::super::names::StarNames;
 use crate::units::ARCSECOND_RAD;
 
 /// Stars brighter than this V magnitude are bright stars.
@@ -33,6 +34,19 @@ pub fn is_resident(star: &StarRecord, v_mag: f32, velocity: Option<[f32; 3]>) ->
     v_mag < BRIGHTER_THAN
         || (star.distance_known && star.position.length() < NEARER_THAN_PC)
         || velocity.is_some_and(|velocity| proper_motion_arcsec(star, velocity) > FASTER_THAN_ARCSEC)
+}
+
+/// Names of bright stars are kept if they are brighter than this V magnitude, nearer than [`NAMED_NEARER_THAN_PC`], or have a proper name. The rule
+/// depends on the star alone, and bounds the memory: Gaia has a number for each of its stars.
+pub const NAMED_BRIGHTER_THAN: f32 = 10.0;
+/// See [`NAMED_BRIGHTER_THAN`], pc.
+pub const NAMED_NEARER_THAN_PC: f64 = 25.0;
+
+/// Whether the names of a bright star are kept.
+pub fn keeps_names(star: &StarRecord, v_mag: f32, names: &StarNames) -> bool {
+    v_mag < NAMED_BRIGHTER_THAN
+        || (star.distance_known && star.position.length() < NAMED_NEARER_THAN_PC)
+        || !names.name.is_empty()
 }
 
 /// Returns for each star whether it is one of `listed` again: within 2" and one magnitude. Both are at the same epoch.

@@ -4,6 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::super::StarRecord;
+use super::super::store::Store;
 use super::build::{Build, BuildOptions, BuildReport, BuildStep, NewStar, OnStep};
 use super::cells::{CellFrame, cell_count};
 use super::error::DeepError;
@@ -64,15 +65,7 @@ pub fn each_star(
     on_step: &mut OnStep<'_>,
 ) -> Result<(), DeepError> {
     let bright = store.bright()?;
-    let mut velocities = bright.velocities.iter().peekable();
-    let mut names = bright.names.iter().peekable();
-    for (index, star) in bright.records(0.0).into_iter().enumerate() {
-        let velocity = velocities.next_if(|velocity| velocity.star as usize == index).map(|v| v.velocity);
-        let names = names.next_if(|of| of.star as usize == index).map(|of| of.names.clone());
-        if selection.contains(&star) {
-            sink(star, 2000.0, NewStar { velocity, names, ..NewStar::default() })?;
-        }
-    }
+    each_bright_star(&bright, selection, sink)?;
     drop(bright);
     let total = store.index().leaves.iter().map(super::index::Segments::stars).sum();
     let epoch_year = store.index().epoch_year;
@@ -97,6 +90,23 @@ pub fn each_star(
             }
             done += cells.map(|cell| u64::from(store.leaf_stars(layer, cell))).sum::<u64>();
             on_step(BuildStep { work: "reading stars", done, total });
+        }
+    }
+    Ok(())
+}
+
+/// The same for a store in one file.
+///
+/// # Errors
+/// `sink` fails.
+pub fn each_bright_star(store: &Store, selection: &Selection, sink: &mut StarSink<'_>) -> Result<(), DeepError> {
+    let mut velocities = store.velocities.iter().peekable();
+    let mut names = store.names.iter().peekable();
+    for (index, star) in store.records(0.0).into_iter().enumerate() {
+        let velocity = velocities.next_if(|velocity| velocity.star as usize == index).map(|v| v.velocity);
+        let names = names.next_if(|of| of.star as usize == index).map(|of| of.names.clone());
+        if selection.contains(&star) {
+            sink(star, 2000.0, NewStar { velocity, names, ..NewStar::default() })?;
         }
     }
     Ok(())
