@@ -512,3 +512,109 @@ fn publish(folder: &Path, out: &Path) -> Result<(), DeepError> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_stores::{built, options, stars};
+    use super::*;
+
+    fn all_files(folder: &Path) -> Vec<(std::ffi::OsString, Vec<u8>)> {
+        let entries = fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry"));
+        let mut files: Vec<_> = entries.map(|entry| (entry.file_name(), fs::read(entry.path()).expect("read"))).collect();
+        files.sort();
+        files
+    }
+
+    #[test]
+    fn an_interrupted_store_is_continued_in_both_passes() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let all = stars(3000, 5, 18.0);
+        let whole = folder.path().join("whole");
+        let expected = built(&whole, &all);
+        let out = folder.path().join("continued");
+
+        // A program that ends after its first checkpoint, and had added more.
+        let mut build = Build::open(options(&out)).expect("new");
+        all[..1000].iter().try_for_each(|(star, about)| build.add(*star, about.clone())).expect("added");
+        build.checkpoint(1, "first".to_owned()).expect("saved");
+        all[1000..1500].iter().try_for_each(|(star, about)| build.add(*star, about.clone())).expect("added");
+        assert!(matches!(Build::open(options(&out)), Err(DeepError::Busy { .. })));
+        drop(build);
+        assert!(!out.exists(), "nothing appears before the end");
+
+        let other = BuildOptions { job: "another".to_owned(), ..options(&out) };
+        assert!(matches!(Build::open(other), Err(DeepError::OtherJob { .. })));
+        let mut build = Build::open(options(&out)).expect("continued");
+        assert_eq!((build.steps_done(), build.source(), build.is_read()), (1, "first", false));
+        all[1000..].iter().try_for_each(|(star, about)| build.add(*star, about.clone())).expect("added");
+        build.state.is_read = true;
+        build.checkpoint(2, String::new()).expect("saved");
+        // A few buckets are finished, and the next one is written in part.
+        let mut writer = Writer::open(&build.folder.join(STORE), &build.folder).expect("opened");
+        for bucket in 0..700 {
+            let (stars, _) = stars_of_bucket(&build.folder, &build.state, bucket, None).expect("read");
+            writer.append(&EncodedBucket::new(BucketLeaves::encode(bucket, stars)), 0).expect("written");
+        }
+        let torn = build.folder.join(STORE).join("leaves-13");
+        let mut bytes = fs::read(&torn).expect("read");
+        bytes.extend([7; 20]);
+        fs::write(&torn, bytes).expect("written");
+        drop((build, writer));
+
+        let build = Build::open(options(&out)).expect("continued");
+        assert!(build.is_read());
+        let mut first = None;
+        let found = build.finish(None, "a test".to_owned(), &mut |step: BuildStep| {
+            first.get_or_insert(step.done);
+        });
+        assert!(first.is_some_and(|done| done > 300), "finished cells are not written again: {first:?}");
+        assert_eq!(found.expect("built"), expected);
+        assert!(all_files(&out) == all_files(&whole));
+        assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 2);
+    }
+
+    #[test]
+    fn a_store_replaces_an_older_one_and_nothing_else() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let out = folder.path().join("store");
+        built(&out, &stars(200, 1, 15.0));
+        let report = built(&out, &stars(300, 1, 15.0));
+        assert_eq!(DeepStore::open(&out).expect("a store").root(), report.root);
+        assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 1);
+        fs::write(folder.path().join("file"), b"text").expect("written");
+        for name in ["file", "."] {
+            let path = folder.path().join(name);
+            assert!(matches!(Build::open(options(&path)), Err(DeepError::Occupied { .. })), "{name}");
+        }
+    }
+
+    #[test]
+    fn rules_are_counted_and_stars_are_where_they_should_be() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let out = folder.path().join("store");
+        let all = stars(3000, 5, 18.0);
+        let mut twice = all.clone();
+        twice.extend_from_slice(&all[..50]);
+        let faint = StarRecord { magnitude: 28.0, distance_known: false, position: glam::DVec3::X, temperature_k: 4000.0 };
+        twice.push((faint, NewStar::default()));
+        let report = built(&out, &twice);
+        assert_eq!((report.repeated, report.counts.too_faint, report.counts.delivered), (50, 1, all.len() as u64 + 51));
+        assert_eq!(report.bright + report.layers.iter().sum::<u64>(), all.len() as u64);
+        let store = DeepStore::open(&out).expect("a store");
+        let bright = store.bright().expect("valid");
+        assert_eq!((bright.velocities.len() as u64, bright.names.len() as u64), (report.motions, report.names));
+        assert!(report.motions > 10 && report.names > 1 && report.median_colour > 50, "{report:?}");
+        // A star of a leaf is at the epoch of the leaves.
+        let (star, about) = all.iter().find(|(star, about)| about.velocity.is_some() && star.apparent_magnitude() > 17.1).expect("one");
+        let mut moved = *star;
+        let velocity = about.velocity.expect("it moves");
+        super::super::super::motion::StarVelocity { star: 0, velocity }.apply(&mut moved, 16.0);
+        let order = LAYERS[2].order;
+        let leaf = store.leaf(2, SkyPlace::from_direction(moved.position).cell(order)).expect("a leaf");
+        let off = |star: &StarRecord| {
+            let of = |index: usize| leaf.star(index).direction.angle_between(star.position);
+            (0..leaf.words.len()).map(of).fold(f64::INFINITY, f64::min) / crate::units::ARCSECOND_RAD
+        };
+        assert!(off(&moved) < 0.01 && off(star) > 0.05, "{} {}", off(&moved), off(star));
+    }
+}

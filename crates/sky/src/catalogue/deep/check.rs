@@ -115,9 +115,9 @@ pub(super) fn leaves_of(store: &DeepStore, bucket: u64) -> Result<BucketLeaves, 
     for (layer, kind) in LAYERS.iter().enumerate() {
         let count = kind.leaves_per_bucket() as u64;
         for cell in bucket * count..(bucket + 1) * count {
-            let leaf = store.leaf(layer, cell)?;
-            leaves.counts[layer].push(leaf.words.len() as u32);
-            leaves.words[layer].extend(leaf.words);
+            let words = store.leaf_words(layer, cell)?;
+            leaves.counts[layer].push(words.len() as u32);
+            leaves.words[layer].extend(words);
         }
     }
     Ok(leaves)
@@ -145,7 +145,7 @@ fn check_bucket(store: &DeepStore, bucket: u64, light: bool) -> Result<(Vec<Plan
     for (layer, of_layer) in sums.light.iter().enumerate() {
         for (quarter, light) in of_layer.iter().enumerate() {
             let cell = 4 * bucket + quarter as u64;
-            let kept = store.index().sums[layer][cell as usize];
+            let kept = store.index().sums[layer].get(cell as usize).copied().unwrap_or_default();
             if (0..3).any(|channel| (kept[channel] - light[channel]).abs() > 1e-9 * light[channel]) {
                 let problem = format!(
                     "the light of cell {cell} of order 5 is not that of the leaves of V = {}",

@@ -1,7 +1,7 @@
 //! The file `index` of a deep store: the tables of its other files, with their checksums.
 //!
 //! Layout, little-endian: a header of 128 bytes ([`Header`]), the description in UTF-8 (padded with zeros to a multiple of 8 bytes), an entry
-//! for each layer and each plane ([`PartEntry`], 24 bytes), the sums of light (for each layer three f64 numbers for each cell of order 5), then a
+//! for each layer and each plane ([`PartEntry`], 24 bytes), the sums of light (for each layer with stars three f64 numbers for each cell of order 5), then a
 //! [`Segment`] (8 bytes) for each leaf of each layer with stars, and for each tile of each plane with stars.
 //!
 //! Segments follow each other in their file in the order of their cells, without gaps: offsets are sums of counts, so that leaves cannot
@@ -134,6 +134,7 @@ pub struct Index {
     /// Leaves of each layer, in the order of [`LAYERS`].
     pub leaves: Vec<Segments>,
     /// Light of each layer in each cell of order [`SUM_ORDER`]: illuminance at the barycentre per channel, linear Rec. 709, lx.
+    /// Empty for a layer without stars.
     pub sums: Vec<Vec<[f64; 3]>>,
     /// Tiles of each plane, in the order of [`PLANES`].
     pub tiles: Vec<Segments>,
@@ -145,9 +146,11 @@ impl Index {
         (epoch_year, description): (f64, String),
         bright: BrightFile,
         leaves: Vec<Vec<Segment>>,
-        sums: Vec<Vec<[f64; 3]>>,
+        mut sums: Vec<Vec<[f64; 3]>>,
         tiles: Vec<Vec<Segment>>,
     ) -> Option<Self> {
+        // A layer without stars has no sums.
+        sums.iter_mut().zip(&leaves).filter(|(_, leaves)| leaves.is_empty()).for_each(|(sums, _)| sums.clear());
         let leaves = leaves.into_iter().map(|list| Segments::new(list, u64::from)).collect::<Option<_>>()?;
         let tiles = tiles.into_iter().zip(PLANES);
         let tiles = tiles.map(|(list, plane)| Segments::new(list, |count| words_of_tile(plane.order, count)));
@@ -232,7 +235,9 @@ impl Index {
         let description = description.ok_or_else(|| damaged("its description is not UTF-8"))?;
         let short = || damaged("it is shorter than its tables");
         let entries: Vec<PartEntry> = parts.list((LAYERS.len() + PLANES.len()) as u64).ok_or_else(short)?;
-        let sums: Option<Vec<Vec<[f64; 3]>>> = LAYERS.iter().map(|_| parts.list(cell_count(SUM_ORDER))).collect();
+        let sums_of = |entry: &PartEntry| if entry.segments == 0 { 0 } else { cell_count(SUM_ORDER) };
+        let layers = entries.iter().take(LAYERS.len());
+        let sums: Option<Vec<Vec<[f64; 3]>>> = layers.map(|entry| parts.list(sums_of(entry))).collect();
         let sums = sums.ok_or_else(short)?;
         let expected = LAYERS
             .iter()
@@ -309,7 +314,7 @@ mod tests {
         leaves[0] = (0..cell_count(6) as u32).map(|cell| Segment { count: cell % 3, crc32: cell }).collect();
         let mut tiles = vec![Vec::new(); PLANES.len()];
         tiles[4] = (0..cell_count(4) as u32).map(|cell| Segment { count: cell % 2, crc32: cell }).collect();
-        let sums = (0..3).map(|layer| vec![[f64::from(layer), 0.5, 1.0]; cell_count(5) as usize]).collect();
+        let sums = vec![vec![[0.25, 0.5, 1.0]; cell_count(5) as usize], Vec::new(), Vec::new()];
         let bright = BrightFile { bytes: 1000, stars: 12, crc32: 7 };
         Index::new((2016.0, "a test, öäü".to_owned()), bright, leaves, sums, tiles).expect("small counts")
     }

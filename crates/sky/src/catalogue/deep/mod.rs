@@ -45,6 +45,11 @@ mod writer;
 pub use error::DeepError;
 pub use reader::{DeepStar, DeepStore, Leaf, is_deep_store};
 
+#[cfg(test)]
+mod damage_tests;
+#[cfg(test)]
+mod test_stores;
+
 /// A layer of leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layer {

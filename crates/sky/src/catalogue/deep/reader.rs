@@ -176,10 +176,14 @@ impl DeepStore {
     /// # Errors
     /// The layer has no such leaf, it cannot be read, or its checksum is wrong.
     pub fn leaf(&self, layer: usize, cell: u64) -> Result<Leaf, DeepError> {
+        let words = self.leaf_words(layer, cell)?;
+        Ok(Leaf { layer, cell, frame: CellFrame::new(LAYERS[layer].order, cell), words })
+    }
+
+    /// The words of a leaf; see [`Self::leaf`].
+    pub(super) fn leaf_words(&self, layer: usize, cell: u64) -> Result<Vec<u64>, DeepError> {
         let Self { index, leaves, .. } = self;
-        let order = LAYERS[layer].order;
-        let words = self.words(&leaves[layer], &index.leaves[layer], ("leaf", cell, order))?;
-        Ok(Leaf { layer, cell, frame: CellFrame::new(order, cell), words })
+        self.words(&leaves[layer], &index.leaves[layer], ("leaf", cell, LAYERS[layer].order))
     }
 
     /// Reads a tile of a plane; one without stars is not read from the disk. Its cells of the plane's order are
