@@ -520,7 +520,8 @@ mod tests {
 
     fn all_files(folder: &Path) -> Vec<(std::ffi::OsString, Vec<u8>)> {
         let entries = fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry"));
-        let mut files: Vec<_> = entries.map(|entry| (entry.file_name(), fs::read(entry.path()).expect("read"))).collect();
+        let mut files: Vec<_> =
+            entries.map(|entry| (entry.file_name(), fs::read(entry.path()).expect("read"))).collect();
         files.sort();
         files
     }
@@ -595,7 +596,8 @@ mod tests {
         let all = stars(3000, 5, 18.0);
         let mut twice = all.clone();
         twice.extend_from_slice(&all[..50]);
-        let faint = StarRecord { magnitude: 28.0, distance_known: false, position: glam::DVec3::X, temperature_k: 4000.0 };
+        let faint =
+            StarRecord { magnitude: 28.0, distance_known: false, position: glam::DVec3::X, temperature_k: 4000.0 };
         twice.push((faint, NewStar::default()));
         let report = built(&out, &twice);
         assert_eq!((report.repeated, report.counts.too_faint, report.counts.delivered), (50, 1, all.len() as u64 + 51));
@@ -605,7 +607,8 @@ mod tests {
         assert_eq!((bright.velocities.len() as u64, bright.names.len() as u64), (report.motions, report.names));
         assert!(report.motions > 10 && report.names > 1 && report.median_colour > 50, "{report:?}");
         // A star of a leaf is at the epoch of the leaves.
-        let (star, about) = all.iter().find(|(star, about)| about.velocity.is_some() && star.apparent_magnitude() > 17.1).expect("one");
+        let (star, about) =
+            all.iter().find(|(star, about)| about.velocity.is_some() && star.apparent_magnitude() > 17.1).expect("one");
         let mut moved = *star;
         let velocity = about.velocity.expect("it moves");
         super::super::super::motion::StarVelocity { star: 0, velocity }.apply(&mut moved, 16.0);

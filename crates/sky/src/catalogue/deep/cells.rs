@@ -123,7 +123,7 @@ impl CellFrame {
         let [x, y] = [0, 1].map(|axis| self.corner[axis] + self.scale * inside[axis]);
         let ring = FACE_RING[self.face] - x - y;
         // `width`: quarter of the ring's circumference, in the units of the longitude.
-        let (width, z, sine) = if ring < 1.0 || ring > 3.0 {
+        let (width, z, sine) = if !(1.0..=3.0).contains(&ring) {
             let width = if ring < 1.0 { ring } else { 4.0 - ring };
             let below = width * width / 3.0;
             let z = 1.0 - below;

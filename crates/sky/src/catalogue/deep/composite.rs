@@ -77,12 +77,8 @@ impl CellSum {
     /// Adds a star.
     pub fn add(&mut self, light_lx: [f64; 3], inside: [f64; 2], parallax: f64) {
         let weight = luminance(light_lx);
-        for channel in 0..3 {
-            self.light_lx[channel] += light_lx[channel];
-        }
-        for axis in 0..2 {
-            self.centroid[axis] += weight * inside[axis];
-        }
+        self.light_lx.iter_mut().zip(light_lx).for_each(|(sum, light)| *sum += light);
+        self.centroid.iter_mut().zip(inside).for_each(|(sum, x)| *sum += weight * x);
         self.parallax[0] += weight * parallax;
         self.parallax[1] += weight * parallax * parallax;
     }
@@ -161,8 +157,8 @@ impl Quantiser {
         }
         let unit = f64::from(exponent + UNIT_LOG2).exp2();
         let codes = wanted.map(|light| (light / unit).round().min(LARGEST_MANTISSA));
-        for channel in 0..3 {
-            self.rest_lx[channel] += exact.light_lx[channel] - codes[channel] * unit;
+        for (rest, (light, code)) in self.rest_lx.iter_mut().zip(exact.light_lx.into_iter().zip(codes)) {
+            *rest += light - code * unit;
         }
         let [red, green, blue] = codes.map(|code| code as u64);
         let [x, y] = exact.inside.map(|x| (x * CENTROID_STEPS).floor().clamp(0.0, CENTROID_STEPS - 1.0) as u64);

@@ -18,7 +18,9 @@ type Files = BTreeMap<String, Vec<u8>>;
 
 fn files_of(folder: &Path) -> Files {
     let entries = fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry"));
-    entries.map(|entry| (entry.file_name().into_string().expect("UTF-8"), fs::read(entry.path()).expect("read"))).collect()
+    entries
+        .map(|entry| (entry.file_name().into_string().expect("UTF-8"), fs::read(entry.path()).expect("read")))
+        .collect()
 }
 
 /// Words of every leaf and tile with stars.
@@ -92,20 +94,28 @@ fn every_copy_is_reported(count: u32) {
         changed.iter().for_each(|(name, bytes)| fs::write(path.join(name), bytes).expect("written"));
         let names: Vec<&String> = changed.iter().map(|(name, _)| name).collect();
         let opened = DeepStore::open(&path);
-        let result = opened.as_ref().map_err(ToString::to_string).and_then(|store| {
-            check(store, false, &mut |_| ()).map_err(|error| error.to_string())
-        });
-        let message = result.map(|_| ()).expect_err(&format!("copy {tried}, damage {kind} of {names:?} is not reported"));
+        let result = opened
+            .as_ref()
+            .map_err(ToString::to_string)
+            .and_then(|store| check(store, false, &mut |_| ()).map_err(|error| error.to_string()));
+        let message =
+            result.map(|_| ()).expect_err(&format!("copy {tried}, damage {kind} of {names:?} is not reported"));
         // The message names a file that was damaged, or the folder if its index is not one.
-        let is_named = names.iter().any(|name| message.contains(name.as_str())) || message.contains("not a deep star store");
+        let is_named =
+            names.iter().any(|name| message.contains(name.as_str())) || message.contains("not a deep star store");
         assert!(is_named, "{names:?}: {message}");
         // What can be read is what was written.
         if let Ok(store) = &opened {
             for (layer, cell, words) in parts.leaves.iter().step_by(7) {
-                assert!(store.leaf(*layer, *cell).is_ok_and(|leaf| leaf.words == *words) || store.leaf(*layer, *cell).is_err());
+                assert!(
+                    store.leaf(*layer, *cell).is_ok_and(|leaf| leaf.words == *words)
+                        || store.leaf(*layer, *cell).is_err()
+                );
             }
             for (plane, cell, tile) in parts.tiles.iter().step_by(7) {
-                assert!(store.tile(*plane, *cell).is_ok_and(|found| found == *tile) || store.tile(*plane, *cell).is_err());
+                assert!(
+                    store.tile(*plane, *cell).is_ok_and(|found| found == *tile) || store.tile(*plane, *cell).is_err()
+                );
             }
         }
         names.iter().for_each(|name| fs::write(path.join(name), &whole[*name]).expect("written"));

@@ -28,7 +28,8 @@ pub fn stars(count: u32, seed: u64, faintest: f64) -> Vec<(StarRecord, NewStar)>
             temperature_k: rng.random_range(2500.0..15_000.0),
             distance_known,
         };
-        let velocity = (index % 7 == 0).then(|| [1e-5, -2e-5, 5e-6].map(|axis: f32| axis * distance_pc as f32 / 1000.0));
+        let velocity =
+            (index % 7 == 0).then(|| [1e-5, -2e-5, 5e-6].map(|axis: f32| axis * distance_pc as f32 / 1000.0));
         let name = StarNames { name: format!("Star {index}"), designations: vec![format!("HIP {index}")] };
         let names = (index % 100 == 0).then_some(name);
         (record, NewStar { velocity, names, without_colour: index % 13 == 0, ..NewStar::default() })
