@@ -27,8 +27,8 @@ pub struct CatalogueArguments {
 
 #[derive(Debug, Subcommand)]
 enum CatalogueCommand {
-    /// Read catalogues (CSV, TSV, ECSV, JSON, VOTable, FITS, Parquet, also compressed with gzip; stores; builtin:bright) and write them as
-    /// one store.
+    /// Read catalogues (CSV, TSV, ECSV, JSON, VOTable, FITS, Parquet, also compressed with gzip; stores; folders of catalogues in HATS;
+    /// builtin:bright) and write them as one store.
     #[command(after_help = "Examples:\n  \
         steradian catalogue import hipparcos.vot.gz --out hipparcos.stars\n  \
         steradian catalogue import builtin:bright faint.json --out sky.stars\n  \
@@ -163,7 +163,9 @@ pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
     match arguments.command {
         CatalogueCommand::Import { files, output } => {
             let sources: Vec<StarSource> = files.into_iter().map(source_of).collect();
-            match output.deep_memory() {
+            // Folders are deep stores or catalogues in HATS, which may not fit in memory.
+            let has_folder = sources.iter().any(|source| matches!(source, StarSource::File(path) if path.is_dir()));
+            match output.deep_memory().or(has_folder.then_some(DEFAULT_MEMORY)) {
                 Some(memory_bytes) => deep::import(&sources, &output.out, memory_bytes),
                 None => single::write(&sources, &output.out),
             }

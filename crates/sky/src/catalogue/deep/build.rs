@@ -480,7 +480,7 @@ fn complete(
         return Err(DeepError::NoStars { path: folder.to_owned() });
     }
     let index_path = folder.join(index::NAME);
-    files::write_whole_synced(&index_path, &index.to_bytes().0).map_err(DeepError::io(&index_path))?;
+    files::write_whole(&index_path, &index.to_bytes().0).map_err(DeepError::io(&index_path))?;
     let store = DeepStore::open(folder)?;
     let [repeated, median_colour] = writer.counts();
     let report = BuildReport {

@@ -118,6 +118,14 @@ pub enum DeepError {
         /// The unfinished store.
         path: PathBuf,
     },
+    /// A catalogue in HATS cannot be imported.
+    #[error("{}: {problem}", path.display())]
+    Hats {
+        /// The file.
+        path: PathBuf,
+        /// Description of the problem.
+        problem: String,
+    },
     /// No star is left to be stored.
     #[error("{}: no star is left to be stored", path.display())]
     NoStars {

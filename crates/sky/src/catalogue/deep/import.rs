@@ -22,6 +22,7 @@ use super::super::reader::{CatalogueError, CatalogueRead, ReadReport, StreamedSt
 use super::super::store;
 use super::build::{Build, BuildOptions, BuildReport, BuildStep, NewStar, OnStep};
 use super::error::DeepError;
+use super::hats::{self, is_hats};
 use super::prior::prior_distance_pc;
 use super::slice::{Selection, each_bright_star, each_star};
 use super::{DeepStore, is_deep_store};
@@ -37,7 +38,7 @@ const SAVE_EVERY: Duration = Duration::from_secs(10);
 pub enum ImportSource {
     /// The built-in table of bright stars.
     Bright,
-    /// A catalogue, a store in one file or a deep store.
+    /// A catalogue, a store in one file, a deep store, or a folder of a catalogue in HATS ([`hats`](super::hats)).
     File(PathBuf),
 }
 
@@ -83,8 +84,20 @@ pub fn import(
     options: BuildOptions,
     on_step: &mut OnStep<'_>,
 ) -> Result<ImportReport, DeepError> {
+    let sources = &expanded(sources)?;
     let identities: Vec<String> = sources.iter().map(ImportSource::identity).collect::<Result<_, _>>()?;
-    let mut build = Build::open(BuildOptions { job: identities.join(", "), ..options })?;
+    // Thousands of files would make long messages.
+    let job = match &identities[..] {
+        [first, .., last] if identities.len() > 4 => {
+            format!(
+                "{first} ... {last}, {} files, {:08x}",
+                identities.len(),
+                crc32fast::hash(identities.concat().as_bytes())
+            )
+        }
+        few => few.join(", "),
+    };
+    let mut build = Build::open(BuildOptions { job, ..options })?;
     let mut lines: Vec<Vec<String>> = match build.source() {
         "" => Vec::new(),
         text => serde_json::from_str(text).map_err(|_| {
@@ -111,6 +124,20 @@ pub fn import(
     let description: Vec<&str> = lines.iter().filter_map(|of_file| of_file.first()).map(String::as_str).collect();
     let build = build.finish(None, description.join("\n"), on_step)?;
     Ok(ImportReport { build, catalogues: lines.concat() })
+}
+
+/// The sources with the files of catalogues in HATS in place of their folders.
+fn expanded(sources: &[ImportSource]) -> Result<Vec<ImportSource>, DeepError> {
+    let mut all = Vec::with_capacity(sources.len());
+    for source in sources {
+        match source {
+            ImportSource::File(path) if is_hats(path) => {
+                all.extend(hats::files_of(path)?.into_iter().map(ImportSource::File));
+            }
+            other => all.push(other.clone()),
+        }
+    }
+    Ok(all)
 }
 
 fn options_path(sources: &[ImportSource]) -> PathBuf {

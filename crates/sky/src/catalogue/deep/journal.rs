@@ -97,7 +97,7 @@ impl State {
     pub fn write(&self, folder: &Path) -> Result<(), DeepError> {
         let path = folder.join(STATE);
         let text = serde_json::to_vec(self).map_err(|error| DeepError::io(&path)(error.into()))?;
-        files::write_whole_synced(&path, &text).map_err(DeepError::io(&path))
+        files::write_whole(&path, &text).map_err(DeepError::io(&path))
     }
 }
 

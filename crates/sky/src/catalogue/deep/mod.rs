@@ -29,6 +29,7 @@ pub mod check;
 pub mod composite;
 mod error;
 pub mod export;
+pub mod hats;
 pub mod import;
 pub mod index;
 mod journal;
