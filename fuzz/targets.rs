@@ -9,7 +9,10 @@ use std::{
 };
 
 use steradian::{
-    catalogue::{reader, store},
+    catalogue::{
+        deep::{self, DeepStore, composite::Composite, tile::Tile},
+        reader, store,
+    },
     config::{Config, FilmPath},
     output::film::FilmTracks,
     photometry::{glare::PsfTable, psf},
@@ -90,6 +93,39 @@ pub fn parquet(data: &[u8]) -> String {
 /// A store of stars.
 pub fn star_store(data: &[u8]) -> String {
     answer(store::read(&file("fuzz.stars", data)).map(|store| store.named(&store.records(100.0))))
+}
+
+/// Folder of a deep store without stars in its leaves.
+static DEEP_FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
+    let folder = FOLDER.join("deep");
+    std::fs::create_dir_all(&folder).expect("a folder for a store");
+    let leaves = deep::LAYERS.iter().map(|layer| layer.file());
+    for name in leaves.chain(deep::PLANES.iter().map(|plane| plane.file())) {
+        std::fs::write(folder.join(name), []).expect("an empty file");
+    }
+    folder
+});
+
+/// A deep store: four bytes with the length of its index, the index, and the bright stars. The bright stars are also read as the words of a tile.
+pub fn deep_store(data: &[u8]) -> String {
+    let Some((length, rest)) = data.split_first_chunk() else { return "no length".to_owned() };
+    let (index, bright) = rest.split_at((u32::from_le_bytes(*length) as usize).min(rest.len()));
+    let folder = &*DEEP_FOLDER;
+    std::fs::write(folder.join("index"), index).expect("the index is written");
+    std::fs::write(folder.join("bright"), bright).expect("the bright stars are written");
+    let words: Vec<u64> =
+        bright.chunks_exact(8).map(|word| u64::from_le_bytes(word.try_into().expect("8 bytes"))).collect();
+    for order in 6..=12 {
+        let tile = Tile::from_words(order, &words).unwrap_or_default();
+        assert!(
+            tile.bits.iter().all(|bits| Composite::from_bits(*bits).light_lx.iter().all(|light| light.is_finite()))
+        );
+    }
+    answer(DeepStore::open(folder).and_then(|store| {
+        store.leaf(0, 7)?;
+        store.tile(0, 7)?;
+        store.bright().map(|bright| bright.named(&bright.records(16.0)))
+    }))
 }
 
 /// A shape: glTF, as text or with a binary part, and its buffers.

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use crate::catalogue::deep::DeepError;
 use crate::catalogue::galaxy::GalaxyError;
 use crate::catalogue::store::StoreError;
 use crate::chart::ChartError;
@@ -54,6 +55,9 @@ pub enum CliError {
     /// A store cannot be written.
     #[error("cannot write the store: {0}")]
     WriteStore(StoreError),
+    /// A deep store cannot be read or written.
+    #[error(transparent)]
+    Deep(DeepError),
     /// The cache folder cannot be read or cleared.
     #[error("{}: {source}", folder.display())]
     Cache {
@@ -211,6 +215,7 @@ impl CliError {
             CliError::Serve(ServeError::State(error)) if error.is_damage() => BAD_DATA,
             CliError::Serve(_) | CliError::Runtime(_) => FAILED,
             CliError::Psf(error) => psf_exit_code(error),
+            CliError::Deep(error) => deep_exit_code(error),
             CliError::Film(error) => match error {
                 FilmError::Frame { .. } | FilmError::Config(_) | FilmError::OtherFilm { .. } => BAD_USAGE,
                 FilmError::NoFfmpeg { .. } => NO_ADAPTER,
@@ -268,6 +273,18 @@ fn plan_exit_code(error: &PlanError) -> u8 {
             GlareKernelError::NoIntegral(_) => FAILED,
         },
         _ => FAILED,
+    }
+}
+
+fn deep_exit_code(error: &DeepError) -> u8 {
+    match error {
+        DeepError::Memory { .. }
+        | DeepError::Occupied { .. }
+        | DeepError::OtherJob { .. }
+        | DeepError::Galaxy(_)
+        | DeepError::Export { .. } => BAD_USAGE,
+        DeepError::DiskFull { .. } | DeepError::Busy { .. } => FAILED,
+        _ => BAD_DATA,
     }
 }
 

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
+use crate::catalogue::deep::build::BuildStep;
 use crate::render::PrepareStep;
 use crate::scene::loader::LoadStep;
 use crate::service::StartProgress;
@@ -137,6 +138,50 @@ impl FilmProgress {
             let per_frame_s = self.started.elapsed().as_secs_f64() / done.max(1) as f64;
             let left_s = per_frame_s * (self.frames - done) as f64;
             tracing::info!("frame {frame}: {done} of {}, {per_frame_s:.3} s each, {left_s:.0} s left", self.frames);
+        }
+    }
+
+    /// Ends the progress.
+    pub fn finish(self) {
+        if let Some(bar) = self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// Progress of building or reading a deep store: several parts of work, one after the other.
+pub struct BuildProgress {
+    bar: Option<ProgressBar>,
+    /// The part, and when it began with how many units done.
+    work: Option<(&'static str, Instant, u64)>,
+    last_line: Instant,
+}
+
+impl BuildProgress {
+    /// Starts the progress.
+    pub fn new() -> Self {
+        let bar = bar_like("{spinner} {wide_bar} {percent}% {msg} [{elapsed}]");
+        Self { bar, work: None, last_line: Instant::now() }
+    }
+
+    /// Reports a step: on a terminal at once, otherwise a line every five seconds and at the start of each part.
+    pub fn step(&mut self, BuildStep { work, done, total }: BuildStep) {
+        let is_new = self.work.is_none_or(|(current, ..)| current != work);
+        if is_new {
+            self.work = Some((work, Instant::now(), done));
+        }
+        // Time left, by the mean speed of this part.
+        let Some((_, started, from)) = self.work else { return };
+        let elapsed_s = started.elapsed().as_secs_f64();
+        let left_s = elapsed_s * total.saturating_sub(done) as f64 / done.saturating_sub(from).max(1) as f64;
+        let left = if done > from { format!(", {left_s:.0} s left") } else { String::new() };
+        if let Some(bar) = &self.bar {
+            bar.set_length(total);
+            bar.set_position(done);
+            bar.set_message(format!("{work}{left}"));
+        } else if is_new || self.last_line.elapsed() >= FILM_LINES {
+            self.last_line = Instant::now();
+            tracing::info!("{work}: {done} of {total}{left}");
         }
     }
 

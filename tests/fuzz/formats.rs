@@ -1,6 +1,8 @@
 //! Builds files of several formats, and repairs their checksums and lengths after a mutation, so that the code behind
 //! these checks is reached.
 
+use steradian::catalogue::deep::index::root_of;
+
 /// Writes a little-endian number of four bytes.
 fn put(bytes: &mut [u8], offset: usize, value: u32) {
     if let Some(place) = bytes.get_mut(offset..offset + 4) {
@@ -32,6 +34,25 @@ pub fn repair_store(bytes: &mut Vec<u8>) {
         let sum = crc32fast::hash(&bytes[12..]);
         put(bytes, 8, sum);
     }
+}
+
+/// Repairs a deep store of the target `deep_store`: the bright stars, their entry in the index, and the root checksum.
+pub fn repair_deep_store(bytes: &mut Vec<u8>) {
+    let Some(length) = bytes.first_chunk().map(|length| u32::from_le_bytes(*length) as usize) else { return };
+    if bytes.len() < 4 + length || length < 128 {
+        return;
+    }
+    let mut bright = bytes.split_off(4 + length);
+    repair_store(&mut bright);
+    let index = &mut bytes[4..];
+    index[64..72].copy_from_slice(&(bright.len() as u64).to_le_bytes());
+    if let (Some(crc32), Some(stars)) = (bright.get(8..12), bright.get(24..32)) {
+        index[72..80].copy_from_slice(stars);
+        index[80..84].copy_from_slice(crc32);
+    }
+    let root = root_of(index);
+    index[16..48].copy_from_slice(&root);
+    bytes.extend(bright);
 }
 
 /// Repairs the CRC-32 of each chunk of a PNG.

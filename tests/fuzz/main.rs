@@ -57,6 +57,7 @@ fuzz! {
     fits_table: seeds::fits_table, seeds::CARDS, as_it_is, SMALL;
     parquet: seeds::parquet, &[], as_it_is, SMALL;
     star_store: seeds::star_store, &[], formats::repair_store, SMALL;
+    deep_store: seeds::deep_store, &[], formats::repair_deep_store, SMALL;
     gltf: seeds::gltf, seeds::GLTF, |bytes| formats::repair_glb(bytes), SMALL;
     // The largest point-spread function has 4096 x 4096 pixels, decoded in f64.
     point_spread: seeds::point_spread, seeds::PSF, as_it_is, 3 << 30;

@@ -12,6 +12,7 @@ use png::{BitDepth, ColorType};
 use steradian::catalogue::{
     StarRecord,
     bright::bright_stars,
+    deep::build::{Build, BuildOptions, NewStar},
     motion::StarVelocity,
     names::{NamesOfStar, StarNames},
     store::{self, Store},
@@ -298,6 +299,23 @@ pub fn star_store() -> Vec<Vec<u8>> {
         fs::read(&path).unwrap()
     };
     vec![store(40, "a few"), store(1, ""), store(0, "none at all")]
+}
+
+/// Deep stores whose stars are all bright.
+pub fn deep_store() -> Vec<Vec<u8>> {
+    let folder = tempfile::tempdir().unwrap();
+    let store = |name: &str, stars: usize| {
+        let out = folder.path().join(name);
+        let options = BuildOptions { out: out.clone(), memory_bytes: 64 << 20, job: name.to_owned() };
+        let mut build = Build::open(options).unwrap();
+        for star in bright_stars(0.0).into_iter().take(stars) {
+            build.add(star, NewStar { velocity: Some([1e-6; 3]), ..NewStar::default() }).unwrap();
+        }
+        build.finish(None, name.to_owned(), &mut |_| ()).unwrap();
+        let [index, bright] = ["index", "bright"].map(|file| fs::read(out.join(file)).unwrap());
+        [&(index.len() as u32).to_le_bytes()[..], &index, &bright].concat()
+    };
+    vec![store("one", 1), store("a few", 40)]
 }
 
 pub const GLTF: &[&str] = &[

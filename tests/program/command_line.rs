@@ -1,5 +1,6 @@
 //! The program as scripts see it: output streams and exit codes.
 
+mod deep_stores;
 mod serve;
 
 use std::path::Path;
@@ -44,6 +45,9 @@ fn help_with_examples_and_version_go_to_standard_output() {
         &["catalogue", "import", "--help"],
         &["catalogue", "info", "--help"],
         &["catalogue", "synth", "--help"],
+        &["catalogue", "check", "--help"],
+        &["catalogue", "slice", "--help"],
+        &["catalogue", "export", "--help"],
     ] {
         let (out, err) = run(folder.path(), arguments, 0);
         assert!(out.contains("Example") && out.contains("\n  steradian "), "{out}");
@@ -65,6 +69,9 @@ fn bad_usage_exits_64() {
         &["catalogue", "synth", "--stars", "0", "--seed", "1", "--out", "x.stars"],
         &["catalogue", "synth", "--stars", "many", "--seed", "1", "--out", "x.stars"],
         &["catalogue", "synth", "--stars", "9", "--seed", "1", "--fainter-than", "nan", "--out", "x.stars"],
+        &["catalogue", "synth", "--stars", "9", "--seed", "1", "--memory", "1MiB", "--out", "x"],
+        &["catalogue", "slice", "x.stars", "--cone", "1,2", "--out", "y.stars"],
+        &["catalogue", "export", "x.stars", "--magnitudes", "9..8", "--out", "y.csv"],
         &["--log", "steradian=loudly", "catalogue", "info", "x.stars"],
     ] {
         let (out, err) = run(folder.path(), arguments, 64);

@@ -3,6 +3,7 @@
 pub mod bright;
 pub mod chunks;
 pub mod constellations;
+pub mod deep;
 pub mod diffuse;
 pub mod epoch;
 pub mod galaxy;

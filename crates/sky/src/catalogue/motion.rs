@@ -9,6 +9,9 @@ use crate::units::ARCSECOND_RAD;
 /// One astronomical unit per year in km/s: the speed of 1 arcsec a year at 1 pc.
 const KM_S_PER_AU_A: f64 = 4.740_470_446_352;
 
+/// One parsec a Julian year in km/s.
+pub(super) const KM_S_PER_PC_A: f64 = KM_S_PER_AU_A / ARCSECOND_RAD;
+
 /// A star's motion, in the units of catalogues.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StarMotion {

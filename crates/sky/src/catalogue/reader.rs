@@ -26,14 +26,16 @@ mod votable;
 use std::fmt;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::SyncSender;
 
 use serde::{Deserialize, Serialize};
 
 use super::StarRecord;
 use super::motion::StarVelocity;
-use super::names::{NamedStar, NamesOfStar};
+use super::names::{NamedStar, NamesOfStar, StarNames};
 use crate::files;
 
+pub use row::MeasuredParallax;
 pub use sources::Source;
 
 pub use csv::{read_csv, read_csv_from};
@@ -73,6 +75,21 @@ impl CatalogueRead {
     pub fn named(&self) -> Vec<NamedStar> {
         self.names.iter().map(|of| NamedStar::from_file(of.names.clone(), self.stars[of.star as usize])).collect()
     }
+}
+
+/// A star that is passed on as soon as its row is read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StreamedStar {
+    /// The star.
+    pub star: StarRecord,
+    /// Its velocity, as in [`StarVelocity`].
+    pub velocity: Option<[f32; 3]>,
+    /// Its names.
+    pub names: Option<StarNames>,
+    /// Whether it has neither temperature nor colour.
+    pub without_colour: bool,
+    /// Its parallax, if the file has a column of errors and no distance.
+    pub parallax: Option<MeasuredParallax>,
 }
 
 /// Counts of the rows of one file: `rows == used + rejected + repeated`.
@@ -282,6 +299,12 @@ pub enum CatalogueError {
         /// Description of the problem.
         reason: String,
     },
+    /// The receiver of the stars is gone.
+    #[error("file {file}: reading was stopped")]
+    Stopped {
+        /// Name of the file.
+        file: String,
+    },
     /// The file has a header but no rows.
     #[error("file {file}: no row of data")]
     NoRow {
@@ -308,6 +331,23 @@ pub enum CatalogueError {
 /// # Errors
 /// [`CatalogueError::Format`] for a format other than [`FORMATS`], otherwise as the reader of the format.
 pub fn read_file(path: &Path, years: f64) -> Result<CatalogueRead, CatalogueError> {
+    read(path, &years.into())
+}
+
+/// Reads a catalogue in the same way, and sends its stars in batches while it reads them. Memory does not grow with the number of rows, except for
+/// JSON and Parquet inside gzip. Repeated rows are not found: they are counted as used.
+///
+/// # Errors
+/// As [`read_file`], or the receiver is gone.
+pub fn stream_file(
+    path: &Path,
+    years: f64,
+    stream: SyncSender<Vec<StreamedStar>>,
+) -> Result<ReadReport, CatalogueError> {
+    read(path, &rows::Reading { years, stream: Some(stream) }).map(|read| read.report)
+}
+
+fn read(path: &Path, reading: &rows::Reading) -> Result<CatalogueRead, CatalogueError> {
     let name = path.display().to_string();
     let io_error = |source| CatalogueError::Io { file: name.clone(), place: RowPlace::Head, source };
     let (mut source, is_gzip) = files::expanded(open(path)?).map_err(io_error)?;
@@ -318,11 +358,11 @@ pub fn read_file(path: &Path, years: f64) -> Result<CatalogueRead, CatalogueErro
         return Err(CatalogueError::Format { path: path.to_owned(), found: (*found).to_owned() });
     }
     if text.starts_with(b"SIMPLE  =") {
-        return read_fits_from(source, &name, years);
+        return fits::read(source, &name, reading);
     }
     if text.starts_with(b"PAR1") {
         if !is_gzip {
-            return parquet::read(open(path)?, &name, years);
+            return parquet::read(open(path)?, &name, reading);
         }
         // Parquet begins at its end, so that an expanded file must be in memory.
         let mut bytes = Vec::new();
@@ -331,17 +371,17 @@ pub fn read_file(path: &Path, years: f64) -> Result<CatalogueRead, CatalogueErro
             let found = format!("it is Parquet of more than {MOST_GZIP_PARQUET_BYTES} bytes inside gzip; expand it");
             return Err(CatalogueError::Format { path: path.to_owned(), found });
         }
-        return read_parquet_from(bytes, &name, years);
+        return parquet::read(bytes::Bytes::from(bytes), &name, reading);
     }
     if text.starts_with(b"<") {
-        return read_votable_from(source, &name, years);
+        return votable::read(source, &name, reading);
     }
     if start.iter().take(512).any(|byte| *byte == 0) {
         return Err(CatalogueError::Format { path: path.to_owned(), found: "it is not text".to_owned() });
     }
     match text.first() {
-        Some(b'{' | b'[') => read_json_from(source, &name, years),
-        _ => read_csv_from(source, &name, years),
+        Some(b'{' | b'[') => json::read(source, &name, reading),
+        _ => csv::read(source, &name, reading),
     }
 }
 

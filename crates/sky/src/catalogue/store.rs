@@ -285,8 +285,12 @@ fn checksum(header: &Header, parts: [&[u8]; 5]) -> u32 {
 pub struct StoreHeader {
     /// Version of the layout of the file.
     pub version: u32,
+    /// Number of stars.
+    pub stars: u64,
     /// Number of stars that move.
     pub velocities: u64,
+    /// Checksum of the content.
+    pub crc32: u32,
 }
 
 /// Reads the header of a store; checks its magic and version only.
@@ -296,7 +300,8 @@ pub struct StoreHeader {
 pub fn read_header(path: &Path) -> Result<StoreHeader, StoreError> {
     let mut file = files::open_regular(path).map_err(|source| StoreError::Io { path: path.to_owned(), source })?;
     let header = header_of(path, &mut file)?;
-    Ok(StoreHeader { version: header.version, velocities: header.velocity_count })
+    let Header { version, star_count: stars, velocity_count: velocities, crc32, .. } = header;
+    Ok(StoreHeader { version, stars, velocities, crc32 })
 }
 
 /// Reads the header at the start of a file. In version 1 the counts of later versions are 0.
@@ -486,7 +491,8 @@ mod tests {
     fn version_1_is_read_and_unknown_versions_are_not() {
         let folder = tempfile::tempdir().unwrap();
         let (path, store) = written(&folder);
-        assert_eq!(read_header(&path).unwrap(), StoreHeader { version: 2, velocities: 429 });
+        let versions = || read_header(&path).map(|header| (header.version, header.stars, header.velocities)).unwrap();
+        assert_eq!(versions(), (2, 3000, 429));
         let end = 64 + 16 + 112 * store.stars.chunks.len() + 16 * 3000;
         altered(&path, |bytes| {
             bytes[12] = 1;
@@ -495,7 +501,7 @@ mod tests {
         });
         let old = read(&path).unwrap();
         assert_eq!((old.stars.stars, old.velocities.len(), old.names.len()), (store.stars.stars, 0, 0));
-        assert_eq!(read_header(&path).unwrap(), StoreHeader { version: 1, velocities: 0 });
+        assert_eq!(versions(), (1, 3000, 0));
         for counts in [1u128 << 64, 1, u128::MAX] {
             altered(&path, |bytes| bytes[40..56].copy_from_slice(&counts.to_le_bytes()));
             assert!(read(&path).unwrap_err().to_string().contains("neither velocities nor names"));

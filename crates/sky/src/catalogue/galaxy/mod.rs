@@ -24,6 +24,7 @@ mod neighbours;
 mod noise;
 mod sampling;
 mod sightlines;
+pub mod stream;
 mod structure;
 mod unresolved;
 
@@ -88,6 +89,25 @@ pub enum GalaxyError {
     StarCount {
         /// Requested number.
         stars: usize,
+    },
+    /// The number of stars is out of range for a deep store.
+    #[error("a synthetic galaxy in a deep store must have 1 to {} stars, not {stars}", stream::MOST_STREAMED)]
+    StreamedStarCount {
+        /// Requested number.
+        stars: usize,
+    },
+    /// The model has fewer stars than requested, in a deep store.
+    #[error(
+        "between V = {fainter_than} and V = {} the synthetic galaxy has about {available} stars, fewer than the {stars} requested",
+        stream::FAINTEST_STREAMED_MAGNITUDE
+    )]
+    TooFewStreamedStars {
+        /// Requested number.
+        stars: usize,
+        /// Requested bright limit, minus infinity if there is none.
+        fainter_than: f64,
+        /// Number expected in the model.
+        available: u64,
     },
     /// The bright limit is not a finite number.
     #[error("`fainter_than` must be a finite V magnitude, not {fainter_than}")]

@@ -131,9 +131,21 @@ impl Sky {
     /// Draws the stars of one block of the sky (below [`BLOCKS`]) with apparent magnitudes in `range`. Each `round`
     /// has its own random stream, so that disjoint ranges can be drawn one after the other.
     pub fn draw_block(&self, block: usize, range: MagnitudeRange, seed: u64, round: u32) -> Vec<StarRecord> {
+        let mut stars = Vec::new();
+        self.draw_block_into(block, range, (seed, round), &mut |star| stars.push(star));
+        stars
+    }
+
+    /// The same, one star after the other, for blocks that do not fit in memory.
+    pub fn draw_block_into(
+        &self,
+        block: usize,
+        range: MagnitudeRange,
+        (seed, round): (u64, u32),
+        sink: &mut dyn FnMut(StarRecord),
+    ) {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(u64::from(round) << 32 | block as u64);
-        let mut stars = Vec::new();
         let first = block * BLOCK_LONGITUDES;
         let mut west = density_plane(first);
         for longitude in first..first + BLOCK_LONGITUDES {
@@ -141,12 +153,11 @@ impl Sky {
             for latitude in 0..LATITUDES {
                 for shell in 0..SHELLS {
                     let cell = Cell { longitude, latitude, shell };
-                    self.draw_cell(cell, [&west, &east], range, &mut rng, &mut stars);
+                    self.draw_cell(cell, [&west, &east], range, &mut rng, sink);
                 }
             }
             west = east;
         }
-        stars
     }
 
     fn draw_cell(
@@ -155,7 +166,7 @@ impl Sky {
         densities: [&DensityPlane; 2],
         range: MagnitudeRange,
         rng: &mut ChaCha8Rng,
-        stars: &mut Vec<StarRecord>,
+        sink: &mut dyn FnMut(StarRecord),
     ) {
         let bounds = self.cell_bounds(cell, densities);
         if range.faintest - bounds.nearest_modulus <= BRIGHTEST {
@@ -205,7 +216,7 @@ impl Sky {
             // limit.
             if (range.brightest..range.faintest).contains(&star.apparent_magnitude()) {
                 star.temperature_k = function.draw_temperature_k(absolute_mag, rng);
-                stars.push(star);
+                sink(star);
             }
         }
     }

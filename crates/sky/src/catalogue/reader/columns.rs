@@ -91,6 +91,7 @@ pub(super) struct Columns {
     pub bp_and_rp: Option<[usize; 2]>,
     pub b_v: Option<usize>,
     pub parallax_mas: Option<usize>,
+    pub parallax_error_mas: Option<usize>,
     pub distance_pc: Option<usize>,
     pub pm_ra: Option<usize>,
     pub pm_dec: Option<usize>,
@@ -221,6 +222,7 @@ impl Brightness {
 /// Columns of distance.
 struct Distance {
     parallax_mas: Option<usize>,
+    parallax_error_mas: Option<usize>,
     distance_pc: Option<usize>,
 }
 
@@ -245,7 +247,10 @@ impl Distance {
                 return Err(format!("{} is in {unit}; it must be in {allowed}", finder.names[column]));
             }
         }
-        Ok(Self { parallax_mas, distance_pc })
+        // Their unit is that of the parallax.
+        let parallax_error_mas = finder.find(&["parallax_error", "parallax_error_mas", "e_plx"])?;
+        let parallax_error_mas = parallax_error_mas.filter(|_| parallax_mas.is_some());
+        Ok(Self { parallax_mas, parallax_error_mas, distance_pc })
     }
 
     fn is_known(&self) -> bool {
@@ -412,6 +417,7 @@ impl Columns {
             bp_and_rp,
             b_v,
             parallax_mas: distance.parallax_mas,
+            parallax_error_mas: distance.parallax_error_mas,
             distance_pc: distance.distance_pc,
             pm_ra,
             pm_dec,

@@ -21,7 +21,7 @@ use std::path::Path;
 use ::csv::{ByteRecord, ErrorKind, Reader, ReaderBuilder, StringRecord, Terminator};
 
 use super::columns::{self, Columns};
-use super::rows::Rows;
+use super::rows::{Reading, Rows};
 use super::{CatalogueError, CatalogueRead, RowPlace};
 
 /// Most bytes of comments before the head that are kept, to look for a head, units and the mark of ECSV.
@@ -49,6 +49,11 @@ pub fn read_csv(path: &Path, years: f64) -> Result<CatalogueRead, CatalogueError
 /// # Errors
 /// As [`read_csv`], apart from opening.
 pub fn read_csv_from(source: impl Read, file: &str, years: f64) -> Result<CatalogueRead, CatalogueError> {
+    read(source, file, &years.into())
+}
+
+/// The same, with a receiver of the stars.
+pub(super) fn read(source: impl Read, file: &str, reading: &Reading) -> Result<CatalogueRead, CatalogueError> {
     let mut lines = Lines::new(source, file);
     if !lines.advance()? {
         return Err(CatalogueError::NoRow { file: file.to_owned() });
@@ -106,7 +111,7 @@ pub fn read_csv_from(source: impl Read, file: &str, years: f64) -> Result<Catalo
     first_rows.drain(..dashes.map_or(0, |dashes| dashes + 1));
 
     // Rows.
-    let mut rows = Rows::new(file, &columns, years);
+    let mut rows = Rows::new(file, &columns, reading);
     let add = |rows: &mut Rows, fields: &StringRecord, line: usize, is_closed: bool| {
         let read = if !is_closed {
             Err(UNCLOSED.to_owned())

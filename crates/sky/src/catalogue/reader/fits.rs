@@ -6,6 +6,7 @@
 
 use std::io::{self, Read};
 
+use super::rows::Reading;
 use super::scalar::Scalar;
 use super::table::{Head, Table};
 use super::{CatalogueError, CatalogueRead, RowPlace};
@@ -55,7 +56,12 @@ impl Column {
 ///
 /// # Errors
 /// If the file cannot be read or is damaged, if it has no binary table with the columns of a star catalogue, or if no row is usable.
-pub fn read_fits_from(mut source: impl Read, file: &str, years: f64) -> Result<CatalogueRead, CatalogueError> {
+pub fn read_fits_from(source: impl Read, file: &str, years: f64) -> Result<CatalogueRead, CatalogueError> {
+    read(source, file, &years.into())
+}
+
+/// The same, with a receiver of the stars.
+pub(super) fn read(mut source: impl Read, file: &str, reading: &Reading) -> Result<CatalogueRead, CatalogueError> {
     let malformed =
         |place: RowPlace, reason: String| CatalogueError::Malformed { file: file.to_owned(), place, reason };
     let io_error = |source| CatalogueError::Io { file: file.to_owned(), place: RowPlace::Head, source };
@@ -67,7 +73,7 @@ pub fn read_fits_from(mut source: impl Read, file: &str, years: f64) -> Result<C
         let length = header.data_bytes().map_err(|reason| malformed(RowPlace::Head, reason))?;
         if kind == "BINTABLE" {
             let (head, columns, left_out) = head(&header).map_err(|reason| malformed(RowPlace::Head, reason))?;
-            match Table::new(file, &head, years) {
+            match Table::new(file, &head, reading) {
                 Ok(mut table) => {
                     if !left_out.is_empty() {
                         table.note(format!("columns that hold no single number or text: {}", left_out.join(", ")));

@@ -8,7 +8,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::columns::{self, Columns};
-use super::rows::Rows;
+use super::rows::{Reading, Rows};
 use super::{CatalogueError, CatalogueRead, RowPlace};
 
 /// Largest document, bytes: it is held in memory and needs several times as much there.
@@ -28,6 +28,11 @@ pub fn read_json(path: &Path, years: f64) -> Result<CatalogueRead, CatalogueErro
 /// # Errors
 /// As [`read_json`], apart from opening.
 pub fn read_json_from(source: impl Read, file: &str, years: f64) -> Result<CatalogueRead, CatalogueError> {
+    read(source, file, &years.into())
+}
+
+/// The same, with a receiver of the stars.
+pub(super) fn read(source: impl Read, file: &str, reading: &Reading) -> Result<CatalogueRead, CatalogueError> {
     let mut bytes = Vec::new();
     // One byte more than the limit shows that the document exceeds it.
     let mut source = source.take(MOST_BYTES + 1);
@@ -80,7 +85,7 @@ pub fn read_json_from(source: impl Read, file: &str, years: f64) -> Result<Catal
     })?;
 
     // Entries.
-    let mut rows = Rows::new(file, &columns, years);
+    let mut rows = Rows::new(file, &columns, reading);
     let mut fields = vec![String::new(); names.len()];
     let mut filled = Vec::new();
     for (index, entry) in entries.iter().enumerate() {

@@ -12,6 +12,7 @@ use ::parquet::record::Field;
 use ::parquet::schema::types::Type;
 use bytes::Bytes;
 
+use super::rows::Reading;
 use super::table::{Head, Table};
 use super::{CatalogueError, CatalogueRead, RowPlace};
 
@@ -20,22 +21,26 @@ use super::{CatalogueError, CatalogueRead, RowPlace};
 /// # Errors
 /// If the bytes are damaged or compressed in another way, if the columns are not those of a star catalogue, or if no row is usable.
 pub fn read_parquet_from(bytes: Vec<u8>, file: &str, years: f64) -> Result<CatalogueRead, CatalogueError> {
-    read(Bytes::from(bytes), file, years)
+    read(Bytes::from(bytes), file, &years.into())
 }
 
 /// Reads a catalogue in Parquet from an open file or from bytes. The crate panics on some damaged files; such a panic is an error here.
 pub(super) fn read(
     source: impl ChunkReader + 'static,
     file: &str,
-    years: f64,
+    reading: &Reading,
 ) -> Result<CatalogueRead, CatalogueError> {
-    catch_unwind(AssertUnwindSafe(|| read_whole(source, file, years))).unwrap_or_else(|_| {
+    catch_unwind(AssertUnwindSafe(|| read_whole(source, file, reading))).unwrap_or_else(|_| {
         let reason = "not Parquet: the file is damaged".to_owned();
         Err(CatalogueError::Malformed { file: file.to_owned(), place: RowPlace::Head, reason })
     })
 }
 
-fn read_whole(source: impl ChunkReader + 'static, file: &str, years: f64) -> Result<CatalogueRead, CatalogueError> {
+fn read_whole(
+    source: impl ChunkReader + 'static,
+    file: &str,
+    reading: &Reading,
+) -> Result<CatalogueRead, CatalogueError> {
     let malformed =
         |place: RowPlace, reason: String| CatalogueError::Malformed { file: file.to_owned(), place, reason };
     let damaged = |place| move |error: ParquetError| malformed(place, format!("not Parquet: {error}"));
@@ -51,7 +56,7 @@ fn read_whole(source: impl ChunkReader + 'static, file: &str, years: f64) -> Res
     });
     let mut head = Head::default();
     flat.iter().for_each(|field| head.push(field.name(), "", ""));
-    let mut table = Table::new(file, &head, years)?;
+    let mut table = Table::new(file, &head, reading)?;
     if !nested.is_empty() {
         let names: Vec<String> = nested.iter().map(|field| super::excerpt(field.name())).collect();
         table.note(format!("columns that hold no single number or text: {}", names.join(", ")));

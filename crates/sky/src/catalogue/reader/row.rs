@@ -60,6 +60,17 @@ pub(super) struct Notes {
     pub hp_taken_as_v: bool,
     /// Velocity of the star, as in [`StarVelocity`](super::super::motion::StarVelocity); `None` if it has none.
     pub velocity: Option<[f32; 3]>,
+    /// The measured parallax, if its error decides whether it can be used.
+    pub parallax: Option<MeasuredParallax>,
+}
+
+/// A parallax with its error in a catalogue that has both columns.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MeasuredParallax {
+    /// Parallax, mas; `None` if it is missing.
+    pub parallax_mas: Option<f64>,
+    /// Its standard error, mas; `None` if it is missing or not positive.
+    pub error_mas: Option<f64>,
 }
 
 /// Reason why a row did not become a star.
@@ -132,6 +143,7 @@ pub(super) fn star<'a>(
         )));
     }
     notes.without_distance = distance_pc.is_none();
+    notes.parallax = row.measured_parallax()?;
     let record = StarRecord {
         position: row.moved(direction, distance_pc, years, &mut notes)?,
         magnitude: magnitude as f32,
@@ -319,6 +331,18 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
             }
             _ => Ok(None),
         }
+    }
+
+    /// Parallax and error; `None` if the file has no column of errors, or if the distance is not that of the parallax.
+    fn measured_parallax(&self) -> Result<Option<MeasuredParallax>, Refusal> {
+        let Columns { direction, parallax_mas, parallax_error_mas, distance_pc, .. } = self.columns;
+        let is_cartesian = matches!(direction, Direction::Cartesian(_));
+        if is_cartesian || parallax_error_mas.is_none() || self.text(*distance_pc).is_some() {
+            return Ok(None);
+        }
+        let error_mas = self.number(*parallax_error_mas)?.filter(|error| *error > 0.0 && error.is_finite());
+        let parallax_mas = self.number(*parallax_mas)?.filter(|parallax| parallax.is_finite());
+        Ok(Some(MeasuredParallax { parallax_mas, error_mas }))
     }
 
     /// Position of the star after its motion, pc, or a unit vector if the distance is unknown.

@@ -1,15 +1,34 @@
 //! The rows of a file on their way to stars, shared by all formats.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
+use std::sync::mpsc::SyncSender;
 
 use rayon::prelude::*;
 
 use super::columns::Columns;
-use super::row::{self, Refusal};
-use super::{CatalogueError, CatalogueRead, NAMED_STARS_KEPT, ReadReport};
+use super::row::{self, Notes, Refusal};
+use super::{CatalogueError, CatalogueRead, NAMED_STARS_KEPT, ReadReport, StreamedStar};
 use crate::catalogue::StarRecord;
 use crate::catalogue::motion::StarVelocity;
 use crate::catalogue::names::NamesOfStar;
+
+/// Stars that are sent at a time.
+const BATCH: usize = 4096;
+
+/// Time at which stars are placed, and where they go.
+#[derive(Clone, Debug)]
+pub(super) struct Reading {
+    /// Julian years after J2000.0.
+    pub years: f64,
+    /// Receiver of the stars; without one they are kept in memory.
+    pub stream: Option<SyncSender<Vec<StreamedStar>>>,
+}
+
+impl From<f64> for Reading {
+    fn from(years: f64) -> Self {
+        Self { years, stream: None }
+    }
+}
 
 /// Stars, names and report of the rows that were read so far.
 pub(super) struct Rows {
@@ -19,16 +38,26 @@ pub(super) struct Rows {
     hashes: Vec<u64>,
     names: Vec<NamesOfStar>,
     velocities: Vec<StarVelocity>,
-    years: f64,
+    reading: Reading,
+    /// Stars that are not sent yet.
+    batch: Vec<StreamedStar>,
 }
 
 impl Rows {
-    /// For a file with these columns, whose stars are placed `years` Julian years after J2000.0.
-    pub fn new(file: &str, columns: &Columns, years: f64) -> Self {
+    /// For a file with these columns.
+    pub fn new(file: &str, columns: &Columns, reading: &Reading) -> Self {
         let mut report = ReadReport::new(file);
         report.source = columns.source;
         report.unused.clone_from(&columns.unused);
-        Self { report, stars: Vec::new(), hashes: Vec::new(), names: Vec::new(), velocities: Vec::new(), years }
+        Self {
+            report,
+            stars: Vec::new(),
+            hashes: Vec::new(),
+            names: Vec::new(),
+            velocities: Vec::new(),
+            reading: reading.clone(),
+            batch: Vec::new(),
+        }
     }
 
     /// The same for a format without lines.
@@ -50,7 +79,7 @@ impl Rows {
     /// Adds a row, or the reason why its fields cannot be read. `place` begins the reason in the report.
     ///
     /// # Errors
-    /// The columns do not define the meaning of this row.
+    /// The columns do not define the meaning of this row, or the receiver of the stars is gone.
     pub fn add<'a>(
         &mut self,
         columns: &Columns,
@@ -58,8 +87,11 @@ impl Rows {
         (line, place): (usize, &str),
     ) -> Result<(), CatalogueError> {
         self.report.rows += 1;
+        if self.reading.stream.is_some() {
+            return self.stream(columns, fields, (line, place));
+        }
         let star = fields.map_err(Refusal::Row).and_then(|field| {
-            let (star, notes) = row::star(columns, &field, self.years)?;
+            let (star, notes) = row::star(columns, &field, self.reading.years)?;
             let mut hasher = DefaultHasher::new();
             (0..columns.len()).for_each(|column| field(column).trim().hash(&mut hasher));
             if self.stars.len() >= NAMED_STARS_KEPT {
@@ -78,18 +110,58 @@ impl Rows {
                 self.stars.push(star);
                 self.hashes.push(hash);
             }
-            Err(Refusal::Row(reason)) => self.report.reject(line, format!("{place}{reason}")),
-            Err(Refusal::File(reason)) => {
-                let reason = format!("{place}{reason}");
-                let place = self.report.place(line);
-                return Err(CatalogueError::Malformed { file: self.report.file.clone(), place, reason });
-            }
+            Err(refusal) => return self.refuse(refusal, (line, place)),
         }
         Ok(())
     }
 
+    /// Counts a row that is refused.
+    fn refuse(&mut self, refusal: Refusal, (line, place): (usize, &str)) -> Result<(), CatalogueError> {
+        match refusal {
+            Refusal::Row(reason) => {
+                self.report.reject(line, format!("{place}{reason}"));
+                Ok(())
+            }
+            Refusal::File(reason) => {
+                let reason = format!("{place}{reason}");
+                let place = self.report.place(line);
+                Err(CatalogueError::Malformed { file: self.report.file.clone(), place, reason })
+            }
+        }
+    }
+
+    /// The same as [`Self::add`] for stars that are sent.
+    fn stream<'a>(
+        &mut self,
+        columns: &Columns,
+        fields: Result<impl Fn(usize) -> &'a str, String>,
+        place: (usize, &str),
+    ) -> Result<(), CatalogueError> {
+        let star = fields.map_err(Refusal::Row).and_then(|field| {
+            let (star, notes) = row::star(columns, &field, self.reading.years)?;
+            Ok((star, notes, row::names(columns, &field)))
+        });
+        match star {
+            Ok((star, notes, names)) => {
+                self.report.count(notes);
+                let Notes { velocity, without_colour, parallax, .. } = notes;
+                self.batch.push(StreamedStar { star, velocity, names, without_colour, parallax });
+                if self.batch.len() == BATCH { self.send() } else { Ok(()) }
+            }
+            Err(refusal) => self.refuse(refusal, place),
+        }
+    }
+
+    /// Sends the stars of the batch.
+    fn send(&mut self) -> Result<(), CatalogueError> {
+        let batch = std::mem::take(&mut self.batch);
+        let Some(stream) = &self.reading.stream else { return Ok(()) };
+        stream.send(batch).map_err(|_| CatalogueError::Stopped { file: self.report.file.clone() })
+    }
+
     /// The result for the whole file; an error if none of its rows is usable.
-    pub fn finish(self) -> Result<CatalogueRead, CatalogueError> {
+    pub fn finish(mut self) -> Result<CatalogueRead, CatalogueError> {
+        self.send()?;
         let Self { mut report, mut stars, hashes, mut names, mut velocities, .. } = self;
         report.check()?;
         // Rows that repeat another one are left out, and the indices of the others move up.

@@ -1,7 +1,7 @@
 //! Tables of formats whose head gives the names, units and meanings of the columns: VOTable, FITS and Parquet.
 
 use super::columns::{self, Columns};
-use super::rows::Rows;
+use super::rows::{Reading, Rows};
 use super::{CatalogueError, CatalogueRead, RowPlace};
 
 /// Columns for UCDs (IVOA, Unified Content Descriptors 1+), by which a column is known whose name is not: beginning of the UCD, and the name
@@ -69,18 +69,18 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// A table with this head; stars are placed `years` Julian years after J2000.0.
+    /// A table with this head.
     ///
     /// # Errors
     /// The columns are not those of a star catalogue.
-    pub fn new(file: &str, head: &Head, years: f64) -> Result<Self, CatalogueError> {
+    pub fn new(file: &str, head: &Head, reading: &Reading) -> Result<Self, CatalogueError> {
         let columns = head.columns().map_err(|reason| CatalogueError::Columns {
             file: file.to_owned(),
             place: RowPlace::Head,
             reason,
             found: columns::listing(&head.names),
         })?;
-        let rows = Rows::new(file, &columns, years).without_lines();
+        let rows = Rows::new(file, &columns, reading).without_lines();
         Ok(Self { columns, rows })
     }
 

@@ -9,6 +9,7 @@ use base64::{Engine, engine::general_purpose::STANDARD};
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
+use super::rows::Reading;
 use super::scalar::Scalar;
 use super::table::{Head, Table};
 use super::{CatalogueError, CatalogueRead, RowPlace};
@@ -82,9 +83,14 @@ impl<R: BufRead> BufRead for Bounded<R> {
 /// If the file cannot be read or is no VOTable, if none of its tables has the columns of a star catalogue, if the data have a form that is
 /// refused, or if no row is usable.
 pub fn read_votable_from(source: impl BufRead, file: &str, years: f64) -> Result<CatalogueRead, CatalogueError> {
+    read(source, file, &years.into())
+}
+
+/// The same, with a receiver of the stars.
+pub(super) fn read(source: impl BufRead, file: &str, reading: &Reading) -> Result<CatalogueRead, CatalogueError> {
     let mut reader = Reader::from_reader(Bounded { source, left: MOST_BYTES });
     reader.config_mut().expand_empty_elements = true;
-    let mut document = Document::new(file, years);
+    let mut document = Document::new(file, reading);
     let mut buffer = Vec::new();
     loop {
         buffer.clear();
@@ -111,7 +117,7 @@ pub fn read_votable_from(source: impl BufRead, file: &str, years: f64) -> Result
 /// State of the reader.
 struct Document<'f> {
     file: &'f str,
-    years: f64,
+    reading: &'f Reading,
     head: Head,
     columns: Vec<Column>,
     /// Whether the last FIELD is open, so that VALUES belongs to it.
@@ -132,10 +138,10 @@ struct Document<'f> {
 }
 
 impl<'f> Document<'f> {
-    fn new(file: &'f str, years: f64) -> Self {
+    fn new(file: &'f str, reading: &'f Reading) -> Self {
         Self {
             file,
-            years,
+            reading,
             head: Head::default(),
             columns: Vec::new(),
             in_field: false,
@@ -278,7 +284,7 @@ impl<'f> Document<'f> {
             self.is_reading = false;
             return;
         }
-        let table = Table::new(self.file, &self.head, self.years);
+        let table = Table::new(self.file, &self.head, self.reading);
         self.is_reading = table.is_ok();
         if table.is_ok() || self.table.is_none() {
             self.table = Some(table);

@@ -1,98 +1,20 @@
-//! `catalogue import`, `catalogue info`, `catalogue synth`: star catalogues and their stores.
+//! Stores in one file.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use clap::{Args, Subcommand};
-
-use super::{CliError, load, results};
-use crate::cache;
-use crate::catalogue::bright;
-use crate::catalogue::galaxy::{GalaxyParameters, MOST_STARS};
+use crate::catalogue::deep::export::{self, Rows};
+use crate::catalogue::deep::slice::Selection;
+use crate::catalogue::motion::StarVelocity;
+use crate::catalogue::names::NamesOfStar;
 use crate::catalogue::packed::PackedStar;
 use crate::catalogue::reader::NAMED_STARS_KEPT;
 use crate::catalogue::store::{self, Store};
+use crate::cli::{CliError, load, results};
 use crate::scene::loader::{LoadError, LoadedCatalogue, StarSource};
 use crate::units::{illuminance_lx_from_magnitude, magnitude_from_illuminance_lx};
 
-/// Arguments of `catalogue`.
-#[derive(Debug, Args)]
-pub struct CatalogueArguments {
-    #[command(subcommand)]
-    command: CatalogueCommand,
-}
-
-#[derive(Debug, Subcommand)]
-enum CatalogueCommand {
-    /// Read catalogues (CSV, TSV, ECSV, JSON, VOTable, FITS, Parquet, also compressed with gzip; stores; builtin:bright) and write them as
-    /// one store.
-    #[command(after_help = "Examples:\n  \
-        steradian catalogue import hipparcos.vot.gz --out hipparcos.stars\n  \
-        steradian catalogue import builtin:bright faint.json --out sky.stars\n\n\
-        A row that cannot be used is reported with its line number; exit code 65 if no row is usable.")]
-    Import {
-        /// Catalogues, concatenated.
-        #[arg(required = true, value_name = "FILE")]
-        files: Vec<PathBuf>,
-        /// The store to write.
-        #[arg(long, value_name = "STORE")]
-        out: PathBuf,
-    },
-    /// Show the contents of a store.
-    #[command(after_help = "Example:\n  steradian catalogue info hipparcos.stars")]
-    Info {
-        /// The store.
-        #[arg(value_name = "STORE")]
-        store: PathBuf,
-    },
-    /// Generate a synthetic Milky Way and write it as a store.
-    #[command(after_help = "Examples:\n  \
-        steradian catalogue synth --stars 10000000 --seed 1 --out galaxy.stars\n  \
-        steradian catalogue synth --stars 300000 --seed 1 --fainter-than 3.5 --out faint.stars")]
-    Synth {
-        /// Number of stars: the apparently brightest of the model, as seen from the Sun.
-        #[arg(long, value_name = "N", value_parser = star_count)]
-        stars: usize,
-        /// Seed of the random number generator: the same seed gives the same stars.
-        #[arg(long, value_name = "S")]
-        seed: u64,
-        /// No star brighter than this apparent V magnitude.
-        #[arg(long, value_name = "MAGNITUDE", allow_negative_numbers = true)]
-        fainter_than: Option<f64>,
-        /// The store to write.
-        #[arg(long, value_name = "STORE")]
-        out: PathBuf,
-    },
-}
-
-fn star_count(text: &str) -> Result<usize, String> {
-    let valid = format!("must be a whole number between 1 and {MOST_STARS}");
-    match text.parse() {
-        Ok(stars) if (1..=MOST_STARS).contains(&stars) => Ok(stars),
-        _ => Err(valid),
-    }
-}
-
-/// Runs the command.
-pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
-    match arguments.command {
-        CatalogueCommand::Import { files, out } => {
-            let sources: Vec<StarSource> = files.into_iter().map(source_of).collect();
-            write(&sources, &out)
-        }
-        CatalogueCommand::Synth { stars, seed, fainter_than, out } => {
-            // The store is kept already.
-            cache::set_for_process(None);
-            write(&[StarSource::Galaxy(GalaxyParameters { stars, seed, fainter_than, unresolved_light: false })], &out)
-        }
-        CatalogueCommand::Info { store } => info(&store),
-    }
-}
-
-fn source_of(file: PathBuf) -> StarSource {
-    if file.as_os_str() == bright::NAME { StarSource::Bright } else { StarSource::File(file) }
-}
-
-fn write(sources: &[StarSource], out: &Path) -> Result<(), CliError> {
+/// Writes catalogues as one store, and reports what is left out.
+pub fn write(sources: &[StarSource], out: &Path) -> Result<(), CliError> {
     let (mut store, report) = load::import(sources).map_err(|error| match error {
         // Here the numbers come from the command line and not from configuration keys.
         LoadError::Galaxy { source, .. } => CliError::Galaxy(source),
@@ -138,7 +60,52 @@ fn write(sources: &[StarSource], out: &Path) -> Result<(), CliError> {
     ))
 }
 
-fn info(path: &Path) -> Result<(), CliError> {
+/// Reads a store, which compares its checksum.
+pub fn check(path: &Path, light: bool) -> Result<(), CliError> {
+    let store = store::read(path).map_err(CliError::ReadStore)?;
+    if light {
+        let problem = format!("--light: {} is a store in one file, which has no composite stars", path.display());
+        return Err(CliError::Usage(problem));
+    }
+    results::line(format!("{}: {} stars, the checksum is right", path.display(), store.stars.stars.len()))
+}
+
+/// Writes a part of a store as another one.
+pub fn slice(path: &Path, selection: &Selection, out: &Path) -> Result<(), CliError> {
+    let whole = store::read(path).map_err(CliError::ReadStore)?;
+    let records = whole.records(0.0);
+    let mut next = 0;
+    let places: Vec<Option<u32>> = records
+        .iter()
+        .map(|star| {
+            let is_kept = selection.contains(star);
+            next += u32::from(is_kept);
+            is_kept.then(|| next - 1)
+        })
+        .collect();
+    let place = |star: u32| places[star as usize];
+    let velocities =
+        whole.velocities.iter().filter_map(|v| Some(StarVelocity { star: place(v.star)?, ..*v })).collect();
+    let names = whole.names.into_iter().filter_map(|of| Some(NamesOfStar { star: place(of.star)?, ..of })).collect();
+    let records: Vec<_> = records.into_iter().filter(|star| selection.contains(star)).collect();
+    if records.is_empty() {
+        return Err(CliError::Usage(format!("{} has no star of these: {}", path.display(), selection.describe())));
+    }
+    let stars = records.len();
+    let description = format!("{}\npart: {}", whole.description, selection.describe());
+    store::write(out, &Store::from_records(description, records, velocities, names)).map_err(CliError::WriteStore)?;
+    results::line(format!("wrote {}: {stars} of {} stars", out.display(), places.len()))
+}
+
+/// Writes the stars of a store as a table.
+pub fn export(path: &Path, selection: &Selection, out: &Path) -> Result<(), CliError> {
+    let store = store::read(path).map_err(CliError::ReadStore)?;
+    let rows = export::export(Rows::Single(&store), selection, out, &mut |_| ()).map_err(CliError::Deep)?;
+    results::line(format!("wrote {}: {rows} stars", out.display()))
+}
+
+/// Reports the contents of a store.
+pub fn info(path: &Path) -> Result<(), CliError> {
     let version = store::read_header(path).map_err(CliError::ReadStore)?.version;
     let Store { description, stars, velocities, names } = store::read(path).map_err(CliError::ReadStore)?;
     results::line(format!("store             {} (version {version})", path.display()))?;

@@ -1,0 +1,261 @@
+//! Exports deep stores and stores in one file as CSV or Parquet, with the columns of a plain table that the readers read.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use std::sync::Arc;
+
+use parquet::basic::{Compression, ZstdLevel};
+use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, FloatType};
+use parquet::errors::ParquetError;
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::parser::parse_message_type;
+use tempfile::NamedTempFile;
+
+use super::super::StarRecord;
+use super::super::motion::KM_S_PER_PC_A;
+use super::super::store::Store;
+use super::DeepStore;
+use super::build::{NewStar, OnStep};
+use super::error::DeepError;
+use super::slice::{Selection, each_bright_star, each_star};
+use crate::coordinates::lon_lat_from_direction;
+use crate::files;
+use crate::units::ARCSECOND_RAD;
+
+/// Columns of an export.
+const HEADER: &str =
+    "ra_deg,dec_deg,v_mag,teff_k,distance_pc,pm_ra_mas_yr,pm_dec_mas_yr,radial_velocity_km_s,ref_epoch,name";
+
+/// Rows of a group of a Parquet file.
+const ROWS_PER_GROUP: usize = 1 << 18;
+
+/// A row of an export. Missing values are `None`.
+#[derive(Clone, Debug, PartialEq)]
+struct Row {
+    ra_deg: f64,
+    dec_deg: f64,
+    v_mag: f64,
+    teff_k: f64,
+    distance_pc: Option<f64>,
+    /// Proper motion in right ascension times the cosine of the declination and in declination, mas a year, and radial velocity, km/s.
+    motion: Option<[f64; 3]>,
+    ref_epoch: f64,
+    name: String,
+}
+
+impl Row {
+    fn new(star: &StarRecord, about: &NewStar, ref_epoch: f64) -> Self {
+        let (ra, dec) = lon_lat_from_direction(star.position);
+        let distance = star.position.length();
+        let direction = star.position / distance;
+        let motion = about.velocity.map(|velocity| {
+            let velocity = glam::Vec3::from_array(velocity).as_dvec3();
+            let east = glam::DVec3::new(-direction.y, direction.x, 0.0).try_normalize().unwrap_or(glam::DVec3::Y);
+            let north = direction.cross(east);
+            let turning = [east, north].map(|axis| velocity.dot(axis) / distance / ARCSECOND_RAD * 1e3);
+            let radial = if star.distance_known { velocity.dot(direction) * KM_S_PER_PC_A } else { 0.0 };
+            [turning[0], turning[1], radial]
+        });
+        let name = about.names.as_ref().map(|names| {
+            if names.name.is_empty() {
+                names.designations.first().cloned().unwrap_or_default()
+            } else {
+                names.name.clone()
+            }
+        });
+        Self {
+            ra_deg: ra.to_degrees().rem_euclid(360.0),
+            dec_deg: dec.to_degrees(),
+            v_mag: star.apparent_magnitude(),
+            teff_k: f64::from(star.temperature_k),
+            distance_pc: star.distance_known.then_some(distance),
+            motion,
+            ref_epoch,
+            name: name.unwrap_or_default(),
+        }
+    }
+
+    /// The row as a line of CSV; 0.04 mas, 0.0001 mag.
+    fn write_csv(&self, out: &mut impl Write) -> std::io::Result<()> {
+        write!(out, "{:.8},{:.8},{:.4},{:.0},", self.ra_deg, self.dec_deg, self.v_mag, self.teff_k)?;
+        match self.distance_pc {
+            Some(distance) => write!(out, "{},", distance as f32)?,
+            None => write!(out, ",")?,
+        }
+        match self.motion {
+            Some([ra, dec, radial]) => write!(out, "{ra:.4},{dec:.4},{radial:.3},")?,
+            None => write!(out, ",,,")?,
+        }
+        let name: String = self.name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+        let is_quoted = name.contains([',', '"']);
+        let name = if is_quoted { format!("\"{}\"", name.replace('"', "\"\"")) } else { name };
+        writeln!(out, "{},{name}", self.ref_epoch)
+    }
+}
+
+/// Formats of an export.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Csv,
+    Parquet,
+}
+
+/// Where rows are written.
+enum Target {
+    Csv(BufWriter<NamedTempFile>),
+    Parquet { writer: SerializedFileWriter<File>, file: NamedTempFile, rows: Vec<Row> },
+}
+
+const SCHEMA: &str = "message stars {
+    REQUIRED DOUBLE ra_deg; REQUIRED DOUBLE dec_deg; REQUIRED FLOAT v_mag; REQUIRED FLOAT teff_k; OPTIONAL DOUBLE distance_pc;
+    OPTIONAL DOUBLE pm_ra_mas_yr; OPTIONAL DOUBLE pm_dec_mas_yr; OPTIONAL DOUBLE radial_velocity_km_s;
+    REQUIRED DOUBLE ref_epoch; OPTIONAL BYTE_ARRAY name (UTF8);
+}";
+
+impl Target {
+    fn create(path: &Path, format: Format) -> Result<Self, DeepError> {
+        let file = files::beside(path).map_err(DeepError::io(path))?;
+        if format == Format::Csv {
+            let mut out = BufWriter::with_capacity(1 << 20, file);
+            writeln!(out, "{HEADER}").map_err(DeepError::io(path))?;
+            return Ok(Self::Csv(out));
+        }
+        let failed = |error: ParquetError| parquet_error(path, &error);
+        let schema = Arc::new(parse_message_type(SCHEMA).map_err(failed)?);
+        let level = ZstdLevel::try_new(3).map_err(failed)?;
+        let properties = WriterProperties::builder().set_compression(Compression::ZSTD(level)).build();
+        let copy = file.reopen().map_err(DeepError::io(path))?;
+        let writer = SerializedFileWriter::new(copy, schema, Arc::new(properties)).map_err(failed)?;
+        Ok(Self::Parquet { writer, file, rows: Vec::new() })
+    }
+
+    fn add(&mut self, path: &Path, row: Row) -> Result<(), DeepError> {
+        match self {
+            Self::Csv(out) => row.write_csv(out).map_err(DeepError::io(path)),
+            Self::Parquet { writer, rows, .. } => {
+                rows.push(row);
+                if rows.len() < ROWS_PER_GROUP {
+                    return Ok(());
+                }
+                write_group(writer, rows).map_err(|error| parquet_error(path, &error))?;
+                rows.clear();
+                Ok(())
+            }
+        }
+    }
+
+    fn finish(self, path: &Path) -> Result<(), DeepError> {
+        let file = match self {
+            Self::Csv(out) => out.into_inner().map_err(|error| DeepError::io(path)(error.into_error()))?,
+            Self::Parquet { mut writer, file, rows } => {
+                let write = |writer: &mut SerializedFileWriter<File>| {
+                    write_group(writer, &rows)?;
+                    writer.finish()
+                };
+                write(&mut writer).map_err(|error| parquet_error(path, &error))?;
+                file
+            }
+        };
+        files::publish(file, path).map_err(DeepError::io(path))
+    }
+}
+
+fn parquet_error(path: &Path, error: &ParquetError) -> DeepError {
+    DeepError::Export { path: path.to_owned(), problem: error.to_string() }
+}
+
+/// Writes rows as a group of a Parquet file.
+fn write_group(writer: &mut SerializedFileWriter<File>, rows: &[Row]) -> Result<(), ParquetError> {
+    if rows.is_empty() {
+        return Ok(());
+    }
+    type Optional = fn(&Row) -> Option<f64>;
+    let float: [fn(&Row) -> f64; 2] = [|row| row.v_mag, |row| row.teff_k];
+    let angles: [fn(&Row) -> f64; 2] = [|row| row.ra_deg, |row| row.dec_deg];
+    let optional: [Optional; 4] = [
+        |row| row.distance_pc,
+        |row| row.motion.map(|motion| motion[0]),
+        |row| row.motion.map(|motion| motion[1]),
+        |row| row.motion.map(|motion| motion[2]),
+    ];
+    let mut group = writer.next_row_group()?;
+    let next = |group: &mut parquet::file::writer::SerializedRowGroupWriter<'_, File>,
+                index: usize|
+     -> Result<(), ParquetError> {
+        let column = group.next_column()?;
+        let mut column = column.ok_or_else(|| ParquetError::General("a column is missing".to_owned()))?;
+        match index {
+            0 | 1 => {
+                let values: Vec<f64> = rows.iter().map(angles[index]).collect();
+                column.typed::<DoubleType>().write_batch(&values, None, None)?;
+            }
+            2 | 3 => {
+                let values: Vec<f32> = rows.iter().map(|row| float[index - 2](row) as f32).collect();
+                column.typed::<FloatType>().write_batch(&values, None, None)?;
+            }
+            4..=7 => {
+                let values: Vec<Option<f64>> = rows.iter().map(optional[index - 4]).collect();
+                let levels: Vec<i16> = values.iter().map(|value| i16::from(value.is_some())).collect();
+                let values: Vec<f64> = values.into_iter().flatten().collect();
+                column.typed::<DoubleType>().write_batch(&values, Some(&levels), None)?;
+            }
+            8 => {
+                let values: Vec<f64> = rows.iter().map(|row| row.ref_epoch).collect();
+                column.typed::<DoubleType>().write_batch(&values, None, None)?;
+            }
+            _ => {
+                let levels: Vec<i16> = rows.iter().map(|row| i16::from(!row.name.is_empty())).collect();
+                let names =
+                    rows.iter().filter(|row| !row.name.is_empty()).map(|row| ByteArray::from(row.name.as_str()));
+                let names: Vec<ByteArray> = names.collect();
+                column.typed::<ByteArrayType>().write_batch(&names, Some(&levels), None)?;
+            }
+        }
+        column.close()
+    };
+    for index in 0..10 {
+        next(&mut group, index)?;
+    }
+    group.close()?;
+    Ok(())
+}
+
+/// Stars to be exported.
+#[derive(Clone, Copy, Debug)]
+pub enum Rows<'a> {
+    /// A store in one file.
+    Single(&'a Store),
+    /// A deep store.
+    Deep(&'a DeepStore),
+}
+
+/// Writes the stars of a store that meet conditions to a file, whose extension is `.csv` or `.parquet`. Columns: right ascension, declination (of
+/// `ref_epoch`, ICRS), V, temperature, distance, motion, epoch and name. Returns the number of rows.
+///
+/// # Errors
+/// The extension is another one, the store is damaged, or the file cannot be written. No file is left then.
+pub fn export(stars: Rows<'_>, selection: &Selection, path: &Path, on_step: &mut OnStep<'_>) -> Result<u64, DeepError> {
+    let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
+    let format = match extension.as_ref().and_then(|extension| extension.to_str()) {
+        Some("csv") => Format::Csv,
+        Some("parquet") => Format::Parquet,
+        _ => {
+            let problem = "its name must end with .csv or .parquet".to_owned();
+            return Err(DeepError::Export { path: path.to_owned(), problem });
+        }
+    };
+    let mut target = Target::create(path, format)?;
+    let mut rows = 0;
+    let mut add = |star: StarRecord, epoch_year: f64, about: NewStar| {
+        rows += 1;
+        target.add(path, Row::new(&star, &about, epoch_year))
+    };
+    match stars {
+        Rows::Single(store) => each_bright_star(store, selection, &mut add)?,
+        Rows::Deep(store) => each_star(store, selection, &mut add, on_step)?,
+    }
+    target.finish(path)?;
+    Ok(rows)
+}

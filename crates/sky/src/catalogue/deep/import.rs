@@ -1,0 +1,249 @@
+//! Imports catalogues into a deep store.
+//!
+//! Files are read by several threads at a time and pass their stars on in batches; none is held in memory (except JSON). Rules:
+//!
+//! - Stars are placed at J2000.0 with their motion; those of leaves are moved on to J2016.0, and their motion is dropped.
+//! - A parallax below five times its error is not inverted: the distance is that of a prior ([`prior`](super::prior)). Stars of files without a column of
+//!   errors keep their distance, or are at infinity if they have none.
+//! - Stars without colour get the median temperature of their leaf, else of their cell of order 4; bright ones that of the Sun.
+//! - Stars within 2" and one magnitude of a star of `builtin:bright` are left out, if it is imported too.
+//! - Rows that equal another one in place, brightness, colour and distance are left out.
+//!
+//! Each rule is counted in the report.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::sync::mpsc::sync_channel;
+use std::time::{Duration, Instant, UNIX_EPOCH};
+
+use super::super::StarRecord;
+use super::super::bright;
+use super::super::reader::{CatalogueError, CatalogueRead, ReadReport, StreamedStar, stream_file};
+use super::super::store;
+use super::build::{Build, BuildOptions, BuildReport, BuildStep, NewStar, OnStep};
+use super::error::DeepError;
+use super::hats::{self, is_hats};
+use super::prior::prior_distance_pc;
+use super::slice::{Selection, each_bright_star, each_star};
+use super::{DeepStore, is_deep_store};
+use crate::files;
+
+/// Batches that wait between readers and writer.
+const BATCHES: usize = 8;
+/// The state is saved after this time.
+const SAVE_EVERY: Duration = Duration::from_secs(10);
+
+/// A catalogue to import.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ImportSource {
+    /// The built-in table of bright stars.
+    Bright,
+    /// A catalogue, a store in one file, a deep store, or a folder of a catalogue in HATS ([`hats`](super::hats)).
+    File(PathBuf),
+}
+
+impl fmt::Display for ImportSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bright => f.write_str(bright::NAME),
+            Self::File(path) => write!(f, "{}", path.display()),
+        }
+    }
+}
+
+impl ImportSource {
+    /// Name, length and time of the file: an unfinished store is continued only if they are the same.
+    fn identity(&self) -> Result<String, DeepError> {
+        let Self::File(path) = self else { return Ok(self.to_string()) };
+        if is_deep_store(path) {
+            return Ok(format!("{self} ({})", DeepStore::open(path)?.root()));
+        }
+        let opened = files::open_regular(path).and_then(|file| file.metadata());
+        let metadata =
+            opened.map_err(|source| DeepError::Catalogue(CatalogueError::Open { path: path.clone(), source }))?;
+        let modified = metadata.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+        Ok(format!("{self} ({} bytes, {} ns)", metadata.len(), modified.map_or(0, |time| time.as_nanos())))
+    }
+}
+
+/// Result of an import.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImportReport {
+    /// The store.
+    pub build: BuildReport,
+    /// A line for each catalogue, and lines for what it has and the store lacks.
+    pub catalogues: Vec<String>,
+}
+
+/// Imports catalogues. The same stars give the same bytes, whatever the order and the number of threads. `options.job` is replaced.
+///
+/// # Errors
+/// A catalogue cannot be read or has no usable row, or the store cannot be written.
+pub fn import(
+    sources: &[ImportSource],
+    options: BuildOptions,
+    on_step: &mut OnStep<'_>,
+) -> Result<ImportReport, DeepError> {
+    let sources = &expanded(sources)?;
+    let identities: Vec<String> = sources.iter().map(ImportSource::identity).collect::<Result<_, _>>()?;
+    // Thousands of files would make long messages.
+    let job = match &identities[..] {
+        [first, .., last] if identities.len() > 4 => {
+            format!(
+                "{first} ... {last}, {} files, {:08x}",
+                identities.len(),
+                crc32fast::hash(identities.concat().as_bytes())
+            )
+        }
+        few => few.join(", "),
+    };
+    let mut build = Build::open(BuildOptions { job, ..options })?;
+    let mut lines: Vec<Vec<String>> = match build.source() {
+        "" => Vec::new(),
+        text => serde_json::from_str(text).map_err(|_| {
+            DeepError::damaged(
+                &options_path(sources),
+                "the state of its import cannot be used; remove the unfinished store",
+            )
+        })?,
+    };
+    let total = sources.len() as u64;
+    let (mut saved, at_once) = (Instant::now(), rayon::current_num_threads());
+    while !build.is_read() && build.steps_done().max(lines.len()) < sources.len() {
+        let first = lines.len();
+        on_step(BuildStep { work: "reading catalogues", done: first as u64, total });
+        let some = &sources[first..(first + at_once).min(sources.len())];
+        lines.extend(read_some(some, &mut build)?);
+        if saved.elapsed() > SAVE_EVERY || lines.len() == sources.len() {
+            let source =
+                serde_json::to_string(&lines).map_err(|error| DeepError::io(&options_path(sources))(error.into()))?;
+            build.checkpoint(lines.len(), source)?;
+            saved = Instant::now();
+        }
+    }
+    let description: Vec<&str> = lines.iter().filter_map(|of_file| of_file.first()).map(String::as_str).collect();
+    let build = build.finish(None, description.join("\n"), on_step)?;
+    Ok(ImportReport { build, catalogues: lines.concat() })
+}
+
+/// The sources with the files of catalogues in HATS in place of their folders.
+fn expanded(sources: &[ImportSource]) -> Result<Vec<ImportSource>, DeepError> {
+    let mut all = Vec::with_capacity(sources.len());
+    for source in sources {
+        match source {
+            ImportSource::File(path) if is_hats(path) => {
+                all.extend(hats::files_of(path)?.into_iter().map(ImportSource::File));
+            }
+            other => all.push(other.clone()),
+        }
+    }
+    Ok(all)
+}
+
+fn options_path(sources: &[ImportSource]) -> PathBuf {
+    match sources.first() {
+        Some(ImportSource::File(path)) => path.clone(),
+        _ => PathBuf::from(bright::NAME),
+    }
+}
+
+/// Reads some catalogues at the same time; returns the lines of the report for each.
+fn read_some(sources: &[ImportSource], build: &mut Build) -> Result<Vec<Vec<String>>, DeepError> {
+    let mut lines: Vec<Option<Vec<String>>> = vec![None; sources.len()];
+    let mut streamed: Vec<(usize, &PathBuf)> = Vec::new();
+    for (index, source) in sources.iter().enumerate() {
+        match source {
+            ImportSource::File(path) if !is_deep_store(path) && !store::is_store(path)? => streamed.push((index, path)),
+            other => lines[index] = Some(vec![add_whole(other, build)?]),
+        }
+    }
+    let reports = std::thread::scope(|scope| {
+        let (sender, receiver) = sync_channel::<Vec<StreamedStar>>(BATCHES);
+        let readers: Vec<_> = streamed
+            .iter()
+            .map(|&(_, path)| {
+                let sender = sender.clone();
+                scope.spawn(move || stream_file(path, 0.0, sender))
+            })
+            .collect();
+        drop(sender);
+        let added = receiver.iter().flatten().try_for_each(|star| add(build, star));
+        // Readers end when nobody receives.
+        drop(receiver);
+        let reports: Vec<Result<ReadReport, CatalogueError>> = readers
+            .into_iter()
+            .map(|reader| reader.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+            .collect();
+        added.map(|()| reports)
+    })?;
+    for ((index, _), report) in streamed.iter().zip(reports) {
+        let report = report?;
+        tracing::info!("{report}");
+        lines[*index] = Some(lines_of(&report));
+    }
+    Ok(lines.into_iter().flatten().collect())
+}
+
+/// Lines of a file for the report.
+fn lines_of(report: &ReadReport) -> Vec<String> {
+    let ReadReport { file, source, used, rejected, rows, unused, notes, .. } = report;
+    let mut lines =
+        vec![format!("{file}: {used} stars, read as {}, {rejected} of {rows} rows rejected", source.name())];
+    if !unused.is_empty() {
+        lines.push(format!("not stored: the columns {} of {file}", unused.join(", ")));
+    }
+    lines.extend(notes.iter().map(|note| format!("not stored: {note}")));
+    lines
+}
+
+/// Adds the stars of the built-in table or of a store.
+fn add_whole(source: &ImportSource, build: &mut Build) -> Result<String, DeepError> {
+    let mut count: u64 = 0;
+    match source {
+        ImportSource::Bright => {
+            let CatalogueRead { stars, velocities, .. } = bright::read(0.0);
+            let mut velocities = velocities.into_iter().peekable();
+            for (index, star) in stars.into_iter().enumerate() {
+                let velocity = velocities.next_if(|velocity| velocity.star as usize == index).map(|v| v.velocity);
+                build.add(star, NewStar { velocity, is_built_in: true, ..NewStar::default() })?;
+                count += 1;
+            }
+        }
+        ImportSource::File(path) => {
+            let mut sink = |star: StarRecord, _: f64, about: NewStar| {
+                count += 1;
+                build.add(star, about)
+            };
+            let all = Selection::default();
+            if is_deep_store(path) {
+                each_star(&DeepStore::open(path)?, &all, &mut sink, &mut |_| ())?;
+            } else {
+                each_bright_star(&store::read(path)?, &all, &mut sink)?;
+            }
+        }
+    }
+    Ok(format!("{source}: {count} stars"))
+}
+
+/// Adds a star of a file.
+fn add(build: &mut Build, streamed: StreamedStar) -> Result<(), DeepError> {
+    let StreamedStar { mut star, mut velocity, names, without_colour, parallax } = streamed;
+    let prior = parallax.and_then(prior_distance_pc);
+    if let Some(distance_pc) = prior {
+        (star, velocity) = at_distance(star, velocity, distance_pc);
+    }
+    build.add(star, NewStar { velocity, names, without_colour, prior_distance: prior.is_some(), is_built_in: false })
+}
+
+/// Moves a star to another distance; its direction, apparent magnitude and proper motion stay the same.
+fn at_distance(star: StarRecord, velocity: Option<[f32; 3]>, distance_pc: f64) -> (StarRecord, Option<[f32; 3]>) {
+    let before = star.position.length();
+    let v_mag = star.apparent_magnitude();
+    let moved = StarRecord {
+        position: star.position * (distance_pc / before),
+        magnitude: (v_mag - 5.0 * (distance_pc / 10.0).log10()) as f32,
+        distance_known: true,
+        ..star
+    };
+    (moved, velocity.map(|velocity| velocity.map(|axis| axis * (distance_pc / before) as f32)))
+}

@@ -1,0 +1,283 @@
+//! State of an unfinished store, and its bright stars on disk: with both, a program that was killed continues.
+
+use std::fs::{self, OpenOptions};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::path::Path;
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::super::StarRecord;
+use super::super::motion::StarVelocity;
+use super::super::names::{NamesOfStar, StarNames};
+use super::error::DeepError;
+use super::spill::SpillState;
+use crate::files;
+
+/// Name of the state file.
+pub const STATE: &str = "state.json";
+/// Files of the bright stars and their names.
+pub const STARS: &str = "bright-stars";
+/// See [`STARS`].
+pub const NAMES: &str = "bright-names";
+/// Version of the state.
+const VERSION: u32 = 1;
+
+/// Stars of an import that needed a rule, and those that were left out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Counts {
+    /// Stars that were delivered.
+    pub delivered: u64,
+    /// Stars whose parallax is less than five times its error, or missing in a catalogue with errors: distance by the prior.
+    pub prior_distance: u64,
+    /// Stars at infinity.
+    pub at_infinity: u64,
+    /// Bright stars without colour: the Sun's temperature.
+    pub bright_without_colour: u64,
+    /// Left out: fainter than leaves can hold.
+    pub too_faint: u64,
+    /// Stars in leaves whose motion is not stored; they are placed at the store's epoch.
+    pub motions_left_out: u64,
+    /// Stars whose names are not stored: those in leaves, and bright ones beyond the rule of `resident`.
+    pub names_left_out: u64,
+}
+
+/// State of the first pass.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct State {
+    version: u32,
+    /// Inputs of the store: only the same ones may continue.
+    pub job: String,
+    /// Number of inputs that are finished: files, or blocks of a synthetic galaxy.
+    pub steps: usize,
+    /// Whether all inputs are read.
+    pub is_read: bool,
+    /// Files of the buckets.
+    pub spill: SpillState,
+    /// Number of bright stars, and length of the file of their names.
+    pub bright: [u64; 2],
+    /// Stars that needed a rule.
+    pub counts: Counts,
+    /// Anything that the source of the stars needs to continue.
+    pub source: String,
+}
+
+impl State {
+    /// The state before the first input.
+    pub fn new(job: &str) -> Self {
+        Self {
+            version: VERSION,
+            job: job.to_owned(),
+            steps: 0,
+            is_read: false,
+            spill: vec![(0, 0); super::BUCKETS as usize],
+            bright: [0; 2],
+            counts: Counts::default(),
+            source: String::new(),
+        }
+    }
+
+    /// Reads the state in a folder; `None` if there is none.
+    pub fn read(folder: &Path) -> Result<Option<Self>, DeepError> {
+        let path = folder.join(STATE);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let text = files::read_text_bounded(&path, 1 << 30).map_err(DeepError::io(&path))?;
+        let unusable = || DeepError::damaged(&path, "it is not the state of an unfinished store; remove the folder");
+        let state: Self = serde_json::from_str(&text).map_err(|_| unusable())?;
+        if state.version != VERSION || state.spill.len() as u64 != super::BUCKETS {
+            return Err(unusable());
+        }
+        Ok(Some(state))
+    }
+
+    /// Replaces the state in a folder.
+    pub fn write(&self, folder: &Path) -> Result<(), DeepError> {
+        let path = folder.join(STATE);
+        let text = serde_json::to_vec(self).map_err(|error| DeepError::io(&path)(error.into()))?;
+        files::write_whole(&path, &text).map_err(DeepError::io(&path))
+    }
+}
+
+/// A bright star on disk.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct KeptStar {
+    position: [f64; 3],
+    velocity: [f32; 3],
+    magnitude: f32,
+    temperature_k: f32,
+    /// Bits: 0 distance known, 1 moves, 2 of the built-in table.
+    flags: u32,
+}
+
+/// The bright stars.
+#[derive(Clone, Debug, Default)]
+pub struct BrightStars {
+    /// At J2000.0.
+    pub records: Vec<StarRecord>,
+    /// Velocities of those that move.
+    pub velocities: Vec<StarVelocity>,
+    /// Names of those that have some.
+    pub names: Vec<NamesOfStar>,
+    /// Whether each star is one of the built-in table.
+    pub is_built_in: Vec<bool>,
+    /// Numbers of records, velocities and names that are on disk, and the length of the file of names.
+    saved: ([usize; 3], u64),
+}
+
+impl BrightStars {
+    /// Adds a star.
+    pub fn push(
+        &mut self,
+        record: StarRecord,
+        velocity: Option<[f32; 3]>,
+        names: Option<StarNames>,
+        is_built_in: bool,
+    ) {
+        let star = self.records.len() as u32;
+        self.velocities.extend(velocity.map(|velocity| StarVelocity { star, velocity }));
+        self.names.extend(names.map(|names| NamesOfStar { star, names }));
+        self.records.push(record);
+        self.is_built_in.push(is_built_in);
+    }
+
+    /// Appends the new stars to the files in a folder; returns [`State::bright`].
+    pub fn save(&mut self, folder: &Path) -> Result<[u64; 2], DeepError> {
+        let ([records, velocities, names], names_bytes) = self.saved;
+        let mut moving = self.velocities[velocities..].iter().peekable();
+        let mut bytes = Vec::new();
+        for index in records..self.records.len() {
+            let StarRecord { position, magnitude, temperature_k, distance_known } = self.records[index];
+            let velocity = moving.next_if(|velocity| velocity.star as usize == index).map(|velocity| velocity.velocity);
+            let flags = u32::from(distance_known)
+                | u32::from(velocity.is_some()) << 1
+                | u32::from(self.is_built_in[index]) << 2;
+            let kept = KeptStar {
+                position: position.to_array(),
+                velocity: velocity.unwrap_or_default(),
+                magnitude,
+                temperature_k,
+                flags,
+            };
+            bytes.extend_from_slice(bytemuck::bytes_of(&kept));
+        }
+        append(&folder.join(STARS), (records * size_of::<KeptStar>()) as u64, &bytes)?;
+        let mut lines = Vec::new();
+        for NamesOfStar { star, names: StarNames { name, designations } } in &self.names[names..] {
+            let path = folder.join(NAMES);
+            serde_json::to_writer(&mut lines, &(star, name, designations))
+                .map_err(|error| DeepError::io(&path)(error.into()))?;
+            lines.push(b'\n');
+        }
+        append(&folder.join(NAMES), names_bytes, &lines)?;
+        let names_bytes = names_bytes + lines.len() as u64;
+        self.saved = ([self.records.len(), self.velocities.len(), self.names.len()], names_bytes);
+        Ok([self.records.len() as u64, names_bytes])
+    }
+
+    /// Reads the stars of a state.
+    pub fn read(folder: &Path, [stars, names_bytes]: [u64; 2]) -> Result<Self, DeepError> {
+        let mut bright = Self::default();
+        let (path, names_path) = (folder.join(STARS), folder.join(NAMES));
+        if stars > 0 {
+            let file = files::open_regular(&path).map_err(DeepError::io(&path))?;
+            let mut source = BufReader::with_capacity(1 << 20, file);
+            let mut bytes = [0; size_of::<KeptStar>()];
+            for _ in 0..stars {
+                source.read_exact(&mut bytes).map_err(DeepError::io(&path))?;
+                let KeptStar { position, velocity, magnitude, temperature_k, flags } =
+                    bytemuck::pod_read_unaligned(&bytes);
+                let record = StarRecord {
+                    position: DVec3::from_array(position),
+                    magnitude,
+                    temperature_k,
+                    distance_known: flags & 1 != 0,
+                };
+                bright.push(record, (flags & 2 != 0).then_some(velocity), None, flags & 4 != 0);
+            }
+        }
+        if names_bytes > 0 {
+            let file = files::open_regular(&names_path).map_err(DeepError::io(&names_path))?;
+            for line in BufReader::new(file.take(names_bytes)).lines() {
+                let line = line.map_err(DeepError::io(&names_path))?;
+                let (star, name, designations): (u32, String, Vec<String>) =
+                    serde_json::from_str(&line).map_err(|_| {
+                        DeepError::damaged(&names_path, "a line is not a name; remove the unfinished store")
+                    })?;
+                bright.names.push(NamesOfStar { star, names: StarNames { name, designations } });
+            }
+        }
+        bright.saved = ([bright.records.len(), bright.velocities.len(), bright.names.len()], names_bytes);
+        Ok(bright)
+    }
+
+    /// Keeps the stars for which `keep` is true.
+    pub fn retain(&mut self, keep: &[bool]) {
+        let mut next = 0;
+        let places: Vec<Option<u32>> = keep
+            .iter()
+            .map(|keep| {
+                next += u32::from(*keep);
+                keep.then(|| next - 1)
+            })
+            .collect();
+        let place = |star: u32| places[star as usize];
+        self.velocities =
+            self.velocities.iter().filter_map(|v| Some(StarVelocity { star: place(v.star)?, ..*v })).collect();
+        let names = std::mem::take(&mut self.names);
+        self.names = names.into_iter().filter_map(|of| Some(NamesOfStar { star: place(of.star)?, ..of })).collect();
+        let mut kept = keep.iter();
+        self.records.retain(|_| *kept.next().unwrap_or(&false));
+        let mut kept = keep.iter();
+        self.is_built_in.retain(|_| *kept.next().unwrap_or(&false));
+    }
+}
+
+/// Cuts a file to a length, and appends bytes.
+fn append(path: &Path, length: u64, bytes: &[u8]) -> Result<(), DeepError> {
+    let file = OpenOptions::new().append(true).create(true).open(path);
+    let write = |mut file: fs::File| {
+        file.set_len(length)?;
+        file.write_all(bytes)
+    };
+    file.and_then(write).map_err(DeepError::io(path))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stars_are_saved_in_parts_and_read_up_to_a_state() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut bright = BrightStars::default();
+        let record =
+            |x: f64| StarRecord { position: DVec3::X * x, magnitude: 3.0, temperature_k: 4e3, distance_known: x < 5.0 };
+        let names = StarNames { name: "Näme\t\"x\"".to_owned(), designations: vec!["HIP 1".to_owned()] };
+        bright.push(record(1.0), Some([1e-6, 0.0, 2e-6]), Some(names.clone()), false);
+        bright.push(record(2.0), None, None, true);
+        let state = bright.save(folder.path()).expect("saved");
+        bright.push(record(7.0), Some([3e-6, 0.0, 0.0]), Some(names.clone()), false);
+        let later = bright.save(folder.path()).expect("saved");
+        let found = BrightStars::read(folder.path(), later).expect("read");
+        assert_eq!(
+            (&found.records, &found.velocities, &found.names),
+            (&bright.records, &bright.velocities, &bright.names)
+        );
+        // A program that was killed in between continues with the earlier state.
+        let mut found = BrightStars::read(folder.path(), state).expect("read");
+        assert_eq!((found.records.len(), found.velocities.len(), found.names.len()), (2, 1, 1));
+        found.push(record(9.0), None, None, false);
+        let state = found.save(folder.path()).expect("saved");
+        let mut again = BrightStars::read(folder.path(), state).expect("read");
+        assert_eq!(again.records, found.records);
+        again.retain(&[false, true, true]);
+        assert_eq!(
+            (again.records.len(), again.velocities.len(), again.is_built_in.as_slice()),
+            (2, 0, &[true, false][..])
+        );
+    }
+}

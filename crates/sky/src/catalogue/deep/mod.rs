@@ -1,0 +1,135 @@
+//! Deep stores: catalogues that do not fit in memory, such as Gaia's 1.8 billion stars.
+//!
+//! A deep store is a folder. Its stars are in three parts:
+//!
+//! - **Bright** stars are brighter than V = 13, nearer than 100 pc, or have a proper motion above 0.2"/yr ([`resident`]). They are in `bright`, a store
+//!   in one file ([`super::store`]), with motions and names. A renderer keeps all of them in memory.
+//! - **Leaves** have the other stars, in three layers by magnitude ([`LAYERS`]), in HEALPix cells of orders 6, 7 and 8: 64 bits a star ([`word`]),
+//!   brightest first. They are read when a narrow view needs them.
+//! - **Planes** have the light of the leaves as composite stars, one for each cell of an order ([`composite`]). The plane of V = 15 has the light of the
+//!   layers of V = 15 and V = 17. They are drawn in place of the stars in wide views.
+//!
+//! | file | content |
+//! |---|---|
+//! | `index` | version, epoch, description, tables with checksums, sums of light ([`index`]) |
+//! | `bright` | the bright stars |
+//! | `leaves-13`, `leaves-15`, `leaves-17` | words of the stars of each layer, leaf by leaf |
+//! | `plane-M-ORDER` | composite stars of the light fainter than V = M, tile by tile ([`tile`]) |
+//!
+//! Numbers are little-endian. Places in leaves and planes are those of the index's epoch, ICRS, seen from the barycentre. Files are read by positioned
+//! reads into buffers of the caller's size: a mapped file that another program truncates would end the process. Every leaf and tile has a CRC-32 and
+//! is never returned if it is wrong.
+//!
+//! [`build`] writes stores in bounded memory, [`import`] and [`synth`] deliver stars to it, [`check`], [`slice`] and [`export`] read whole stores.
+
+mod bucket;
+pub mod build;
+pub mod cells;
+pub mod check;
+pub mod composite;
+mod error;
+pub mod export;
+pub mod hats;
+pub mod import;
+pub mod index;
+mod journal;
+pub mod prior;
+mod reader;
+pub mod resident;
+pub mod slice;
+mod spill;
+pub mod synth;
+pub mod tile;
+pub mod word;
+mod writer;
+
+pub use error::DeepError;
+pub use reader::{DeepStar, DeepStore, Leaf, is_deep_store};
+
+#[cfg(test)]
+mod damage_tests;
+#[cfg(test)]
+mod test_stores;
+
+/// A layer of leaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layer {
+    /// V magnitude of its brightest stars; those of the next layer are fainter than all of this one.
+    pub magnitude: u8,
+    /// HEALPix order of its leaves.
+    pub order: u8,
+}
+
+/// A plane of composite stars.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Plane {
+    /// Its light is that of the layers of this magnitude and fainter ones.
+    pub magnitude: u8,
+    /// HEALPix order of its cells.
+    pub order: u8,
+}
+
+/// The layers.
+pub const LAYERS: [Layer; 3] =
+    [Layer { magnitude: 13, order: 6 }, Layer { magnitude: 15, order: 7 }, Layer { magnitude: 17, order: 8 }];
+
+/// The planes: for each layer from four orders finer than its leaves to order 6.
+pub const PLANES: [Plane; 18] = [
+    Plane { magnitude: 13, order: 10 },
+    Plane { magnitude: 13, order: 9 },
+    Plane { magnitude: 13, order: 8 },
+    Plane { magnitude: 13, order: 7 },
+    Plane { magnitude: 13, order: 6 },
+    Plane { magnitude: 15, order: 11 },
+    Plane { magnitude: 15, order: 10 },
+    Plane { magnitude: 15, order: 9 },
+    Plane { magnitude: 15, order: 8 },
+    Plane { magnitude: 15, order: 7 },
+    Plane { magnitude: 15, order: 6 },
+    Plane { magnitude: 17, order: 12 },
+    Plane { magnitude: 17, order: 11 },
+    Plane { magnitude: 17, order: 10 },
+    Plane { magnitude: 17, order: 9 },
+    Plane { magnitude: 17, order: 8 },
+    Plane { magnitude: 17, order: 7 },
+    Plane { magnitude: 17, order: 6 },
+];
+
+/// Order of the cells whose sums of light are in the index.
+pub const SUM_ORDER: u8 = 5;
+
+/// Order of the cells that are written one after the other.
+pub const BUCKET_ORDER: u8 = 4;
+
+/// Number of those cells.
+pub const BUCKETS: u64 = cells::cell_count(BUCKET_ORDER);
+
+/// Epoch of the places in leaves that imports write: that of Gaia's third data release, Julian year.
+pub const EPOCH_YEAR: f64 = 2016.0;
+
+/// Name of the file of the bright stars.
+pub const BRIGHT_FILE: &str = "bright";
+
+impl Layer {
+    /// Name of its file.
+    pub fn file(self) -> String {
+        format!("leaves-{}", self.magnitude)
+    }
+
+    /// Number of its leaves in a cell of [`BUCKET_ORDER`].
+    pub const fn leaves_per_bucket(self) -> usize {
+        1 << (2 * (self.order - BUCKET_ORDER))
+    }
+}
+
+impl Plane {
+    /// Name of its file.
+    pub fn file(self) -> String {
+        format!("plane-{}-{}", self.magnitude, self.order)
+    }
+
+    /// Number of its tiles in a cell of [`BUCKET_ORDER`].
+    pub const fn tiles_per_bucket(self) -> usize {
+        1 << (2 * (tile::tile_order(self.order) - BUCKET_ORDER))
+    }
+}

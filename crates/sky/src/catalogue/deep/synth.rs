@@ -1,0 +1,245 @@
+//! A synthetic Milky Way as a deep store.
+
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::super::StarRecord;
+use super::super::galaxy::GalaxyParameters;
+use super::super::galaxy::stream::GalaxyStream;
+use super::build::{Build, BuildOptions, BuildReport, BuildStep, Limit, NewStar, OnStep};
+use super::error::DeepError;
+
+/// Blocks that are drawn between two points at which the state may be saved.
+const BLOCKS_AT_ONCE: usize = 8;
+/// Stars that a thread collects before it hands them over.
+const BATCH: usize = 1 << 14;
+/// The state is saved after this time.
+const SAVE_EVERY: Duration = Duration::from_secs(10);
+
+/// Numbers of stars by magnitude, from which the limit for the requested number follows.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+struct Magnitudes {
+    /// Stars brighter than those that are counted by magnitude.
+    brighter: u64,
+    /// Numbers by the bits of the magnitude, which is positive or sorted separately; see [`sortable`].
+    counted: BTreeMap<u32, u64>,
+}
+
+/// A number that sorts like the magnitude.
+fn sortable(v_mag: f32) -> u32 {
+    let bits = v_mag.to_bits();
+    if bits >> 31 == 0 { bits | 1 << 31 } else { !bits }
+}
+
+/// Inverse of [`sortable`].
+fn magnitude(sortable: u32) -> f32 {
+    f32::from_bits(if sortable >> 31 == 1 { sortable & !(1 << 31) } else { !sortable })
+}
+
+impl Magnitudes {
+    fn add(&mut self, v_mag: f32, from: f32) {
+        if v_mag < from {
+            self.brighter += 1;
+        } else {
+            *self.counted.entry(sortable(v_mag)).or_default() += 1;
+        }
+    }
+
+    fn merge(&mut self, other: Self) {
+        self.brighter += other.brighter;
+        other.counted.into_iter().for_each(|(v_mag, count)| *self.counted.entry(v_mag).or_default() += count);
+    }
+
+    fn total(&self) -> u64 {
+        self.brighter + self.counted.values().sum::<u64>()
+    }
+
+    /// The limit that keeps `stars` stars; `None` if there are fewer, or if it is brighter than the counted magnitudes.
+    fn limit(&self, stars: u64) -> Option<Limit> {
+        let mut left = stars.checked_sub(self.brighter)?;
+        for (v_mag, count) in &self.counted {
+            if *count >= left {
+                return Some(Limit { v_mag: magnitude(*v_mag), ties: left });
+            }
+            left -= count;
+        }
+        None
+    }
+}
+
+/// Makes a deep store with exactly `parameters.stars` stars: the apparently brightest of the model, as
+/// [`galaxy::generate`](super::super::galaxy::generate) has them. The same parameters give the same bytes with any number of threads and any limit of the
+/// memory. `options.job` is replaced.
+///
+/// # Errors
+/// Parameters are out of range, or the store cannot be written.
+pub fn synthesise(
+    parameters: &GalaxyParameters,
+    options: BuildOptions,
+    on_step: &mut OnStep<'_>,
+) -> Result<BuildReport, DeepError> {
+    let GalaxyParameters { stars, seed, fainter_than, .. } = *parameters;
+    let fainter = fainter_than.map(|v| format!(", fainter than V = {v}")).unwrap_or_default();
+    let description = format!("synthetic galaxy ({stars} stars, seed {seed}{fainter})");
+    let mut build = Build::open(BuildOptions { job: description.clone(), ..options })?;
+    let unusable = || {
+        DeepError::damaged(std::path::Path::new(&description), "its state cannot be used; remove the unfinished store")
+    };
+    let mut magnitudes = match build.source() {
+        "" => Magnitudes::default(),
+        text => serde_json::from_str(text).map_err(|_| unusable())?,
+    };
+    if !build.is_read() {
+        let stream = GalaxyStream::new(parameters)?;
+        let mut next = build.steps_done();
+        // Further rounds are hardly ever needed.
+        while next < stream.blocks() || magnitudes.total() < stars as u64 {
+            let round = next / stream.blocks();
+            let end = (round + 1) * stream.blocks();
+            draw_round(&stream, next..end, &mut build, &mut magnitudes, on_step)?;
+            next = end;
+        }
+        let source = serde_json::to_string(&magnitudes).map_err(|_| unusable())?;
+        build.checkpoint(next, source)?;
+    }
+    let limit = magnitudes.limit(stars as u64).ok_or_else(unusable)?;
+    build.finish(Some(limit), description, on_step)
+}
+
+/// Draws steps of one round, eight blocks at a time.
+fn draw_round(
+    stream: &GalaxyStream,
+    steps: std::ops::Range<usize>,
+    build: &mut Build,
+    magnitudes: &mut Magnitudes,
+    on_step: &mut OnStep<'_>,
+) -> Result<(), DeepError> {
+    let blocks = stream.blocks();
+    let counted_from = stream.counted_from();
+    let round = (steps.start / blocks) as u32;
+    let mut saved = Instant::now();
+    let mut next = steps.start;
+    on_step(BuildStep { work: "drawing stars", done: (next % blocks) as u64, total: blocks as u64 });
+    while next < steps.end {
+        let end = (next + BLOCKS_AT_ONCE).min(steps.end);
+        let shared = Mutex::new((&mut *build, &mut *on_step, (next % blocks) as u64));
+        let drawn: Vec<Magnitudes> = (next..end)
+            .into_par_iter()
+            .map(|step| {
+                let counts = draw_block(stream, step % blocks, round, counted_from, |batch| {
+                    let mut shared = shared.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+                    batch.drain(..).try_for_each(|star| shared.0.add(star, NewStar::default()))
+                })?;
+                let mut shared = shared.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+                shared.2 += 1;
+                let done = shared.2;
+                shared.1(BuildStep { work: "drawing stars", done, total: blocks as u64 });
+                Ok(counts)
+            })
+            .collect::<Result<_, DeepError>>()?;
+        drawn.into_iter().for_each(|counts| magnitudes.merge(counts));
+        next = end;
+        if saved.elapsed() > SAVE_EVERY {
+            let source = serde_json::to_string(magnitudes);
+            let source = source.map_err(|error| DeepError::io(std::path::Path::new("the state"))(error.into()))?;
+            build.checkpoint(next, source)?;
+            saved = Instant::now();
+        }
+    }
+    Ok(())
+}
+
+/// Draws a block and hands its stars over in batches.
+fn draw_block(
+    stream: &GalaxyStream,
+    block: usize,
+    round: u32,
+    counted_from: f32,
+    mut hand_over: impl FnMut(&mut Vec<StarRecord>) -> Result<(), DeepError>,
+) -> Result<Magnitudes, DeepError> {
+    let mut magnitudes = Magnitudes::default();
+    let mut batch = Vec::with_capacity(BATCH);
+    let mut result = Ok(());
+    stream.draw(block, round, &mut |star| {
+        magnitudes.add(star.apparent_magnitude() as f32, counted_from);
+        batch.push(star);
+        if batch.len() == BATCH && result.is_ok() {
+            result = hand_over(&mut batch);
+        }
+        // After an error the rest of the block is dropped.
+        if result.is_err() {
+            batch.clear();
+        }
+    })?;
+    result?;
+    hand_over(&mut batch)?;
+    Ok(magnitudes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::galaxy::generate;
+    use super::super::check;
+    use super::super::{DeepStore, LAYERS};
+    use super::*;
+
+    fn options(folder: &std::path::Path, name: &str, memory_bytes: u64) -> BuildOptions {
+        BuildOptions { out: folder.join(name), memory_bytes, job: String::new() }
+    }
+
+    fn parameters(stars: usize) -> GalaxyParameters {
+        GalaxyParameters { stars, seed: 3, fainter_than: Some(13.2), unresolved_light: false }
+    }
+
+    #[test]
+    fn limits_keep_exactly_the_requested_number() {
+        let mut magnitudes = Magnitudes::default();
+        [-2.0, -1.0, 5.0, 5.0, 5.0, 6.0].into_iter().for_each(|v| magnitudes.add(v, -1.5));
+        let limit = |stars| magnitudes.limit(stars).map(|limit| (limit.v_mag, limit.ties));
+        assert_eq!([2, 4, 6, 7].map(limit), [Some((-1.0, 1)), Some((5.0, 2)), Some((6.0, 1)), None]);
+    }
+
+    #[test]
+    fn a_store_has_the_stars_of_the_galaxy_whatever_the_threads() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let make = |threads: usize, memory: u64| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            let options = options(folder.path(), &format!("{threads}"), memory);
+            pool.install(|| synthesise(&parameters(150_000), options, &mut |_| ())).expect("made")
+        };
+        let [one, three] = [make(1, 64 << 20), make(3, 1 << 30)];
+        assert_eq!(one, three);
+        assert_eq!(one.bright + one.layers.iter().sum::<u64>(), 150_000);
+        for entry in std::fs::read_dir(folder.path().join("1")).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            let other = folder.path().join("3").join(path.file_name().expect("a name"));
+            assert!(std::fs::read(&path).expect("read") == std::fs::read(other).expect("read"), "{}", path.display());
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 2, "no work is left");
+        let store = DeepStore::open(&folder.path().join("1")).expect("a store");
+        check::check(&store, true, &mut |_| ()).expect("a valid store");
+
+        // Every star of the generator that is not bright is in a leaf, within the errors of its word.
+        let galaxy = generate(&parameters(150_000)).expect("made");
+        let light = |layer: usize, star: &StarRecord| star.apparent_magnitude() >= f64::from(LAYERS[layer].magnitude);
+        let faint: Vec<&StarRecord> =
+            galaxy.stars.iter().filter(|star| light(0, star) && star.position.length() >= 100.0).collect();
+        assert!((faint.len() as u64).abs_diff(one.layers.iter().sum()) <= 2, "{} {one:?}", faint.len());
+        for star in faint.iter().step_by(997) {
+            let place = super::super::cells::SkyPlace::from_direction(star.position);
+            let layer = usize::from(light(1, star));
+            let leaf = store.leaf(layer, place.cell(LAYERS[layer].order)).expect("a leaf");
+            let direction = star.position.normalize();
+            let found = (0..leaf.words.len()).map(|index| leaf.star(index)).any(|found| {
+                found.direction.angle_between(direction) < 1.5e-7
+                    && (found.v_mag() - star.apparent_magnitude()).abs() < 0.006
+                    && found.distance_pc.is_some_and(|d| (d / star.position.length() - 1.0).abs() < 0.004)
+            });
+            assert!(found, "{star:?}");
+        }
+    }
+}

@@ -1,0 +1,174 @@
+//! Deep stores: folders, for catalogues larger than memory.
+
+use std::path::Path;
+
+use crate::catalogue::deep::build::{BuildOptions, BuildReport};
+use crate::catalogue::deep::export::{self, Rows};
+use crate::catalogue::deep::import::{self, ImportReport, ImportSource};
+use crate::catalogue::deep::index::Segments;
+use crate::catalogue::deep::slice::Selection;
+use crate::catalogue::deep::{self, DeepError, DeepStore, LAYERS, PLANES, SUM_ORDER, resident, synth};
+use crate::catalogue::galaxy::GalaxyParameters;
+use crate::cli::progress::BuildProgress;
+use crate::cli::{CliError, results};
+use crate::photometry::rec709::luminance;
+use crate::scene::loader::StarSource;
+
+fn options(out: &Path, memory_bytes: u64) -> BuildOptions {
+    BuildOptions { out: out.to_owned(), memory_bytes, job: String::new() }
+}
+
+/// Imports catalogues.
+pub fn import(sources: &[StarSource], out: &Path, memory_bytes: u64) -> Result<(), CliError> {
+    let sources: Vec<ImportSource> = sources
+        .iter()
+        .map(|source| match source {
+            StarSource::File(path) => ImportSource::File(path.clone()),
+            _ => ImportSource::Bright,
+        })
+        .collect();
+    let mut progress = BuildProgress::new();
+    let imported = import::import(&sources, options(out, memory_bytes), &mut |step| progress.step(step));
+    progress.finish();
+    let ImportReport { build, catalogues } = imported.map_err(write_error)?;
+    for catalogue in &catalogues {
+        results::line(catalogue)?;
+    }
+    report(out, &build)
+}
+
+/// Makes a synthetic galaxy.
+pub fn synth(parameters: &GalaxyParameters, out: &Path, memory_bytes: u64) -> Result<(), CliError> {
+    let mut progress = BuildProgress::new();
+    let made = synth::synthesise(parameters, options(out, memory_bytes), &mut |step| progress.step(step));
+    progress.finish();
+    report(out, &made.map_err(write_error)?)
+}
+
+/// Writes a part of a store as another one.
+pub fn slice(path: &Path, selection: &Selection, out: &Path, memory_bytes: u64) -> Result<(), CliError> {
+    let store = open(path)?;
+    let mut progress = BuildProgress::new();
+    let made = deep::slice::slice(&store, selection, options(out, memory_bytes), &mut |step| progress.step(step));
+    progress.finish();
+    let made = made.map_err(|error| match error {
+        DeepError::NoStars { .. } => {
+            CliError::Usage(format!("{} has no star of these: {}", path.display(), selection.describe()))
+        }
+        other => CliError::Deep(other),
+    })?;
+    report(out, &made)
+}
+
+/// Writes the stars of a store as a table.
+pub fn export(path: &Path, selection: &Selection, out: &Path) -> Result<(), CliError> {
+    let store = open(path)?;
+    let mut progress = BuildProgress::new();
+    let rows = export::export(Rows::Deep(&store), selection, out, &mut |step| progress.step(step));
+    progress.finish();
+    results::line(format!("wrote {}: {} stars", out.display(), rows.map_err(CliError::Deep)?))
+}
+
+/// Checks a store.
+pub fn check(path: &Path, light: bool) -> Result<(), CliError> {
+    let store = open(path)?;
+    let mut progress = BuildProgress::new();
+    let checked = deep::check::check(&store, light, &mut |step| progress.step(step));
+    progress.finish();
+    let checked = checked.map_err(CliError::Deep)?;
+    results::line(format!(
+        "{}: {} stars in {} leaves and in bright, {} composite stars in {} tiles: all checksums are right",
+        path.display(),
+        checked.stars,
+        checked.leaves,
+        checked.composites,
+        checked.tiles
+    ))?;
+    if let Some(difference) = checked.light {
+        results::line(format!(
+            "light             every composite star is that of its cell; sums of planes differ by at most {difference:.1e} from those of their leaves"
+        ))?;
+    }
+    results::line(format!("root checksum     {}", store.root()))
+}
+
+fn open(path: &Path) -> Result<DeepStore, CliError> {
+    DeepStore::open(path).map_err(CliError::Deep)
+}
+
+fn write_error(error: DeepError) -> CliError {
+    match error {
+        DeepError::Galaxy(error) => CliError::Galaxy(error),
+        other => CliError::Deep(other),
+    }
+}
+
+/// Reports a store that was built.
+fn report(out: &Path, build: &BuildReport) -> Result<(), CliError> {
+    let counts = build.counts;
+    let notes = [
+        (counts.prior_distance, "stars with a parallax below 5 times its error, or without one: distance by the prior"),
+        (counts.at_infinity, "stars without distance: at infinity"),
+        (build.median_colour, "stars without colour: median temperature of their cell"),
+        (counts.bright_without_colour, "bright stars without colour: 5772 K"),
+        (
+            counts.motions_left_out,
+            "not stored: motions below 0.2 arcsec a year of stars in leaves, which are placed at 2016.0",
+        ),
+        (counts.names_left_out, "not stored: names of stars in leaves"),
+        (counts.too_faint, "not stored: stars fainter than V = 27"),
+        (build.repeated, "not stored: stars that equal another one"),
+        (build.listed_again, "not stored: stars within 2 arcsec and 1 mag of one of builtin:bright"),
+    ];
+    for (count, note) in notes.into_iter().filter(|(count, _)| *count > 0) {
+        results::line(format!("{note}: {count}"))?;
+    }
+    results::line(format!("stored: {} motions, names of {} stars", build.motions, build.names))?;
+    let stars = build.bright + build.layers.iter().sum::<u64>();
+    results::line(format!(
+        "wrote {}: {stars} stars, {} of them bright, {} bytes ({:.2} a star)",
+        out.display(),
+        build.bright,
+        build.bytes,
+        build.bytes as f64 / stars as f64
+    ))?;
+    results::line(format!("root checksum {}", build.root))
+}
+
+/// Reports the contents of a store.
+pub fn info(path: &Path) -> Result<(), CliError> {
+    let store = open(path)?;
+    let index = store.index();
+    results::line(format!("store             {} (deep, version {})", path.display(), deep::index::VERSION))?;
+    for line in index.description.lines() {
+        results::line(format!("from              {line}"))?;
+    }
+    results::line(format!("stars             {}", index.stars()))?;
+    results::line(format!(
+        "bright            {}: V below {}, nearer than {} pc, or faster than {} arcsec a year",
+        index.bright.stars,
+        resident::BRIGHTER_THAN,
+        resident::NEARER_THAN_PC,
+        resident::FASTER_THAN_ARCSEC
+    ))?;
+    for (layer, leaves) in LAYERS.iter().zip(&index.leaves) {
+        results::line(format!("{:<18}{} in leaves of order {}", layer.file(), leaves.stars(), layer.order))?;
+    }
+    for plane in
+        PLANES.iter().zip(&index.tiles).filter(|(_, tiles)| tiles.stars() > 0).map(|(plane, tiles)| (plane, tiles))
+    {
+        let (kind, tiles) = plane;
+        results::line(format!("{:<18}{} composite stars, {} bytes", kind.file(), tiles.stars(), tiles.bytes()))?;
+    }
+    let light_lx: f64 = index.sums.iter().flatten().map(|light| luminance(*light)).sum();
+    results::line(format!("illuminance       {light_lx:.4e} lx in all leaves, summed in cells of order {SUM_ORDER}"))?;
+    let epoch = index.epoch_year;
+    results::line(format!("epoch             J{epoch:.1} in leaves and planes, J2000.0 in bright"))?;
+    let parts: u64 = index.leaves.iter().chain(&index.tiles).map(Segments::bytes).sum();
+    results::line(format!(
+        "bytes             {} ({:.2} a star), {parts} of them in leaves and planes",
+        store.bytes(),
+        store.bytes() as f64 / index.stars() as f64
+    ))?;
+    results::line(format!("root checksum     {}", store.root()))
+}

@@ -1,0 +1,212 @@
+//! `catalogue`: star catalogues and their stores.
+
+mod deep;
+mod ranges;
+mod single;
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand};
+
+use self::ranges::{Cone, Range, memory_size};
+use super::CliError;
+use crate::cache;
+use crate::catalogue::bright;
+use crate::catalogue::deep::build::DEFAULT_MEMORY;
+use crate::catalogue::deep::is_deep_store;
+use crate::catalogue::deep::slice::Selection;
+use crate::catalogue::galaxy::{GalaxyParameters, MOST_STARS, stream::MOST_STREAMED};
+use crate::scene::loader::StarSource;
+
+/// Arguments of `catalogue`.
+#[derive(Debug, Args)]
+pub struct CatalogueArguments {
+    #[command(subcommand)]
+    command: CatalogueCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum CatalogueCommand {
+    /// Read catalogues (CSV, TSV, ECSV, JSON, VOTable, FITS, Parquet, also compressed with gzip; stores; folders of catalogues in HATS;
+    /// builtin:bright) and write them as one store.
+    #[command(after_help = "Examples:\n  \
+        steradian catalogue import hipparcos.vot.gz --out hipparcos.stars\n  \
+        steradian catalogue import builtin:bright faint.json --out sky.stars\n  \
+        steradian catalogue import builtin:bright gaia/*.csv.gz --memory 2GiB --out gaia\n\n\
+        A row that cannot be used is reported with its line number; exit code 65 if no row is usable.")]
+    Import {
+        /// Catalogues, concatenated.
+        #[arg(required = true, value_name = "FILE")]
+        files: Vec<PathBuf>,
+        #[command(flatten)]
+        output: Output,
+    },
+    /// Show the contents of a store.
+    #[command(after_help = "Example:\n  steradian catalogue info hipparcos.stars")]
+    Info {
+        /// The store.
+        #[arg(value_name = "STORE")]
+        store: PathBuf,
+    },
+    /// Read a whole store and compare all its checksums.
+    #[command(after_help = "Example:\n  steradian catalogue check galaxy --light\n\n\
+        Exit code 65 if the store is damaged; the message names the file and the leaf or tile.")]
+    Check {
+        /// The store.
+        #[arg(value_name = "STORE")]
+        store: PathBuf,
+        /// Also compare every composite star with the stars of its cell, and the light of planes and index with that of the leaves.
+        #[arg(long)]
+        light: bool,
+    },
+    /// Write a part of a store as another store.
+    #[command(after_help = "Examples:\n  \
+        steradian catalogue slice galaxy --cone 83.8,-5.4,10 --out orion\n  \
+        steradian catalogue slice galaxy --magnitudes 13..16 --distances-pc 0..500 --out near")]
+    Slice {
+        /// The store.
+        #[arg(value_name = "STORE")]
+        store: PathBuf,
+        #[command(flatten)]
+        part: Part,
+        #[command(flatten)]
+        output: Output,
+    },
+    /// Write the stars of a store as CSV or Parquet, with columns that `import` reads.
+    #[command(after_help = "Examples:\n  \
+        steradian catalogue export hipparcos.stars --out hipparcos.csv\n  \
+        steradian catalogue export galaxy --magnitudes ..15 --out bright.parquet")]
+    Export {
+        /// The store.
+        #[arg(value_name = "STORE")]
+        store: PathBuf,
+        #[command(flatten)]
+        part: Part,
+        /// The file to write; its name ends with .csv or .parquet.
+        #[arg(long, value_name = "FILE")]
+        out: PathBuf,
+    },
+    /// Generate a synthetic Milky Way and write it as a store.
+    #[command(after_help = "Examples:\n  \
+        steradian catalogue synth --stars 10000000 --seed 1 --out galaxy.stars\n  \
+        steradian catalogue synth --stars 300000 --seed 1 --fainter-than 3.5 --out faint.stars\n  \
+        steradian catalogue synth --stars 1000000000 --seed 1 --memory 2GiB --out galaxy")]
+    Synth {
+        /// Number of stars: the apparently brightest of the model, as seen from the Sun.
+        #[arg(long, value_name = "N", value_parser = star_count)]
+        stars: usize,
+        /// Seed of the random number generator: the same seed gives the same stars.
+        #[arg(long, value_name = "S")]
+        seed: u64,
+        /// No star brighter than this apparent V magnitude.
+        #[arg(long, value_name = "MAGNITUDE", allow_negative_numbers = true)]
+        fainter_than: Option<f64>,
+        #[command(flatten)]
+        output: Output,
+    },
+}
+
+/// The store to write.
+#[derive(Debug, Args)]
+struct Output {
+    /// The store to write: a file, or a folder (a deep store) with --memory or if the name ends with a slash.
+    #[arg(long, value_name = "STORE")]
+    out: PathBuf,
+    /// Write a deep store, for catalogues larger than memory, and use at most this much memory (64MiB and more, such as 1GiB). An
+    /// interrupted command continues if it is run again.
+    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
+    memory: Option<u64>,
+}
+
+impl Output {
+    /// Limit of the memory if a deep store is requested.
+    fn deep_memory(&self) -> Option<u64> {
+        let name = self.out.as_os_str().to_string_lossy();
+        self.memory.or_else(|| name.ends_with(std::path::is_separator).then_some(DEFAULT_MEMORY))
+    }
+}
+
+/// Stars of a store. Without options all of them.
+#[derive(Debug, Args)]
+struct Part {
+    /// Only stars in a cone: right ascension and declination of its axis and its half-angle, degrees.
+    #[arg(long, value_name = "RA,DEC,RADIUS", allow_hyphen_values = true)]
+    cone: Option<Cone>,
+    /// Only stars of these apparent V magnitudes, such as 13..16 or ..15.
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true)]
+    magnitudes: Option<Range>,
+    /// Only stars at these distances, pc; stars at infinity are left out.
+    #[arg(long, value_name = "A..B")]
+    distances_pc: Option<Range>,
+}
+
+impl Part {
+    fn selection(&self) -> Selection {
+        Selection {
+            cone: self.cone.map(|cone| (cone.axis, cone.half_rad)),
+            magnitudes: self.magnitudes.map(|range| range.0),
+            distances_pc: self.distances_pc.map(|range| range.0),
+        }
+    }
+}
+
+fn star_count(text: &str) -> Result<usize, String> {
+    let valid = format!("must be a whole number between 1 and {MOST_STREAMED}");
+    match text.parse() {
+        Ok(stars) if (1..=MOST_STREAMED as usize).contains(&stars) => Ok(stars),
+        _ => Err(valid),
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
+    match arguments.command {
+        CatalogueCommand::Import { files, output } => {
+            let sources: Vec<StarSource> = files.into_iter().map(source_of).collect();
+            // Folders are deep stores or catalogues in HATS, which may not fit in memory.
+            let has_folder = sources.iter().any(|source| matches!(source, StarSource::File(path) if path.is_dir()));
+            match output.deep_memory().or(has_folder.then_some(DEFAULT_MEMORY)) {
+                Some(memory_bytes) => deep::import(&sources, &output.out, memory_bytes),
+                None => single::write(&sources, &output.out),
+            }
+        }
+        CatalogueCommand::Synth { stars, seed, fainter_than, output } => {
+            let parameters = GalaxyParameters { stars, seed, fainter_than, unresolved_light: false };
+            // More stars than this do not fit in a store in one file.
+            let memory = output.deep_memory().or_else(|| (stars > MOST_STARS).then_some(DEFAULT_MEMORY));
+            // The store is kept already.
+            cache::set_for_process(None);
+            match memory {
+                Some(memory_bytes) => deep::synth(&parameters, &output.out, memory_bytes),
+                None => single::write(&[StarSource::Galaxy(parameters)], &output.out),
+            }
+        }
+        CatalogueCommand::Info { store } if is_deep(&store) => deep::info(&store),
+        CatalogueCommand::Info { store } => single::info(&store),
+        CatalogueCommand::Check { store, light } if is_deep(&store) => deep::check(&store, light),
+        CatalogueCommand::Check { store, light } => single::check(&store, light),
+        CatalogueCommand::Slice { store, part, output } if is_deep(&store) => {
+            deep::slice(&store, &part.selection(), &output.out, output.memory.unwrap_or(DEFAULT_MEMORY))
+        }
+        CatalogueCommand::Slice { store, part, output } => match output.deep_memory() {
+            Some(_) => Err(CliError::Usage(format!(
+                "--memory: {} is a store in one file, and so is a part of it; import it for a deep store",
+                store.display()
+            ))),
+            None => single::slice(&store, &part.selection(), &output.out),
+        },
+        CatalogueCommand::Export { store, part, out } if is_deep(&store) => {
+            deep::export(&store, &part.selection(), &out)
+        }
+        CatalogueCommand::Export { store, part, out } => single::export(&store, &part.selection(), &out),
+    }
+}
+
+/// Whether a path is meant as a deep store: any folder, so that one without an index is reported as such.
+fn is_deep(path: &Path) -> bool {
+    is_deep_store(path) || path.is_dir()
+}
+
+fn source_of(file: PathBuf) -> StarSource {
+    if file.as_os_str() == bright::NAME { StarSource::Bright } else { StarSource::File(file) }
+}

@@ -1,0 +1,92 @@
+//! Values of options: sizes of memory, ranges and cones.
+
+use std::str::FromStr;
+
+use glam::DVec3;
+
+use crate::coordinates::direction_from_lon_lat;
+
+/// A range `A..B` of numbers; an end that is missing is infinite.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range(pub [f64; 2]);
+
+impl FromStr for Range {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let end = |text: &str, missing: f64| match text.trim() {
+            "" => Some(missing),
+            text => text.parse().ok().filter(|value: &f64| value.is_finite()),
+        };
+        let ends =
+            text.split_once("..").and_then(|(from, to)| Some([end(from, f64::NEG_INFINITY)?, end(to, f64::INFINITY)?]));
+        match ends {
+            Some(ends) if ends[0] <= ends[1] => Ok(Self(ends)),
+            _ => Err("must be two numbers in order, such as 13..16, or one end alone, such as ..15".to_owned()),
+        }
+    }
+}
+
+/// A cone `RA,DEC,RADIUS` in degrees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cone {
+    /// Unit vector along its axis.
+    pub axis: DVec3,
+    /// Half-angle, rad.
+    pub half_rad: f64,
+}
+
+impl FromStr for Cone {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();
+        let fields = text.split(',').count();
+        match numbers[..] {
+            [ra, dec, radius]
+                if fields == 3 && (0.0..=360.0).contains(&ra) && dec.abs() <= 90.0 && radius > 0.0 && radius <= 180.0 =>
+            {
+                Ok(Self { axis: direction_from_lon_lat(ra.to_radians(), dec.to_radians()), half_rad: radius.to_radians() })
+            }
+            _ => Err("must be right ascension (0 to 360), declination (-90 to 90) and half-angle (up to 180) in degrees, such as \
+                      83.8,-5.4,10"
+                .to_owned()),
+        }
+    }
+}
+
+/// Parses a size in bytes, such as `512MiB` or `2GiB`.
+pub fn memory_size(text: &str) -> Result<u64, String> {
+    let valid = || "must be a size of at least 64MiB, such as 512MiB or 2GiB".to_owned();
+    let units = [("KiB", 10), ("MiB", 20), ("GiB", 30), ("TiB", 40), ("", 0)];
+    let (number, shift) = units
+        .iter()
+        .find_map(|(unit, shift)| text.trim().strip_suffix(unit).map(|number| (number, *shift)))
+        .ok_or_else(valid)?;
+    let number: f64 = number.trim().parse().map_err(|_| valid())?;
+    let bytes = number * f64::from(shift).exp2();
+    if bytes.is_finite() && (67_108_864.0..1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(valid()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_sizes_and_cones_are_parsed_or_refused() {
+        assert_eq!("13..16.5".parse(), Ok(Range([13.0, 16.5])));
+        assert_eq!("..-1".parse(), Ok(Range([f64::NEG_INFINITY, -1.0])));
+        assert!(["16..13", "3", "a..b", "nan..1", "1...2", ""].iter().all(|text| text.parse::<Range>().is_err()));
+        assert_eq!(memory_size("1GiB"), Ok(1 << 30));
+        assert_eq!(memory_size("1.5 GiB"), Ok(3 << 29));
+        assert_eq!(memory_size("67108864"), Ok(64 << 20));
+        assert!(["63MiB", "-1GiB", "1GB", "", "GiB", "inf"].iter().all(|text| memory_size(text).is_err()));
+        let cone: Cone = "90,-30,5".parse().expect("a cone");
+        assert!((cone.axis - DVec3::new(0.0, 0.75_f64.sqrt(), -0.5)).length() < 1e-12);
+        assert!(
+            ["90,-30", "90,-91,5", "90,0,0", "361,0,1", "1,2,3,4", "1,x,2,3"]
+                .iter()
+                .all(|text| text.parse::<Cone>().is_err())
+        );
+    }
+}

@@ -1,0 +1,131 @@
+//! Commands of deep stores.
+
+use std::fs;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use super::{command, run};
+
+/// Root checksum in the output of a command.
+fn root(out: &str) -> String {
+    let line =
+        out.lines().find(|line| line.starts_with("root checksum")).unwrap_or_else(|| panic!("no checksum: {out}"));
+    line.split_whitespace().last().unwrap().to_owned()
+}
+
+fn synth(out: &str) -> [&str; 12] {
+    [
+        "catalogue",
+        "synth",
+        "--stars",
+        "150000",
+        "--seed",
+        "3",
+        "--fainter-than",
+        "13.4",
+        "--memory",
+        "128MiB",
+        "--out",
+        out,
+    ]
+}
+
+#[test]
+fn a_deep_store_is_made_checked_divided_and_exported() {
+    let folder = tempfile::tempdir().unwrap();
+    let (made, err) = run(folder.path(), &synth("galaxy"), 0);
+    assert!(made.contains("wrote galaxy: 150000 stars"), "{made}");
+    assert!(err.contains("drawing stars"), "plain progress lines: {err}");
+    let (info, _) = run(folder.path(), &["catalogue", "info", "galaxy"], 0);
+    assert!(info.contains("stars             150000") && info.contains("plane-13-6"), "{info}");
+    let (checked, _) = run(folder.path(), &["catalogue", "check", "galaxy", "--light"], 0);
+    assert!(checked.contains("all checksums are right") && checked.contains("every composite star"), "{checked}");
+    assert_eq!((root(&info), root(&checked)), (root(&made), root(&made)));
+
+    // A part, and the same stars as a table, which is read again.
+    let part = ["--cone", "266,-29,30", "--magnitudes", "..13.8"];
+    run(folder.path(), &[&["catalogue", "slice", "galaxy", "--out", "part"][..], &part].concat(), 0);
+    let (exported, _) =
+        run(folder.path(), &[&["catalogue", "export", "galaxy", "--out", "part.csv"][..], &part].concat(), 0);
+    let rows = fs::read_to_string(folder.path().join("part.csv")).unwrap().lines().count() - 1;
+    assert!(rows > 1000 && exported.contains(&format!("{rows} stars")), "{rows}: {exported}");
+    let (info, _) = run(folder.path(), &["catalogue", "info", "part"], 0);
+    assert!(info.contains(&format!("stars             {rows}\n")) && info.contains("part: within 30"), "{info}");
+    run(folder.path(), &[&["catalogue", "export", "part", "--out", "part.parquet"][..]].concat(), 0);
+    for (file, store) in [("part.csv", "again"), ("part.parquet", "from-parquet")] {
+        let (out, _) = run(folder.path(), &["catalogue", "import", file, "--memory", "128MiB", "--out", store], 0);
+        assert!(out.contains(&format!("wrote {store}: {rows} stars")), "{out}");
+    }
+    run(folder.path(), &["catalogue", "export", "galaxy", "--out", "table.txt"], 64);
+
+    // Damage.
+    let path = folder.path().join("galaxy/leaves-13");
+    let mut bytes = fs::read(&path).unwrap();
+    bytes[5000] ^= 1;
+    fs::write(&path, bytes).unwrap();
+    let (_, err) = run(folder.path(), &["catalogue", "check", "galaxy"], 65);
+    assert!(err.contains("leaves-13") && err.contains("leaf ") && err.contains("of order 6"), "{err}");
+}
+
+#[test]
+fn an_import_counts_its_rules_and_does_not_overwrite_other_folders() {
+    let folder = tempfile::tempdir().unwrap();
+    // Sirius again 1" off; a good and a bad parallax; no parallax; no colour; a star that is repeated.
+    let gaia = "source_id,ra,dec,phot_g_mean_mag,bp_rp,parallax,parallax_error,pmra,pmdec\n\
+        1,101.28716,-16.71640,-1.3,0.0,379,0.5,0,0\n2,10,20,15.0,0.8,2.0,0.1,1,1\n3,10.1,20,16.0,0.8,0.3,0.2,0,0\n\
+        4,10.2,20,17.0,0.8,,,0,0\n5,10,20.0001,15.5,,2.0,0.1,0,0\n5,10,20.0001,15.5,,2.0,0.1,0,0\n";
+    fs::write(folder.path().join("gaia.csv"), gaia).unwrap();
+    let import = ["catalogue", "import", "builtin:bright", "gaia.csv", "--out", "sky/"];
+    let (out, _) = run(folder.path(), &import, 0);
+    for part in [
+        "builtin:bright: 9096 stars",
+        "gaia.csv: 6 stars, read as Gaia archive",
+        "distance by the prior: 2",
+        "median temperature of their cell: 1",
+        "stars that equal another one: 1",
+        "within 2 arcsec and 1 mag of one of builtin:bright: 1",
+        "9100 stars",
+    ] {
+        assert!(out.contains(part), "`{part}` is not in: {out}");
+    }
+    let (again, _) = run(folder.path(), &import, 0);
+    assert_eq!(root(&again), root(&out));
+    fs::create_dir(folder.path().join("mine")).unwrap();
+    let (_, err) = run(folder.path(), &["catalogue", "import", "gaia.csv", "--out", "mine/"], 64);
+    assert!(err.contains("not a deep store"), "{err}");
+    let (_, err) = run(folder.path(), &["catalogue", "info", "mine"], 65);
+    assert!(err.contains("not a deep star store"), "{err}");
+    assert!(!folder.path().join("sky.partial").exists() && !folder.path().join("mine.partial").exists());
+}
+
+/// Ends the program with SIGKILL after `delay`, unless it has ended.
+fn killed(folder: &Path, arguments: &[&str], delay: Duration) {
+    let mut child = command(folder, arguments)
+        .stderr(std::process::Stdio::null())
+        .stdout(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let started = Instant::now();
+    while started.elapsed() < delay && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let _ = child.kill();
+    child.wait().unwrap();
+}
+
+#[test]
+fn a_killed_command_continues_and_gives_the_same_store() {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, _) = run(folder.path(), &synth("whole"), 0);
+    let started = Instant::now();
+    run(folder.path(), &synth("timed"), 0);
+    let total = started.elapsed();
+    for part in [30, 60, 80, 90] {
+        killed(folder.path(), &synth("galaxy"), total * part / 100);
+    }
+    let (continued, _) = run(folder.path(), &synth("galaxy"), 0);
+    assert_eq!(root(&continued), root(&whole));
+    let (checked, _) = run(folder.path(), &["catalogue", "check", "galaxy"], 0);
+    assert_eq!(root(&checked), root(&whole));
+    assert!(!folder.path().join("galaxy.partial").exists());
+}
