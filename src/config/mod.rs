@@ -60,6 +60,7 @@ pub use views::{
 pub use windows::{MOST_WINDOWS, MonitorChoice, WindowConfig, WindowFormat};
 
 use crate::catalogue::bright;
+use crate::catalogue::deep::{self, is_deep_store};
 use crate::catalogue::epoch::Epoch;
 use crate::catalogue::healpix::LightMap;
 use crate::ephemeris::{Ephemeris, Kernels};
@@ -246,6 +247,8 @@ impl Config {
     /// the working directory or the root. Files that these name in turn are not included.
     pub fn named_files(&self) -> Vec<PathBuf> {
         let catalogues = self.star_sources().into_iter().filter_map(|source| match source {
+            // The index of a deep store has a checksum of everything else.
+            StarSource::File(path) if is_deep_store(&path) => Some(path.join(deep::index::NAME)),
             StarSource::File(path) | StarSource::Light(LightMap { path, .. }) => Some(path),
             StarSource::Bright | StarSource::BrightVariable | StarSource::Galaxy(_) => None,
         });

@@ -4,6 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use testkit::exr_file::channels;
+
 use super::{command, run};
 
 /// Root checksum in the output of a command.
@@ -58,12 +60,31 @@ fn a_deep_store_is_made_checked_divided_and_exported() {
     }
     run(folder.path(), &["catalogue", "export", "galaxy", "--out", "table.txt"], 64);
 
+    // A scene shows the same light from the store and from the table.
+    let light = |catalogue: &str| -> f64 {
+        let configuration = format!(
+            "[scene]\ncatalogues = ['{catalogue}']\n[glare]\nmethod = 'none'\n\
+             [[views]]\nname = 'v'\ntype = 'equirectangular'\nsize = [64, 32]\n"
+        );
+        fs::write(folder.path().join("c.toml"), configuration).unwrap();
+        run(folder.path(), &["render", "--config", "c.toml", "--files", "exr", "--out", "out"], 0);
+        let [green, omega_sr] = channels(&fs::read(folder.path().join("out/v.exr")).unwrap(), ["G", "omega"]);
+        green.iter().zip(omega_sr).map(|(green, sr)| f64::from(*green) * f64::from(sr)).sum()
+    };
+    let [stored, listed] = ["part", "part.csv"].map(light);
+    assert!(stored > 0.0 && (stored / listed - 1.0).abs() < 1e-4, "{stored} {listed}");
+    let manifest = fs::read_to_string(folder.path().join("out/manifest.json")).unwrap();
+    assert!(manifest.contains(&format!("\"stars\": {rows}")), "{manifest}");
+
     // Damage.
     let path = folder.path().join("galaxy/leaves-13");
     let mut bytes = fs::read(&path).unwrap();
     bytes[5000] ^= 1;
     fs::write(&path, bytes).unwrap();
     let (_, err) = run(folder.path(), &["catalogue", "check", "galaxy"], 65);
+    fs::write(folder.path().join("c.toml"), "[scene]\ncatalogues = ['galaxy']\n").unwrap();
+    let (_, refused) = run(folder.path(), &["render", "--config", "c.toml", "--out", "damaged"], 65);
+    assert!(refused.contains("leaves-13") && !folder.path().join("damaged/manifest.json").exists(), "{refused}");
     assert!(err.contains("leaves-13") && err.contains("leaf ") && err.contains("of order 6"), "{err}");
 }
 

@@ -11,6 +11,10 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use crate::catalogue::chunks::StarSet;
+use crate::catalogue::deep::{
+    DeepError, DeepStore, is_deep_store,
+    slice::{Selection, each_leaf_star},
+};
 use crate::catalogue::diffuse::DiffuseSky;
 use crate::catalogue::epoch::Epoch;
 use crate::catalogue::galaxy::{self, Galaxy, GalaxyError, GalaxyParameters};
@@ -21,6 +25,9 @@ use crate::catalogue::overlap::{Overlap, Repetition, find_overlaps, find_repetit
 use crate::catalogue::reader::{CatalogueError, CatalogueRead, ReadReport, read_file};
 use crate::catalogue::store::{self, Store, StoreError};
 use crate::catalogue::{StarRecord, bright};
+
+/// Maximum number of stars of a deep store in a scene: they take 56 bytes each while they are sorted.
+const MOST_DEEP_STARS: u64 = 20_000_000;
 
 /// Source of stars.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,6 +50,9 @@ impl StarSource {
         match self {
             Self::Bright | Self::BrightVariable => true,
             // A file that cannot be read is reported when it is loaded.
+            Self::File(path) if is_deep_store(path) => {
+                DeepStore::open(path).and_then(|store| store.bright()).is_ok_and(|bright| !bright.velocities.is_empty())
+            }
             Self::File(path) if is_store(path).unwrap_or(false) => {
                 store::read_header(path).is_ok_and(|header| header.velocities > 0)
             }
@@ -123,6 +133,20 @@ pub enum LoadError {
     /// A store is invalid.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// A deep store is invalid.
+    #[error(transparent)]
+    Deep(#[from] DeepError),
+    /// A deep store has more stars than a scene takes.
+    #[error(
+        "{}: the deep store has {stars} stars, but a scene takes at most {MOST_DEEP_STARS} of them, because it keeps them in memory; `catalogue slice` makes a part of a store",
+        path.display()
+    )]
+    DeepTooLarge {
+        /// The store.
+        path: PathBuf,
+        /// Number of its stars.
+        stars: u64,
+    },
     /// A map of light is invalid.
     #[error(transparent)]
     Light(#[from] LightMapError),
@@ -292,6 +316,7 @@ fn read(source: &StarSource, index: usize, years: f64) -> Result<Read, LoadError
             Ok(Read { stars, unresolved, ..Read::default() })
         }
         StarSource::Light(map) => Ok(Read { unresolved: Some(map.read()?), ..Read::default() }),
+        StarSource::File(path) if is_deep_store(path) => read_deep(path, years),
         StarSource::File(path) if is_store(path)? => {
             let store = store::read(path)?;
             let stars = store.records(years);
@@ -302,6 +327,24 @@ fn read(source: &StarSource, index: usize, years: f64) -> Result<Read, LoadError
             Ok(Read { stars, rows: Some(report), velocities, names, unresolved: None })
         }
     }
+}
+
+/// Reads all stars of a deep store. Those of leaves keep the place of the store's epoch.
+fn read_deep(path: &Path, years: f64) -> Result<Read, LoadError> {
+    let store = DeepStore::open(path)?;
+    let stars = store.index().stars();
+    if stars > MOST_DEEP_STARS {
+        return Err(LoadError::DeepTooLarge { path: path.to_owned(), stars });
+    }
+    let bright = store.bright()?;
+    let mut all = bright.records(years);
+    all.reserve_exact(stars as usize - all.len().min(stars as usize));
+    let mut add = |star| {
+        all.push(star);
+        Ok(())
+    };
+    each_leaf_star(&store, &Selection::default(), &mut add, &mut |_| ())?;
+    Ok(Read { stars: all, velocities: bright.velocities, names: bright.names, ..Read::default() })
 }
 
 /// Joins all records into one vector, by growing the largest part. The order does not matter.

@@ -67,8 +67,21 @@ pub fn each_star(
     let bright = store.bright()?;
     each_bright_star(&bright, selection, sink)?;
     drop(bright);
-    let total = store.index().leaves.iter().map(super::index::Segments::stars).sum();
     let epoch_year = store.index().epoch_year;
+    each_leaf_star(store, selection, &mut |star| sink(star, epoch_year, NewStar::default()), on_step)
+}
+
+/// Passes the stars of the leaves that meet conditions to `sink`, in the order of the store.
+///
+/// # Errors
+/// A leaf is damaged, or `sink` fails.
+pub fn each_leaf_star(
+    store: &DeepStore,
+    selection: &Selection,
+    sink: &mut (dyn FnMut(StarRecord) -> Result<(), DeepError> + Send + '_),
+    on_step: &mut OnStep<'_>,
+) -> Result<(), DeepError> {
+    let total = store.index().leaves.iter().map(super::index::Segments::stars).sum();
     let mut done = 0;
     for (layer, kind) in LAYERS.iter().enumerate() {
         if !selection.may_contain_layer(layer) {
@@ -86,7 +99,7 @@ pub fn each_star(
             });
             let read: Vec<Vec<StarRecord>> = read.collect::<Result<_, DeepError>>()?;
             for star in read.into_iter().flatten() {
-                sink(star, epoch_year, NewStar::default())?;
+                sink(star)?;
             }
             done += cells.map(|cell| u64::from(store.leaf_stars(layer, cell))).sum::<u64>();
             on_step(BuildStep { work: "reading stars", done, total });
