@@ -154,10 +154,7 @@ pub fn info(path: &Path) -> Result<(), CliError> {
     for (layer, leaves) in LAYERS.iter().zip(&index.leaves) {
         results::line(format!("{:<18}{} in leaves of order {}", layer.file(), leaves.stars(), layer.order))?;
     }
-    for plane in
-        PLANES.iter().zip(&index.tiles).filter(|(_, tiles)| tiles.stars() > 0).map(|(plane, tiles)| (plane, tiles))
-    {
-        let (kind, tiles) = plane;
+    for (kind, tiles) in PLANES.iter().zip(&index.tiles).filter(|(_, tiles)| tiles.stars() > 0) {
         results::line(format!("{:<18}{} composite stars, {} bytes", kind.file(), tiles.stars(), tiles.bytes()))?;
     }
     let light_lx: f64 = index.sums.iter().flatten().map(|light| luminance(*light)).sum();
