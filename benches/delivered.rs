@@ -5,7 +5,7 @@
 use std::{
     error::Error,
     ffi::OsString,
-    path::PathBuf,
+    path::{Path, PathBuf},
     time::{Duration, Instant},
 };
 
@@ -49,7 +49,7 @@ struct Arguments {
     bench: bool,
 }
 
-fn start(program: &PathBuf, arguments: &Arguments, set: &[String]) -> Result<LocalDaemon, Box<dyn Error>> {
+fn start(program: &Path, arguments: &Arguments, set: &[String]) -> Result<LocalDaemon, Box<dyn Error>> {
     let mut words: Vec<OsString> = ["--log", "error", "serve", "--config"].map(OsString::from).to_vec();
     words.push(arguments.config.clone().into());
     for key in arguments.set.iter().chain(set) {

@@ -255,9 +255,12 @@ mod tests {
         assert_eq!(Summary::stars(&rows).workloads, ["1M w"]);
         assert!(summary(&[]).is_empty());
     }
-    /// Rows of a view of the axis `live`: budget, time, and errors of 99.9 % and of all channels.
-    fn live_rows(figures: &[(f64, Option<f64>, Option<[f64; 2]>)]) -> Vec<Row> {
-        let row = |(codes, ms, errors): &(f64, Option<f64>, Option<[f64; 2]>), metric: LiveMetric| Row {
+    /// Budget, time, and errors of 99.9 % and of all channels.
+    type Budgeted = (f64, Option<f64>, Option<[f64; 2]>);
+
+    /// Rows of a view of the axis `live`.
+    fn live_rows(figures: &[Budgeted]) -> Vec<Row> {
+        let row = |(codes, ms, errors): &Budgeted, metric: LiveMetric| Row {
             axis: "live".to_owned(),
             method: format!("{codes} codes"),
             workload: "tonight dome".to_owned(),
@@ -275,7 +278,7 @@ mod tests {
     }
 
     /// The last two columns of each budget: whether it is kept, and whether it is on the front.
-    fn judged(figures: &[(f64, Option<f64>, Option<[f64; 2]>)]) -> Vec<[String; 2]> {
+    fn judged(figures: &[Budgeted]) -> Vec<[String; 2]> {
         let summary = Summary::live(&live_rows(figures));
         summary.lines.iter().map(|line| [line[10].clone(), line[11].clone()]).collect()
     }
