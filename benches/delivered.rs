@@ -4,27 +4,19 @@
 
 use std::{
     error::Error,
-    io::{BufRead, BufReader},
-    path::PathBuf,
-    process::{Child, Command, Stdio},
-    sync::{
-        Arc,
-        atomic::{AtomicBool, Ordering},
-    },
+    ffi::OsString,
+    path::{Path, PathBuf},
     time::{Duration, Instant},
 };
 
 use clap::Parser;
 use steradian::{
     output::Encoding,
-    service::{CameraUpdate, Client, proto},
+    service::{Delivered, DeliveryRound, LocalDaemon, measure_delivery, median_parts},
 };
-use tokio::time::{sleep, timeout};
 
-/// A daemon that does not listen by then has failed.
-const START: Duration = Duration::from_secs(300);
-/// Interval between statistics of the daemon, s.
-const STATS_S: f64 = 0.1;
+/// A daemon that does not listen by then, or delivers no frame for that long, has failed.
+const PATIENCE: Duration = Duration::from_secs(300);
 /// Poses per second.
 const POSES_HZ: f64 = 250.0;
 
@@ -75,138 +67,23 @@ fn encoding(name: &str) -> Result<Encoding, String> {
     }
 }
 
-/// A daemon that is killed on drop.
-struct Daemon {
-    child: Child,
-    address: String,
-    /// Encoding of its images.
-    encoding: Encoding,
-}
-
-impl Daemon {
-    fn start(
-        program: &PathBuf,
-        arguments: &Arguments,
-        set: &[String],
-        encoding: Encoding,
-    ) -> Result<Self, Box<dyn Error>> {
-        let mut command = Command::new(program);
-        command.args(["--log", "error", "serve", "--listen", "127.0.0.1:0", "--config"]).arg(&arguments.config);
-        for key in arguments.set.iter().chain(set) {
-            command.args(["--set", key]);
-        }
-        let mut child = command.stdout(Stdio::piped()).spawn()?;
-        let output = child.stdout.take().ok_or("the daemon has no output")?;
-        let begin = Instant::now();
-        for line in BufReader::new(output).lines() {
-            if let Some(address) = line?.strip_prefix("listening on ") {
-                println!("{} listens after {:.1} s", program.display(), begin.elapsed().as_secs_f64());
-                return Ok(Self { child, address: format!("http://{address}"), encoding });
-            }
-            if begin.elapsed() > START {
-                break;
-            }
-        }
-        child.kill()?;
-        Err(format!("{} does not listen", program.display()).into())
+fn start(program: &Path, arguments: &Arguments, set: &[String]) -> Result<LocalDaemon, Box<dyn Error>> {
+    let mut words: Vec<OsString> = ["--log", "error", "serve", "--config"].map(OsString::from).to_vec();
+    words.push(arguments.config.clone().into());
+    for key in arguments.set.iter().chain(set) {
+        words.extend(["--set".into(), key.into()]);
     }
-}
-
-impl Drop for Daemon {
-    fn drop(&mut self) {
-        // The daemon may have ended already.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-/// Measurements of a client in a round.
-struct Round {
-    frames_per_s: f64,
-    /// Median time from the pose of a frame to its arrival, ms.
-    age_ms: f64,
-    ev100: f64,
-    pixels: u64,
-    /// Limiting magnitude of the display image.
-    limit: f64,
-    /// Times of frames of the daemon by part, ms: (name, time) in the order in which the parts run.
-    parts_ms: Vec<Vec<(String, f64)>>,
-}
-
-/// Parts of a frame of the daemon, passes of one name as one.
-fn parts_of(stats: &proto::Stats) -> Option<Vec<(String, f64)>> {
-    let times = stats.last_frame.as_ref()?;
-    let mut parts = vec![("plan".to_owned(), times.plan_ms)];
-    for pass in &times.passes {
-        match parts.iter_mut().find(|(name, _)| *name == pass.name) {
-            Some((_, ms)) => *ms += pass.ms,
-            None => parts.push((pass.name.clone(), pass.ms)),
-        }
-    }
-    parts.push(("frame".to_owned(), times.total_ms));
-    Some(parts)
-}
-
-/// Runs one round of one daemon: one client turns the camera, another one reads.
-async fn round(daemon: &Daemon, arguments: &Arguments, number: u32) -> Result<Round, Box<dyn Error>> {
-    let mut client = Client::connect(&daemon.address).await?;
-    let start = client.camera().await?;
-    let mut steering = Client::connect(&daemon.address).await?;
-    let turn_deg_s = arguments.turn_deg_s;
-    let steer = tokio::spawn(async move {
-        let begin = Instant::now();
-        loop {
-            let angle = (turn_deg_s * begin.elapsed().as_secs_f64()).to_radians();
-            let orientation = (start.world_from_camera * glam::DQuat::from_rotation_y(angle)).normalize().to_array();
-            let update = CameraUpdate { orientation: Some(orientation), ..CameraUpdate::default() };
-            if steering.set_camera(&update).await.is_err() {
-                return;
-            }
-            sleep(Duration::from_secs_f64(1.0 / POSES_HZ)).await;
-        }
-    });
-    let mut stream = client.stream_frames(&arguments.view, daemon.encoding, 0.0).await?;
-    // Skip the first frames, which build the map of faint light among others.
-    for _ in 0..if number == 0 { 12 } else { 3 } {
-        stream.next().await?.ok_or("the stream has ended")?;
-    }
-    let ended = Arc::new(AtomicBool::new(false));
-    let has_ended = Arc::clone(&ended);
-    let mut watch = Client::connect(&daemon.address).await?.watch_stats(Some(STATS_S)).await?;
     let begin = Instant::now();
-    let mut ages_ms = Vec::new();
-    let watching = tokio::spawn(async move {
-        let mut parts_ms = Vec::new();
-        while !has_ended.load(Ordering::Relaxed)
-            && let Ok(Some(stats)) = watch.next().await
-        {
-            parts_ms.extend(parts_of(&stats));
-        }
-        parts_ms
-    });
-    let (mut ev100, mut pixels, mut limit) = (0.0, 0, 0.0);
-    while begin.elapsed().as_secs_f64() < arguments.seconds {
-        let frame = timeout(START, stream.next()).await??.ok_or("the stream has ended")?;
-        ages_ms.push(frame.pose_time.elapsed()?.as_secs_f64() * 1e3);
-        ev100 = frame.exposure_ev100;
-        limit = frame.limiting_magnitude.unwrap_or(f64::NAN);
-        pixels = frame.images.iter().map(|image| u64::from(image.width) * u64::from(image.height)).sum();
-    }
-    let frames_per_s = ages_ms.len() as f64 / begin.elapsed().as_secs_f64();
-    steer.abort();
-    ended.store(true, Ordering::Relaxed);
-    let parts_ms = watching.await?;
-    Ok(Round { frames_per_s, age_ms: median(ages_ms), ev100, pixels, limit, parts_ms })
+    let daemon = LocalDaemon::start(program, &words, PATIENCE)?;
+    println!("{} listens after {:.1} s", program.display(), begin.elapsed().as_secs_f64());
+    Ok(daemon)
 }
 
 /// Median time of each part of a frame.
-fn parts_line(rounds: &[Round]) -> String {
-    let frames = || rounds.iter().flat_map(|round| &round.parts_ms);
-    let Some(longest) = frames().max_by_key(|parts| parts.len()) else { return "no statistics".to_owned() };
-    let median_of =
-        |name: &str| median(frames().filter_map(|parts| Some(parts.iter().find(|part| part.0 == name)?.1)).collect());
-    let parts: Vec<_> = longest.iter().map(|(name, _)| format!("{name} {:.1}", median_of(name))).collect();
-    format!("medians, ms: {}", parts.join(", "))
+fn parts_line(rounds: &[Delivered]) -> String {
+    let frames: Vec<_> = rounds.iter().flat_map(|round| round.parts_ms.iter().cloned()).collect();
+    let parts: Vec<_> = median_parts(&frames).iter().map(|(name, ms)| format!("{name} {ms:.1}")).collect();
+    if parts.is_empty() { "no statistics".to_owned() } else { format!("medians, ms: {}", parts.join(", ")) }
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -218,30 +95,36 @@ fn median(mut values: Vec<f64>) -> f64 {
 async fn main() -> Result<(), Box<dyn Error>> {
     let arguments = Arguments::parse();
     let own = PathBuf::from(env!("CARGO_BIN_EXE_steradian"));
-    let mut daemons = vec![Daemon::start(&own, &arguments, &[], arguments.encoding)?];
+    let mut daemons = vec![(start(&own, &arguments, &[])?, arguments.encoding)];
     if arguments.beside.is_some() || !arguments.beside_set.is_empty() || arguments.beside_encoding.is_some() {
         let program = arguments.beside.as_ref().unwrap_or(&own);
-        daemons.push(Daemon::start(
-            program,
-            &arguments,
-            &arguments.beside_set,
-            arguments.beside_encoding.unwrap_or(arguments.encoding),
-        )?);
+        let encoding = arguments.beside_encoding.unwrap_or(arguments.encoding);
+        daemons.push((start(program, &arguments, &arguments.beside_set)?, encoding));
     }
-    let mut rounds: Vec<Vec<Round>> = daemons.iter().map(|_| Vec::new()).collect();
+    let mut rounds: Vec<Vec<Delivered>> = daemons.iter().map(|_| Vec::new()).collect();
     for number in 0..arguments.rounds {
-        for (daemon, rounds) in daemons.iter().zip(&mut rounds) {
-            rounds.push(round(daemon, &arguments, number).await?);
+        for ((daemon, encoding), rounds) in daemons.iter().zip(&mut rounds) {
+            let round = DeliveryRound {
+                view: arguments.view.clone(),
+                encoding: *encoding,
+                // The first frames build the map of faint light, among others.
+                skipped: if number == 0 { 12 } else { 3 },
+                length: Duration::from_secs_f64(arguments.seconds),
+                turn_deg_s: arguments.turn_deg_s,
+                poses_hz: POSES_HZ,
+                patience: PATIENCE,
+            };
+            rounds.push(measure_delivery(daemon.address(), &round).await?);
         }
     }
-    let median_of = |rounds: &[Round], value: fn(&Round) -> f64| median(rounds.iter().map(value).collect());
+    let median_of = |rounds: &[Delivered], value: fn(&Delivered) -> f64| median(rounds.iter().map(value).collect());
     for (name, rounds) in ["this", "beside"].into_iter().zip(&rounds) {
         let (fps, age) = (median_of(rounds, |round| round.frames_per_s), median_of(rounds, |round| round.age_ms));
         println!(
             "{name:7} {} px, EV {:.2}, stars to {:.1} mag: {fps:.1} frames/s delivered ({:.1} ms), pose {age:.1} ms old, median of {} rounds",
             rounds[0].pixels,
             rounds[0].ev100,
-            rounds[0].limit,
+            rounds[0].limiting_magnitude.unwrap_or(f64::NAN),
             1e3 / fps,
             rounds.len()
         );

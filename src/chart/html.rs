@@ -4,8 +4,8 @@
 use std::fmt::Write as _;
 
 use super::{
-    About, AsteroidMetric, Axis, GlareMetric, ProjectorMetric, Row, scores::Metric, summary::Summary, svg::grouped,
-    timing::TIMING_EV100,
+    About, AsteroidMetric, Axis, GlareMetric, LiveMetric, ProjectorMetric, Row, scores::Metric, summary::Summary,
+    svg::grouped, timing::TIMING_EV100,
 };
 
 /// Columns of the table of the axis `stars`, with their headings.
@@ -54,6 +54,18 @@ const PROJECTORS: [(ProjectorMetric, &str); 5] = [
     (ProjectorMetric::WidthVariation, "width varies"),
 ];
 
+/// Columns of the axis `live`.
+const LIVE: [(LiveMetric, &str); 8] = [
+    (LiveMetric::FramesPerS, "frames/s"),
+    (LiveMetric::PoseAgeMs, "age of the pose, ms"),
+    (LiveMetric::Error999Codes, "error, 99.9 %, codes"),
+    (LiveMetric::ErrorLargestCodes, "largest error, codes"),
+    (LiveMetric::Ev100, "EV100"),
+    (LiveMetric::Pixels, "pixels"),
+    (LiveMetric::StarsInView, "stars in view"),
+    (LiveMetric::StarsDrawn, "stars drawn"),
+];
+
 /// An error column.
 #[derive(Clone, Copy)]
 struct Column {
@@ -74,6 +86,7 @@ fn columns(axis: Axis) -> Vec<Column> {
         Axis::Projectors => {
             PROJECTORS.map(|(metric, heading)| column((metric.name(), heading, metric.meaning()))).to_vec()
         }
+        Axis::Live => LIVE.map(|(metric, heading)| column((metric.name(), heading, metric.meaning()))).to_vec(),
         Axis::Views | Axis::Scale => Vec::new(),
     }
 }
@@ -153,6 +166,10 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
                 let remark = "errors are measured in the first view, disparity between two eyes; published figures come from other hardware";
                 summary(&Summary::asteroids(rows), remark)
             }
+            Axis::Live => summary(
+                &Summary::live(rows),
+                "errors in codes of 8 bits against the exact image; a budget is kept if 99.9 % of the channels are within it and all within four times that; Pareto: no other budget is faster and has a smaller error",
+            ),
             _ => {
                 let remark = "errors are those of single stars; identical: shuffled stars give the same bits";
                 summary(&Summary::stars(rows), remark)
@@ -178,7 +195,7 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
          that exposure, a typical one for users; their notes of <code>auto</code> give the times of whole frames with readback. The exposure matters to methods that depend on what the display \
          shows. On the axis <code>glare</code> the time covers the glare passes only, plus the map of the sky on the CPU \
          if it is recomputed for every frame; on the axis <code>asteroids</code> it covers the asteroid passes and planning on \
-         the CPU.</dd>\n"
+         the CPU; on the axis <code>live</code> it is the time between frames that reach a client over gRPC, the median of rounds (shortest to longest).</dd>\n"
     ));
     for Column { metric, heading, meaning } in pictures.iter().flat_map(|(axis, _)| columns(*axis)) {
         add(&format!("<dt>{heading} (<code>{metric}</code>)</dt><dd>{}.</dd>\n", escaped(meaning)));

@@ -8,19 +8,22 @@
 //! - `timing`: frames of all methods in turn, within a time budget;
 //! - `scenes`: small artificial skies whose correct picture is known;
 //! - `scores`: the figures of one method over those scenes, by [`crate::metrics`];
-//! - `stars`, `glare`, `asteroids`, `projectors`, `views`, `scale`: the axes;
+//! - `stars`, `glare`, `asteroids`, `projectors`, `views`, `scale`, `live`: the axes;
+//! - `display_errors`: errors of display images against exact ones, for the axis `live` and for tests;
 //! - `summary`: one line per method;
 //! - `pareto`: methods that no other method beats in both time and accuracy.
 //!
 //! Time is GPU time from the clearing of the first buffer to the end of the last pass, plus culling on the CPU, in ms.
 //! It thus covers clear, cull, splat and resolve for every method; for the axes `glare` and `asteroids` it covers their
-//! passes. Scores are dimensionless unless the metric's name has a unit. A figure that could not be measured is empty,
+//! passes, and on the axis `live` it is the time between frames that reach a client. Scores are dimensionless unless the metric's name has a unit. A figure that could not be measured is empty,
 //! never 0, and the notes give the reason.
 
 mod asteroids;
 mod csv;
+mod display_errors;
 mod glare;
 mod html;
+mod live;
 mod pareto;
 mod projectors;
 mod scale;
@@ -43,6 +46,8 @@ use self::workloads::Skies;
 pub use self::{
     asteroids::AsteroidExtent,
     csv::{COLUMNS, Row, read_csv, write_csv},
+    display_errors::{DisplayErrors, code_errors},
+    live::{LIVE_TURN_DEG_S, LiveDaemon, LiveExtent, LiveMetric, LiveRequest, LiveRound, LiveScene, StartDaemon},
     pareto::{ParetoError, pareto_front},
     projectors::ProjectorMetric,
     scores::{AsteroidMetric, GlareMetric, Metric, Score, Scores, ScoringSize, score_method},
@@ -106,6 +111,8 @@ pub enum Axis {
     Views,
     /// Time against the number of stars.
     Scale,
+    /// Frames that a daemon delivers to a client, against the errors of its display images.
+    Live,
 }
 
 named!(Axis {
@@ -115,6 +122,7 @@ named!(Axis {
     Projectors = "projectors",
     Views = "views",
     Scale = "scale",
+    Live = "live",
 });
 
 impl Axis {
@@ -127,6 +135,7 @@ impl Axis {
             Self::Projectors => "Projectors: time against error of stars",
             Self::Views => "Many views of one frame: each by itself and all together",
             Self::Scale => "Time against the number of stars",
+            Self::Live => "Delivered frames: time against error of display images",
         }
     }
 
@@ -156,7 +165,7 @@ pub struct Step {
 /// Callback that receives progress.
 pub type ReportStep<'a> = &'a mut dyn FnMut(&Step);
 
-/// Charts the axes one after the other.
+/// Charts the axes one after the other. `start_daemon` starts the daemons of the axis `live`.
 ///
 /// # Errors
 /// [`ChartError`] if the device fails or a workload cannot be made. A method that fails has rows with a note.
@@ -164,6 +173,7 @@ pub fn run(
     renderer: &mut Renderer,
     axes: &[Axis],
     extent: &Extent,
+    start_daemon: StartDaemon<'_>,
     report_step: ReportStep<'_>,
 ) -> Result<Vec<Row>, ChartError> {
     let budget = Budget::new(extent.budget);
@@ -172,7 +182,7 @@ pub fn run(
     for (index, &axis) in axes.iter().enumerate() {
         let weight = |axis: Axis| match axis {
             Axis::Stars => 6.0,
-            Axis::Glare | Axis::Asteroids => 3.0,
+            Axis::Glare | Axis::Asteroids | Axis::Live => 3.0,
             Axis::Projectors | Axis::Views | Axis::Scale => 1.0,
         };
         let share = weight(axis) / axes[index..].iter().map(|axis| weight(*axis)).sum::<f64>();
@@ -184,6 +194,10 @@ pub fn run(
             Axis::Projectors => projectors::run(renderer, extent, &mut skies, budget, report_step)?,
             Axis::Views => views::run(renderer, extent, &mut skies, budget, report_step)?,
             Axis::Scale => scale::run(renderer, extent, &mut skies, budget, report_step)?,
+            Axis::Live => {
+                let budget = budget.at_most(extent.live.budget);
+                live::run(renderer, start_daemon, &extent.live, budget, report_step)?
+            }
         });
     }
     Ok(rows)
@@ -312,7 +326,7 @@ mod tests {
         }
         assert_eq!(
             Axis::parse("Stars").unwrap_err(),
-            "must be one of stars, glare, asteroids, projectors, views, scale"
+            "must be one of stars, glare, asteroids, projectors, views, scale, live"
         );
     }
 

@@ -1,9 +1,12 @@
 //! The summary: one line per method with its times and its most important errors, as text and for the page.
 
 use super::{
-    AsteroidMetric, Axis, GlareMetric, Row,
+    AsteroidMetric, Axis, GlareMetric, LiveMetric, Row,
     html::{distinct, figure, metric_of},
+    live::{budget_of, keeps_budget},
+    pareto_front,
     scores::Metric,
+    svg::grouped,
 };
 
 /// Errors of the summary with their headings; [`Metric::OrderBitsDiffer`] follows as yes or no.
@@ -30,7 +33,12 @@ const MANY_STARS: u64 = 1_000_000;
 /// Text of a missing figure.
 const NONE: &str = "\u{2013}";
 
-/// One line per method of the axis `stars`, `glare` or `asteroids`; empty if the axis has no rows.
+/// Headings of the summary of delivered frames.
+const LIVE: [&str; 10] =
+    ["ms", "frames/s", "pose ms", "EV100", "in view", "drawn", "99.9 %", "largest", "kept", "Pareto"];
+
+/// One line per method of the axis `stars`, `glare` or `asteroids`, per view and budget of the axis `live`; empty if the
+/// axis has no rows.
 pub(super) struct Summary {
     /// Workloads with a column.
     pub workloads: Vec<String>,
@@ -126,6 +134,53 @@ impl Summary {
         Self { workloads: workloads.into_iter().map(str::to_owned).collect(), headings, lines }
     }
 
+    /// Summarises the axis `live`: one line per view and budget.
+    pub(super) fn live(rows: &[Row]) -> Self {
+        let live: Vec<&Row> = rows.iter().filter(|row| row.axis == Axis::Live.name()).collect();
+        let mut lines = Vec::new();
+        for workload in distinct(&live, |row| &row.workload) {
+            let of_workload: Vec<&Row> = live.iter().filter(|row| row.workload == workload).copied().collect();
+            let methods = distinct(&of_workload, |row| &row.method);
+            let row = |method: &str, metric: LiveMetric| {
+                of_workload.iter().find(|row| row.method == method && row.error_metric == metric.name())
+            };
+            let value = |method: &str, metric| row(method, metric).and_then(|row| row.error_value);
+            // Time and error of the budgets that have both.
+            let timed = methods.iter().filter_map(|method| {
+                let row = row(method, LiveMetric::Error999Codes)?;
+                Some((*method, (row.gpu_ms_median?, row.error_value?)))
+            });
+            let (named, points): (Vec<&str>, Vec<(f64, f64)>) = timed.unzip();
+            // Figures that cannot be compared are on no front.
+            let front = pareto_front(&points).unwrap_or_default();
+            for method in methods {
+                let text = |metric, format: fn(f64) -> String| value(method, metric).map_or(NONE.to_owned(), format);
+                let errors = value(method, LiveMetric::Error999Codes).zip(value(method, LiveMetric::ErrorLargestCodes));
+                let budget = row(method, LiveMetric::Error999Codes).and_then(|row| budget_of(row));
+                let kept = budget.zip(errors).map(|(budget, (most, largest))| keeps_budget(budget, most, largest));
+                let on_front = named.iter().position(|name| *name == method).map(|index| front.contains(&index));
+                let yes_no =
+                    |answer: Option<bool>| answer.map_or(NONE, |yes| if yes { "yes" } else { "no" }).to_owned();
+                let time = of_workload.iter().find(|row| row.method == method).and_then(|row| row.gpu_ms_median);
+                lines.push(vec![
+                    format!("{workload}, {method}"),
+                    "steradian".to_owned(),
+                    time.map_or(NONE.to_owned(), |ms| format!("{ms:.1}")),
+                    text(LiveMetric::FramesPerS, |value| format!("{value:.1}")),
+                    text(LiveMetric::PoseAgeMs, |value| format!("{value:.0}")),
+                    text(LiveMetric::Ev100, |value| format!("{value:.1}")),
+                    text(LiveMetric::StarsInView, |value| grouped(value as u64)),
+                    text(LiveMetric::StarsDrawn, |value| grouped(value as u64)),
+                    text(LiveMetric::Error999Codes, |value| format!("{value:.3}")),
+                    text(LiveMetric::ErrorLargestCodes, |value| format!("{value:.3}")),
+                    yes_no(kept),
+                    yes_no(on_front),
+                ]);
+            }
+        }
+        Self { workloads: Vec::new(), headings: LIVE.map(str::to_owned).to_vec(), lines }
+    }
+
     /// Returns lines of text in columns; workloads are numbered.
     pub(super) fn text(&self) -> Vec<String> {
         if self.lines.is_empty() {
@@ -152,9 +207,13 @@ impl Summary {
 }
 
 /// Returns the summary of a chart as lines of text: time per workload and errors of every method of stars, glare, then
-/// asteroids.
+/// asteroids; then the delivered frames, with the reasons of missing ones.
 pub fn summary(rows: &[Row]) -> Vec<String> {
-    [Summary::stars(rows), Summary::glare(rows), Summary::asteroids(rows)].iter().flat_map(Summary::text).collect()
+    let summaries = [Summary::stars(rows), Summary::glare(rows), Summary::asteroids(rows), Summary::live(rows)];
+    let missing = rows.iter().filter(|row| row.axis == Axis::Live.name() && row.gpu_ms_median.is_none());
+    let first = missing.filter(|row| row.error_metric == LiveMetric::Error999Codes.name());
+    let reasons = first.map(|row| format!("{}, {}: {}", row.workload, row.method, row.notes));
+    summaries.iter().flat_map(Summary::text).chain(reasons).collect()
 }
 
 #[cfg(test)]
@@ -196,6 +255,60 @@ mod tests {
         assert_eq!(Summary::stars(&rows).workloads, ["1M w"]);
         assert!(summary(&[]).is_empty());
     }
+    /// Budget, time, and errors of 99.9 % and of all channels.
+    type Budgeted = (f64, Option<f64>, Option<[f64; 2]>);
+
+    /// Rows of a view of the axis `live`.
+    fn live_rows(figures: &[Budgeted]) -> Vec<Row> {
+        let row = |(codes, ms, errors): &Budgeted, metric: LiveMetric| Row {
+            axis: "live".to_owned(),
+            method: format!("{codes} codes"),
+            workload: "tonight dome".to_owned(),
+            error_metric: metric.name().to_owned(),
+            gpu_ms_median: *ms,
+            error_value: match metric {
+                LiveMetric::Error999Codes => errors.map(|errors| errors[0]),
+                LiveMetric::ErrorLargestCodes => errors.map(|errors| errors[1]),
+                _ => ms.map(|ms| 1e3 / ms),
+            },
+            notes: if ms.is_none() { "no port".to_owned() } else { String::new() },
+            ..Row::default()
+        };
+        figures.iter().flat_map(|figures| LiveMetric::ALL.map(|metric| row(figures, metric))).collect()
+    }
+
+    /// The last two columns of each budget: whether it is kept, and whether it is on the front.
+    fn judged(figures: &[Budgeted]) -> Vec<[String; 2]> {
+        let summary = Summary::live(&live_rows(figures));
+        summary.lines.iter().map(|line| [line[10].clone(), line[11].clone()]).collect()
+    }
+
+    #[test]
+    fn live_budgets_that_are_exceeded_or_dominated_are_not_passed() {
+        let good = [(0.25, Some(90.0), Some([0.1, 0.4])), (0.5, Some(70.0), Some([0.3, 0.9]))];
+        assert_eq!(judged(&good), [["yes", "yes"], ["yes", "yes"]]);
+        // 99.9 % above the budget, and a largest error above four times the budget.
+        assert_eq!(judged(&[(0.5, Some(70.0), Some([0.51, 0.9]))]), [["no", "yes"]]);
+        assert_eq!(judged(&[(0.5, Some(70.0), Some([0.3, 2.01]))]), [["no", "yes"]]);
+        // Slower and less accurate than the other budget.
+        let dominated = [(0.25, Some(60.0), Some([0.1, 0.4])), (0.5, Some(70.0), Some([0.3, 0.9]))];
+        assert_eq!(judged(&dominated), [["yes", "yes"], ["yes", "no"]]);
+        // A figure that cannot be compared passes nothing.
+        let nan = [(0.25, Some(60.0), Some([f64::NAN, 0.4])), (0.5, Some(70.0), Some([0.3, 0.9]))];
+        assert_eq!(judged(&nan), [["no", "no"], ["yes", "no"]]);
+    }
+
+    #[test]
+    fn live_views_without_frames_have_dashes_and_the_reason() {
+        let text = summary(&live_rows(&[(0.25, None, None), (0.5, Some(50.0), Some([0.3, 0.9]))]));
+        let words: Vec<&str> = text[1].split_whitespace().collect();
+        assert_eq!(words[..4], ["tonight", "dome,", "0.25", "codes"]);
+        assert!(words[4..].iter().all(|word| *word == "\u{2013}"), "{text:#?}");
+        assert!(text[2].contains("50.0") && text[2].contains("20.0"), "{text:#?}");
+        assert_eq!(text[3], "tonight dome, 0.25 codes: no port");
+        assert!(summary(&[]).is_empty());
+    }
+
     #[test]
     fn glare_has_time_and_error_per_workload() {
         let row = |method: &str, workload: &str, ms, value| Row {

@@ -2,7 +2,7 @@
 //! line.
 //!
 //! The axis `stars` shows one workload, [`HEADLINE`] if it was run, with one panel per error metric; the table lists
-//! all workloads. The axis `glare` has one panel per projection. Methods without a figure are listed below their panel.
+//! all workloads. The axis `glare` has one panel per projection, the axis `live` one per configuration and view. Methods without a figure are listed below their panel.
 //! Errors below [`LEAST_ERROR`], which are invisible, are drawn on the lowest line. Sources differ by colour and by the
 //! shape of their marks.
 
@@ -18,7 +18,7 @@ use ::svg::{
 
 use self::panel::{Panel, Point};
 use super::{
-    About, AsteroidMetric, Axis, GlareMetric, ProjectorMetric, Row, html::distinct, scores::Metric,
+    About, AsteroidMetric, Axis, GlareMetric, LiveMetric, ProjectorMetric, Row, html::distinct, scores::Metric,
     timing::TIMING_EV100,
 };
 
@@ -56,6 +56,7 @@ pub(super) fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
         Axis::Asteroids => series::draw(axis, &as_they_grow(rows), about),
         Axis::Projectors => projectors(axis, rows, about),
         Axis::Views | Axis::Scale => series::draw(axis, rows, about),
+        Axis::Live => live(axis, rows, about),
     }
 }
 
@@ -155,6 +156,20 @@ fn projectors(axis: Axis, rows: &[&Row], about: &About) -> String {
         None => "nothing was measured".to_owned(),
     };
     with_panels(axis, &subtitle, &panels, about)
+}
+
+/// Draws the axis `live`: one panel per configuration and view.
+fn live(axis: Axis, rows: &[&Row], about: &About) -> String {
+    let metric = LiveMetric::Error999Codes;
+    let panel = |workload: &str| {
+        let of_workload: Vec<&Row> = rows.iter().filter(|row| row.workload == workload).copied().collect();
+        let (points, without) = points(metric.name(), 0.0, &of_workload);
+        let (name, meaning) = (format!("{workload}: {}", metric.name()), metric.meaning().to_owned());
+        Panel { name, meaning, timed: "between frames that reach a client", points, without }
+    };
+    let panels: Vec<Panel> = distinct(rows, |row| &row.workload).into_iter().map(panel).collect();
+    let subtitle = "accuracy.display_codes, frames of RGBA8 over gRPC while the camera turns. Lower left is better; the dashed line is the Pareto front.";
+    with_panels(axis, subtitle, &panels, about)
 }
 
 /// Returns the rows of the axis `asteroids` that show how time grows with their number: one row per method and workload

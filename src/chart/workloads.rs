@@ -7,7 +7,7 @@ use std::{f64::consts::PI, sync::Arc, time::Duration};
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::{ChartError, asteroids::AsteroidExtent, scores::ScoringSize};
+use super::{ChartError, asteroids::AsteroidExtent, live::LiveExtent, scores::ScoringSize};
 use crate::{
     catalogue::{
         StarRecord,
@@ -189,6 +189,8 @@ pub struct Extent {
     pub glare: GlareExtent,
     /// Size of the axis `asteroids`.
     pub asteroids: AsteroidExtent,
+    /// Size of the axis `live`.
+    pub live: LiveExtent,
 }
 
 /// Size of the axis `glare`.
@@ -230,7 +232,7 @@ impl GlareExtent {
 }
 
 impl Extent {
-    /// Size of a run that ends within four minutes on two cores without a GPU, all axes included. There, blending
+    /// Size of a run that ends within four minutes on two cores without a GPU, all axes except `live` included. There, blending
     /// methods need seconds for one frame of the whole sky with a million stars, which only the full run draws.
     pub fn quick() -> Self {
         let (flat, dome) = (ViewShape::Flat([1920, 1080]), ViewShape::Dome(1024));
@@ -248,10 +250,11 @@ impl Extent {
             projector: [960, 540],
             glare: GlareExtent::new(100_000, [1000, 500], 3, Duration::from_secs(40)),
             asteroids: AsteroidExtent::quick(),
+            live: LiveExtent::quick(),
         }
     }
 
-    /// Size of a full run, some 40 minutes on two cores without a GPU; more stars on a GPU with dedicated memory.
+    /// Size of a full run, some 55 minutes on two cores without a GPU; more stars on a GPU with dedicated memory.
     pub fn full(discrete_gpu: bool) -> Self {
         let all = vec![
             ViewShape::Flat([1280, 720]),
@@ -278,13 +281,14 @@ impl Extent {
             skies,
             exposures: vec![-13.0, -8.5, -5.4],
             rounds: 11,
-            budget: Duration::from_secs(1900),
+            budget: Duration::from_secs(2300),
             scoring: ScoringSize::default(),
             scale,
             many_views_stars: 1_000_000,
             projector: [1920, 1080],
             glare: GlareExtent::new(1_000_000, [3000, 2000], 11, Duration::from_secs(300)),
             asteroids: AsteroidExtent::full(discrete_gpu),
+            live: LiveExtent::full(),
         }
     }
 

@@ -1,9 +1,12 @@
 //! `chart`: compares speed and accuracy of every method.
 
+mod daemons;
+
 use std::path::PathBuf;
 
 use clap::Args;
 
+pub use self::daemons::Daemons;
 use super::{CliError, progress::Progress, results};
 use crate::chart::{self, About, Axis, Extent, Step};
 use crate::gpu::{Gpu, GpuOptions};
@@ -14,7 +17,8 @@ use crate::render::Renderer;
 #[command(after_help = "Examples:\n  \
     steradian chart --out chart --quick\n  \
     steradian chart --out chart --axis stars --adapter llvmpipe\n  \
-    steradian chart --out chart --quick --axis glare\n\n\
+    steradian chart --out chart --quick --axis glare\n  \
+    steradian chart --out chart --quick --axis live     # frames that reach a client, two minutes\n\n\
     Writes chart.csv, one SVG per axis and index.html that shows them, and prints one line per method. A quick run ends within four minutes on two cores\n\
     without a GPU; a full run covers all workloads, from 10 thousand to 10 million stars and from 720p to 4K, and takes longer.\n\
     The rows of a method that cannot be drawn have empty figures and the reason in the notes column.")]
@@ -25,13 +29,14 @@ pub struct ChartArguments {
     /// Run fewer workloads and rounds.
     #[arg(long)]
     quick: bool,
-    /// Chart only this axis: stars, glare, asteroids, views or scale. Default: all axes.
+    /// Chart only this axis: stars, glare, asteroids, projectors, views, scale or live. Default: all axes, with --quick all
+    /// but live, which starts daemons on free ports of this machine and measures the frames that reach a client.
     #[arg(long, value_name = "AXIS", value_parser = Axis::parse)]
     axis: Option<Axis>,
 }
 
 /// Runs the command.
-pub fn run(arguments: &ChartArguments, options: &GpuOptions) -> Result<(), CliError> {
+pub fn run(arguments: &ChartArguments, options: &GpuOptions, no_cache: bool) -> Result<(), CliError> {
     // Create the folder first: a folder that cannot be created is an error before the long work.
     std::fs::create_dir_all(&arguments.out)
         .map_err(|source| chart::ChartError::Write { path: arguments.out.clone(), source })?;
@@ -41,8 +46,14 @@ pub fn run(arguments: &ChartArguments, options: &GpuOptions) -> Result<(), CliEr
     let mut renderer = Renderer::new(gpu);
     let extent = if arguments.quick { Extent::quick() } else { Extent::full(discrete) };
     let progress = Progress::new();
-    let axes = arguments.axis.map_or(Axis::ALL.to_vec(), |axis| vec![axis]);
-    let rows = chart::run(&mut renderer, &axes, &extent, &mut |step| show_step(&progress, step))?;
+    let axes = match arguments.axis {
+        Some(axis) => vec![axis],
+        // With the daemons a quick run would take longer than the four minutes that it promises.
+        None => Axis::ALL.into_iter().filter(|axis| !arguments.quick || *axis != Axis::Live).collect(),
+    };
+    let daemons = Daemons::new(std::env::current_exe().map_err(CliError::Runtime)?, options, no_cache)?;
+    let mut start = |request: &chart::LiveRequest<'_>| daemons.start(request);
+    let rows = chart::run(&mut renderer, &axes, &extent, &mut start, &mut |step| show_step(&progress, step))?;
     tracing::info!("charted in {:.1} s", progress.finish());
     for path in chart::write(&arguments.out, &rows, &about)? {
         results::line(path.display())?;

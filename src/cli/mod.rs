@@ -30,6 +30,7 @@ mod xr;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+pub use chart::Daemons;
 use clap::{Parser, Subcommand};
 pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
 pub use projectors::with_joined_eye;
@@ -139,7 +140,7 @@ pub fn run(arguments: Cli) -> Result<(), CliError> {
         Command::Show(command) => show::run(command, &gpu),
         Command::Verify(command) => verify::run(command, &gpu),
         Command::Info(command) => info::run(&command, &gpu),
-        Command::Chart(command) => chart::run(&command, &gpu),
+        Command::Chart(command) => chart::run(&command, &gpu, arguments.no_cache),
         Command::Dome(command) => dome::run(&command),
         Command::Projectors(command) => projectors::run(&command),
         Command::Catalogue(command) => catalogue::run(command),

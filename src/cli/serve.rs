@@ -1,5 +1,6 @@
 //! `serve`: the daemon.
 
+use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -50,6 +51,9 @@ pub struct ServeArguments {
     /// Override a key of the configuration; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    /// Shut down when standard input is closed, as it is when the process that holds its other end ends in any way.
+    #[arg(long)]
+    until_input_closes: bool,
 }
 
 /// Runs the command.
@@ -76,7 +80,10 @@ pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliErr
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(CliError::Runtime)?;
     block_on_and_leave(runtime, async {
         // From here on a signal shuts down in order, also while stars are still loading.
-        let mut signals = Box::pin(service::signals().map_err(CliError::Runtime)?);
+        let (signals, input) = (service::signals().map_err(CliError::Runtime)?, input_closes(&arguments));
+        let mut signals = Box::pin(async {
+            tokio::select! { () = signals => {}, () = input => {} }
+        });
         let network = NetworkOptions { listen, hosts: config.server.hosts.clone(), access: Some(access) };
         let progress = Arc::new(StartProgress::default());
         let early = EarlyServer::open(&network, Arc::clone(&progress)).await.map_err(CliError::Serve)?;
@@ -120,6 +127,27 @@ pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliErr
         }));
         service::run(options).await.map_err(CliError::Serve)
     })
+}
+
+/// Resolves when standard input is closed; never, unless the arguments ask for it.
+fn input_closes(arguments: &ServeArguments) -> impl Future<Output = ()> + Send + use<> {
+    let (sender, closed) = tokio::sync::oneshot::channel();
+    let watches = arguments.until_input_closes;
+    if watches {
+        // A thread, because reads of standard input cannot be cancelled.
+        std::thread::spawn(move || {
+            // An input that cannot be read is closed too.
+            let _ = io::copy(&mut io::stdin().lock(), &mut io::sink());
+            sender.send(())
+        });
+    }
+    async move {
+        if watches {
+            let _ = closed.await;
+        } else {
+            std::future::pending().await
+        }
+    }
 }
 
 /// Returns the source of access rules, which reads the configuration again on each reload.

@@ -58,6 +58,7 @@ pub use client::{
     camera::{CameraReceiver, Lease, Steering},
     connection::{After, Client, ClientError, FrameReceiver, ReceivedFrame, ReceivedImage, ServerInfo, ViewForm},
     credentials::Credentials,
+    delivery::{Delivered, DeliveryError, DeliveryRound, LocalDaemon, measure_delivery, median_parts},
     scene::{CheckReceiver, SceneForm, SceneReceiver, SeenKind, SeenObject},
     stats::StatsReceiver,
 };

@@ -10,6 +10,7 @@ mod architecture_picture;
 mod bodies;
 mod configuration;
 mod dome_check;
+mod instruction_counts;
 mod kernels;
 mod layering;
 mod overlay;

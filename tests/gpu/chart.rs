@@ -1,12 +1,15 @@
 //! The chart: tiny runs of every axis, and scores that must tell correct methods from wrong ones.
 
+mod live;
+
 use std::{collections::BTreeSet, process::Command, time::Duration};
 
 use glam::DVec2;
 use steradian::{
     chart::{
-        self, About, AsteroidExtent, AsteroidMetric, Axis, COLUMNS, Extent, GlareExtent, GlareMetric, Metric,
-        ProjectorMetric, Row, ScoringSize, Sky, ViewShape, read_csv, score_method, write_csv,
+        self, About, AsteroidExtent, AsteroidMetric, Axis, COLUMNS, Extent, GlareExtent, GlareMetric, LiveDaemon,
+        LiveExtent, LiveRequest, Metric, ProjectorMetric, Row, ScoringSize, Sky, ViewShape, read_csv, score_method,
+        write_csv,
     },
     plan::settings::{GlareMethod, StarMethod},
 };
@@ -49,7 +52,13 @@ fn tiny() -> Extent {
             rounds: 2,
             budget: AMPLE,
         },
+        live: LiveExtent { scenes: Vec::new(), rounds: 0, round: Duration::ZERO, poses: 0, budget: AMPLE },
     }
+}
+
+/// Starts no daemon: for the axes that need none.
+fn no_daemons(_: &LiveRequest<'_>) -> Result<Box<dyn LiveDaemon>, String> {
+    Err("this axis needs no daemon".to_owned())
 }
 
 /// An even smaller extent: every frame once, and one number of asteroids.
@@ -89,7 +98,9 @@ fn a_tiny_run_has_every_method_and_fills_or_explains_every_cell() {
     let mut renderer = crate::common::renderer();
     let mut steps = Vec::new();
     let extent = tiny();
-    let rows = chart::run(&mut renderer, &[Axis::Stars], &extent, &mut |step| steps.push(step.clone())).unwrap();
+    let rows =
+        chart::run(&mut renderer, &[Axis::Stars], &extent, &mut no_daemons, &mut |step| steps.push(step.clone()))
+            .unwrap();
     assert!(steps.iter().enumerate().all(|(index, step)| step.done == index && step.total == steps.len()), "{steps:?}");
 
     let folder = tempfile::tempdir().unwrap();
@@ -180,7 +191,7 @@ fn the_procedural_sky_has_the_expected_errors_of_cones() {
 #[ignore = "long: make test-all"]
 fn a_tiny_run_of_projectors_shows_the_errors_of_resampling() {
     let mut renderer = crate::common::renderer();
-    let rows = chart::run(&mut renderer, &[Axis::Projectors], &tiny(), &mut |_| {}).unwrap();
+    let rows = chart::run(&mut renderer, &[Axis::Projectors], &tiny(), &mut no_daemons, &mut |_| {}).unwrap();
     let figure = |method: &str, metric: ProjectorMetric| {
         let row = rows.iter().find(|row| row.method == method && row.error_metric == metric.name()).unwrap();
         println!("{method} {}: {:?}, {:?} ms", metric.name(), row.error_value, row.gpu_ms_median);
@@ -214,7 +225,7 @@ fn views_and_scale_have_their_figures_over_several_rounds() {
 /// Tests the axes without error metrics: times, and one derived figure.
 fn assert_views_and_scale_have_their_figures(extent: &Extent) {
     let mut renderer = crate::common::renderer();
-    let rows = chart::run(&mut renderer, &[Axis::Views, Axis::Scale], extent, &mut |_| {}).unwrap();
+    let rows = chart::run(&mut renderer, &[Axis::Views, Axis::Scale], extent, &mut no_daemons, &mut |_| {}).unwrap();
     let figure = |axis: &str, workload: &str, method: &str| {
         let found = rows.iter().find(|row| (&*row.axis, &*row.workload, &*row.method) == (axis, workload, method));
         found.unwrap_or_else(|| panic!("no row {axis}, {workload}, {method}"))
@@ -255,7 +266,9 @@ fn a_tiny_run_of_glare_has_the_figures_of_every_method() {
     let mut renderer = crate::common::renderer();
     let extent = tiny();
     let mut steps = Vec::new();
-    let rows = chart::run(&mut renderer, &[Axis::Glare], &extent, &mut |step| steps.push(step.clone())).unwrap();
+    let rows =
+        chart::run(&mut renderer, &[Axis::Glare], &extent, &mut no_daemons, &mut |step| steps.push(step.clone()))
+            .unwrap();
     assert!(steps.iter().enumerate().all(|(index, step)| step.done == index && step.total == steps.len()), "{steps:?}");
     let keys: BTreeSet<_> = rows.iter().map(|row| (&row.method, &row.workload, &row.error_metric)).collect();
     assert_eq!(keys.len(), rows.len());
@@ -332,7 +345,9 @@ fn asteroid_fields_of_several_sizes_have_the_figures_of_every_method() {
 fn assert_asteroids_have_the_figures_of_every_method(extent: &Extent) {
     let mut renderer = crate::common::renderer();
     let mut steps = Vec::new();
-    let rows = chart::run(&mut renderer, &[Axis::Asteroids], extent, &mut |step| steps.push(step.clone())).unwrap();
+    let rows =
+        chart::run(&mut renderer, &[Axis::Asteroids], extent, &mut no_daemons, &mut |step| steps.push(step.clone()))
+            .unwrap();
     assert!(steps.iter().enumerate().all(|(index, step)| step.done == index && step.total == steps.len()), "{steps:?}");
     let keys: BTreeSet<_> = rows.iter().map(|row| (&row.method, &row.workload, &row.error_metric)).collect();
     assert_eq!(keys.len(), rows.len());
@@ -450,7 +465,7 @@ fn unknown_axes_are_usage_errors() {
         assert_eq!(output.status.code(), Some(64), "{message}");
         assert!(
             message.contains(axis)
-                && message.contains("must be one of stars, glare, asteroids, projectors, views, scale"),
+                && message.contains("must be one of stars, glare, asteroids, projectors, views, scale, live"),
             "{message}"
         );
     }

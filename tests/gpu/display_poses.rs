@@ -6,6 +6,7 @@ use std::f64::consts::{PI, TAU};
 use glam::{DQuat, DVec3};
 use steradian::{
     catalogue::chunks::StarSet,
+    chart::code_errors,
     coordinates::galactic_from_icrs,
     plan::{Output, settings::RenderSettings},
     render::{Frame, FrameRequest, Renderer, Wanted},
@@ -16,10 +17,7 @@ use steradian::{
     },
 };
 
-use crate::{
-    common::{configured, renderer, rig},
-    display_errors::code_errors,
-};
+use crate::common::{configured, renderer, rig};
 
 /// Error budget, codes.
 const BUDGET: f64 = 0.5;

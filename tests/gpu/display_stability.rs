@@ -2,6 +2,7 @@
 
 use glam::{DQuat, DVec3};
 use steradian::{
+    chart::code_errors,
     plan::{Output, settings::RenderSettings},
     render::{Frame, FrameRequest, Renderer, Wanted},
     scene::SceneSnapshot,
@@ -9,10 +10,7 @@ use steradian::{
     view::{Rig, ViewKind, projection::FisheyeMapping},
 };
 
-use crate::{
-    common::{configured, renderer, rig},
-    display_errors::code_errors,
-};
+use crate::common::{configured, renderer, rig};
 
 /// Error budget of display images, codes.
 const BUDGET: f64 = 0.5;

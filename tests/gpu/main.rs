@@ -10,7 +10,6 @@ mod bodies;
 mod chart;
 mod diffuse;
 mod display;
-mod display_errors;
 mod display_poses;
 mod display_stability;
 mod glare;

@@ -4,6 +4,7 @@ use std::{f64::consts::PI, sync::OnceLock};
 
 use glam::{DQuat, DVec3};
 use steradian::{
+    chart::DisplayErrors,
     plan::{
         Output,
         settings::{GlareMethod, RenderSettings},
@@ -14,10 +15,7 @@ use steradian::{
     view::{Rig, ViewKind, projection::FisheyeMapping},
 };
 
-use crate::{
-    common::{configured, renderer, rig},
-    display_errors::Errors,
-};
+use crate::common::{configured, renderer, rig};
 
 /// At this exposure and in a dome of 512 pixels, the map contains more than a third of the 1.2 million stars.
 const EV100: f64 = -5.4;
@@ -78,9 +76,10 @@ fn the_map_keeps_the_error_budget_and_the_light_of_a_dome() {
         assert!(in_map > 200_000 && drawn < exact.views[0].stars_drawn - 50_000, "{in_map} {drawn}");
         assert_eq!([exact.views[0].stars_in_map, star_by_star.views[0].stars_in_map], [0, 0]);
         let settings = settings();
-        let [with_map, without] = [&display, &star_by_star].map(|frame| Errors::between(&exact, frame, &settings));
-        let of_map = Errors::between(&star_by_star, &display, &settings);
-        let statistics = |errors: &Errors| [errors.rms(), errors.quantile(0.999), errors.quantile(1.0)];
+        let [with_map, without] =
+            [&display, &star_by_star].map(|frame| DisplayErrors::between(&exact, frame, &settings));
+        let of_map = DisplayErrors::between(&star_by_star, &display, &settings);
+        let statistics = |errors: &DisplayErrors| [errors.rms(), errors.quantile(0.999), errors.quantile(1.0)];
         let light = light_lx(&display) / light_lx(&star_by_star) - 1.0;
         println!(
             "{case}: {in_map} stars in the map, {drawn} drawn of {}: rms, 99.9 %, largest {:.3?}, without the map {:.3?}, of the map alone {:.3?}; relative error of the light {light:.1e}",
@@ -108,7 +107,7 @@ fn a_dome_without_glare_also_uses_the_map() {
     };
     let (exact, display) = (frame(&settings, Output::Hdr), frame(&settings, Output::Display));
     assert!(display.views[0].stars_in_map > 200_000 && exact.views[0].stars_in_map == 0);
-    let errors = Errors::between(&exact, &display, &settings);
+    let errors = DisplayErrors::between(&exact, &display, &settings);
     let [most, largest] = [0.999, 1.0].map(|share| errors.quantile(share));
     println!("99.9 % {most:.3}, largest {largest:.3}");
     assert!(most < LIMITS[0] && largest < LIMITS[1], "{most} {largest} {:?}", errors.worst);
@@ -128,7 +127,7 @@ fn a_sky_turned_by_a_texel_fails() {
     let display = draw(&mut renderer, &scene(towards), &rig, Output::Display, SkyMapUse::Wait);
     let turned = scene(towards * DQuat::from_rotation_z(0.0061));
     let exact = draw(&mut renderer, &turned, &rig, Output::Hdr, SkyMapUse::Wait);
-    let errors = Errors::between(&exact, &display, &settings());
+    let errors = DisplayErrors::between(&exact, &display, &settings());
     assert!(errors.quantile(0.999) > 10.0 * LIMITS[0], "{}", errors.quantile(0.999));
 }
 
@@ -165,7 +164,7 @@ fn another_camera_position_has_another_map() {
     let exact = draw(&mut renderer, &elsewhere, &rig, Output::Hdr, SkyMapUse::Wait);
     let display = draw(&mut renderer, &elsewhere, &rig, Output::Display, SkyMapUse::Wait);
     assert!(display.views[0].stars_in_map > 200_000);
-    let errors = Errors::between(&exact, &display, &settings());
+    let errors = DisplayErrors::between(&exact, &display, &settings());
     let [most, largest] = [0.999, 1.0].map(|share| errors.quantile(share));
     println!("99.9 % {most:.3}, largest {largest:.3}");
     assert!(most < LIMITS[0] && largest < LIMITS[1], "{most} {largest} {:?}", errors.worst);

@@ -17,5 +17,7 @@ mod film;
 mod film_blur;
 #[cfg(unix)]
 mod film_record;
+#[cfg(target_os = "linux")]
+mod local_daemon;
 mod measured;
 mod stereo_dome;

@@ -4,6 +4,7 @@
 pub mod exr_file;
 pub mod figures;
 pub mod hammer;
+pub mod instruction_counts;
 mod pool;
 pub mod spk;
 pub mod theatre;

@@ -3,5 +3,6 @@
 pub(crate) mod camera;
 pub(crate) mod connection;
 pub(crate) mod credentials;
+pub(crate) mod delivery;
 pub(crate) mod scene;
 pub(crate) mod stats;

@@ -2,14 +2,12 @@
 
 use glam::DQuat;
 use steradian::{
+    chart::DisplayErrors,
     plan::Output,
     render::{FrameRequest, Wanted},
 };
 
-use crate::{
-    common::{configured, renderer},
-    display_errors::Errors,
-};
+use crate::common::{configured, renderer};
 
 const CONFIGURATION: &[&str] = &[
     "scene.catalogues=[\"builtin:bright\", { galaxy = { stars = 50000, seed = 1, fainter_than = 6.5 } }]",
@@ -17,7 +15,7 @@ const CONFIGURATION: &[&str] = &[
 ];
 
 /// Errors of a frame drawn within the budget of display images, compared with the same frame drawn exactly.
-fn errors(file: &str, set: &[&str], ev100: f64, turn_rad: f64) -> Errors {
+fn errors(file: &str, set: &[&str], ev100: f64, turn_rad: f64) -> DisplayErrors {
     let exposure = format!("exposure.ev100={ev100}");
     let (mut scene, rig, settings) = configured(file, &[CONFIGURATION, set, &[exposure.as_str()]].concat());
     scene.camera.world_from_camera *= DQuat::from_rotation_y(turn_rad);
@@ -27,7 +25,7 @@ fn errors(file: &str, set: &[&str], ev100: f64, turn_rad: f64) -> Errors {
         renderer.render(request).unwrap()
     };
     let (exact, display) = (draw(Output::Hdr), draw(Output::Display));
-    Errors::between(&exact, &display, &settings)
+    DisplayErrors::between(&exact, &display, &settings)
 }
 
 #[test]

@@ -71,6 +71,21 @@ impl GpuOptions {
         }
         Ok(self)
     }
+
+    /// Returns the restrictions as [`Self::restricted`] reads them, bindings in whole MiB; empty without any.
+    pub fn restrictions(&self) -> String {
+        // `webgpu` implies some of the others, so it comes first.
+        let flags = [
+            (self.default_limits, "webgpu"),
+            (self.force_u32_accumulator, "no-64-bit-atomics"),
+            (self.force_half_blending, "no-float-blending"),
+            (self.force_no_timestamps, "no-timestamps"),
+        ];
+        let flags = flags.into_iter().filter(|(is_set, _)| *is_set).map(|(_, name)| name.to_owned());
+        let buffers = self.storage_buffers.map(|number| format!("storage-buffers={number}"));
+        let binding = self.binding_limit_bytes.map(|bytes| format!("binding-mib={}", (bytes >> 20).max(1)));
+        flags.chain(buffers).chain(binding).collect::<Vec<_>>().join(",")
+    }
 }
 
 fn positive(text: &str) -> Option<u32> {
@@ -321,6 +336,18 @@ mod tests {
             let error = read(text).unwrap_err().to_string();
             let entry = text.rsplit(',').next().unwrap();
             assert!(error.starts_with(&format!("`{entry}` is not a restriction")), "{error}");
+        }
+    }
+
+    #[test]
+    fn restrictions_are_written_as_they_are_read() {
+        assert_eq!(GpuOptions::default().restrictions(), "");
+        for text in
+            ["webgpu", "no-64-bit-atomics", "no-float-blending,no-timestamps", "storage-buffers=4,binding-mib=64"]
+        {
+            let options = GpuOptions::default().restricted(text).unwrap();
+            let again = GpuOptions::default().restricted(&options.restrictions()).unwrap();
+            assert_eq!(format!("{again:?}"), format!("{options:?}"), "{text}");
         }
     }
 

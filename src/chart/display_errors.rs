@@ -1,9 +1,9 @@
 //! Errors of display images against exact frames, before rounding.
 
-use steradian::{photometry::exposure::white_luminance_cd_m2, plan::settings::RenderSettings, render::Frame};
+use crate::{photometry::exposure::white_luminance_cd_m2, plan::settings::RenderSettings, render::Frame};
 
 /// Display values of the HDR images of a frame minus those of an exact one, both with the exposure of the exact one:
-/// codes of 8 bits before rounding, by image, pixel and channel.
+/// codes of 8 bits before rounding, by image, pixel and channel. Images without HDR pixels are empty.
 pub fn code_errors(exact: &Frame, drawn: &Frame, settings: &RenderSettings) -> Vec<Vec<[f64; 3]>> {
     let white = white_luminance_cd_m2(exact.exposure_ev100);
     let code = |[r, g, b, _]: &[f32; 4]| {
@@ -12,7 +12,7 @@ pub fn code_errors(exact: &Frame, drawn: &Frame, settings: &RenderSettings) -> V
     let of_images = exact.images.iter().zip(&drawn.images);
     of_images
         .map(|(exact, drawn)| {
-            let pixels = exact.hdr.as_ref().unwrap().iter().zip(drawn.hdr.as_ref().unwrap());
+            let pixels = exact.hdr.iter().flatten().zip(drawn.hdr.iter().flatten());
             let of_pixel = |(exact, drawn): (&[f32; 4], &[f32; 4])| {
                 let (exact, drawn) = (code(exact), code(drawn));
                 std::array::from_fn(|channel| drawn[channel] - exact[channel])
@@ -22,22 +22,23 @@ pub fn code_errors(exact: &Frame, drawn: &Frame, settings: &RenderSettings) -> V
         .collect()
 }
 
-/// Errors of display values against an exact frame, in codes of 8 bits before rounding.
-pub struct Errors {
+/// Errors of display values against exact frames, in codes of 8 bits before rounding.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DisplayErrors {
     /// Absolute errors of all channels of all pixels, ascending.
     codes: Vec<f64>,
     /// Image, column and row of the largest one.
     pub worst: [usize; 3],
 }
 
-impl Errors {
+impl DisplayErrors {
     /// Compares two frames, in the pixels inside of the pictures.
     pub fn between(exact: &Frame, drawn: &Frame, settings: &RenderSettings) -> Self {
         let mut codes: Vec<f64> = Vec::new();
         let (mut worst, mut largest) = ([0; 3], 0.0);
         for (image, (exact, errors)) in exact.images.iter().zip(code_errors(exact, drawn, settings)).enumerate() {
             let width = exact.width as usize;
-            let pixels = exact.hdr.as_ref().unwrap().iter().zip(errors).enumerate();
+            let pixels = exact.hdr.iter().flatten().zip(errors).enumerate();
             for (index, (_, errors)) in pixels.filter(|(_, (exact, _))| exact[3] > 0.0) {
                 for error in errors.map(f64::abs) {
                     codes.push(error);
@@ -51,10 +52,13 @@ impl Errors {
         Self { codes, worst }
     }
 
+    /// Returns the error that a share (0 to 1) of the channels does not exceed; NaN without pixels.
     pub fn quantile(&self, share: f64) -> f64 {
-        self.codes[((self.codes.len() - 1) as f64 * share) as usize]
+        let index = (self.codes.len().saturating_sub(1) as f64 * share) as usize;
+        self.codes.get(index).copied().unwrap_or(f64::NAN)
     }
 
+    /// Returns the root mean square of the errors; NaN without pixels.
     pub fn rms(&self) -> f64 {
         (self.codes.iter().map(|error| error * error).sum::<f64>() / self.codes.len() as f64).sqrt()
     }
