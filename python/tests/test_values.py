@@ -60,6 +60,26 @@ def test_values_that_do_not_fit_are_refused(
         steradian.message(name, **fields)
 
 
+def run_lengths(plain: bytes) -> bytes:
+    """Writes runs of three bytes and more as counts, and everything else as it is."""
+    out, at, literal = b"", 0, b""
+    while at < len(plain):
+        run = 1
+        while run < 128 and at + run < len(plain) and plain[at + run] == plain[at]:
+            run += 1
+        if run < 3 and len(literal) < 127:
+            literal += plain[at : at + 1]
+            at += 1
+            continue
+        if literal:
+            out += bytes([256 - len(literal)]) + literal
+            literal = b""
+        if run >= 3:
+            out += bytes([run - 1]) + plain[at : at + 1]
+            at += run
+    return out + (bytes([256 - len(literal)]) + literal if literal else b"")
+
+
 def exr_file(pixels: dict[str, npt.NDArray[Any]], compression: int) -> bytes:
     """Writes a file after the layout of the OpenEXR documentation, row by row."""
     height, width = next(iter(pixels.values())).shape
@@ -72,15 +92,15 @@ def exr_file(pixels: dict[str, npt.NDArray[Any]], compression: int) -> bytes:
     for name, kind, value in [*attributes, ("dataWindow", "box2i", window)]:
         header += f"{name}\0{kind}\0".encode() + struct.pack("<i", len(value)) + value
     header += b"\0"
-    rows = {0: 1, 2: 1, 3: 16}[compression]
+    rows = {0: 1, 1: 1, 2: 1, 3: 16}[compression]
     blocks = []
     for first in range(0, height, rows):
         plain = b"".join(pixels[name][y].tobytes() for y in range(first, min(first + rows, height)) for name in names)
         if compression:
             mixed = plain[0::2] + plain[1::2]
             differences = bytes([mixed[0]]) + bytes((b - a + 128) % 256 for a, b in zip(mixed, mixed[1:]))
-            deflated = zlib.compress(differences)
-            plain = deflated if len(deflated) < len(plain) else plain
+            short = run_lengths(differences) if compression == 1 else zlib.compress(differences)
+            plain = short if len(short) < len(plain) else plain
         blocks.append(struct.pack("<ii", first, len(plain)) + plain)
     at, offsets = len(header) + 8 * len(blocks), []
     for block in blocks:
@@ -89,7 +109,7 @@ def exr_file(pixels: dict[str, npt.NDArray[Any]], compression: int) -> bytes:
     return header + struct.pack(f"<{len(blocks)}Q", *offsets) + b"".join(blocks)
 
 
-@pytest.mark.parametrize("compression", [0, 2, 3])
+@pytest.mark.parametrize("compression", [0, 1, 2, 3])
 def test_exr_files_are_read(compression: int) -> None:
     random = np.random.default_rng(1)
     pixels: dict[str, npt.NDArray[Any]] = {

@@ -1,8 +1,8 @@
-"""Reads the daemon's OpenEXR files: one part of scan lines, uncompressed or ZIP, channels of 16- or 32-bit
-floats.
+"""Reads the daemon's OpenEXR files: one part of scan lines, uncompressed, run lengths or ZIP, channels of 16- or
+32-bit floats.
 
 Follows the file layout in the OpenEXR documentation ("OpenEXR File Layout"): header, table of offsets, blocks of rows.
-A block that deflating does not shrink is stored uncompressed. Otherwise its bytes are split into those of even and of
+A block that compression does not shrink is stored uncompressed. Otherwise its bytes are split into those of even and of
 odd index, and each is the difference from the previous one, plus 128.
 """
 
@@ -14,8 +14,9 @@ import zlib
 import numpy as np
 import numpy.typing as npt
 
-# Rows per block, by the number of the compression in the header: none, single rows, 16 rows.
-_ROWS_OF_BLOCK = {0: 1, 2: 1, 3: 16}
+# Rows per block, by the number of the compression in the header: none, run lengths, ZIP of single rows, ZIP of 16 rows.
+_ROWS_OF_BLOCK = {0: 1, 1: 1, 2: 1, 3: 16}
+_RUN_LENGTHS = 1
 _PIXEL_TYPES = {1: "<f2", 2: "<f4"}
 # Flags in the version field: tiles, deep data, several parts.
 _NOT_FLAT = 0x200 | 0x800 | 0x1000
@@ -72,9 +73,24 @@ def _channel_list(value: bytes) -> list[tuple[str, str]]:
     return found
 
 
-def _inflated(block: bytes, size: int) -> bytes:
-    """Decompresses a ZIP block."""
-    differences = np.frombuffer(zlib.decompress(block), dtype=np.uint8).copy()
+def _expanded(block: bytes) -> bytes:
+    """Expands run lengths: a count below 0 precedes that many bytes, another one a byte that occurs once more than it."""
+    parts, at = [], 0
+    while at < len(block):
+        count = block[at] - 256 if block[at] > 127 else block[at]
+        if count < 0:
+            parts.append(block[at + 1 : at + 1 - count])
+            at += 1 - count
+        else:
+            parts.append(block[at + 1 : at + 2] * (count + 1))
+            at += 2
+    return b"".join(parts)
+
+
+def _decompressed(block: bytes, compression: int, size: int) -> bytes:
+    """Decompresses a block."""
+    expanded = _expanded(block) if compression == _RUN_LENGTHS else zlib.decompress(block)
+    differences = np.frombuffer(expanded, dtype=np.uint8).copy()
     if differences.size != size:
         raise ValueError("the OpenEXR file is damaged: a block has another size than its rows")
     differences[1:] -= 128
@@ -94,7 +110,7 @@ def _channels(data: bytes) -> dict[str, npt.NDArray[np.float32]]:
     width, height = right - left + 1, bottom - top + 1
     compression = attributes["compression"][0]
     if compression not in _ROWS_OF_BLOCK:
-        raise ValueError(f"OpenEXR files of compression {compression} are not supported: must be none, ZIPS or ZIP")
+        raise ValueError(f"OpenEXR files of compression {compression} are not supported: must be none, RLE, ZIPS or ZIP")
     rows_of_block = _ROWS_OF_BLOCK[compression]
     listed = _channel_list(attributes["channels"])
     if width < 1 or height < 1 or not listed:
@@ -112,7 +128,7 @@ def _channels(data: bytes) -> dict[str, npt.NDArray[np.float32]]:
             raise ValueError("the OpenEXR file is damaged: a block lies outside")
         whole = count * row.itemsize
         if compression != 0 and size != whole:
-            block = _inflated(block, whole)
+            block = _decompressed(block, compression, whole)
         if len(block) != whole:
             raise ValueError("the OpenEXR file is damaged: a block has another size than its rows")
         rows = np.frombuffer(block, dtype=row)
