@@ -286,7 +286,7 @@ fn excuses(sources: &Path, stems: &[String], label: &str) -> Vec<(String, String
 }
 
 /// Stems that have neither a counterpart among `others` nor an excuse, and unnecessary excuses. A counterpart has the
-/// same path, is below it, or continues the name of the file (`map_gather` for `map`).
+/// same path, is below it, or continues the name of the file (`map_level` for `map`).
 fn without_counterpart(stems: &[String], others: &[String], excuses: &[(String, String)], kind: &str) -> Vec<String> {
     let has = |stem: &str| {
         others.iter().any(|other| {

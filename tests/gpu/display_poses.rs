@@ -148,15 +148,15 @@ fn views() -> [(&'static str, Rig); 3] {
     ]
 }
 
-/// Directions of the brightest stars as seen from the barycentre.
-fn brightest(stars: &StarSet) -> Vec<DVec3> {
+/// Directions of stars as seen from the barycentre, the brightest first.
+pub fn by_brightness(stars: &StarSet) -> Vec<DVec3> {
     let lights = stars.iter().map(|(place_pc, at_infinity, star)| {
         let distance_squared = if at_infinity { 1.0 } else { place_pc.length_squared() };
         (star.illuminance_at_1_pc_lx() / distance_squared, place_pc.normalize())
     });
     let mut lights: Vec<(f64, DVec3)> = lights.collect();
     lights.sort_by(|a, b| b.0.total_cmp(&a.0));
-    lights.into_iter().take(BRIGHTEST).map(|(_, direction)| direction).collect()
+    lights.into_iter().map(|(_, direction)| direction).collect()
 }
 
 fn draw(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, settings: &RenderSettings, output: Output) -> Frame {
@@ -171,7 +171,8 @@ fn measure(count: u32, check: impl Fn(f64, &str, &mut Found)) {
     for ev100 in [-5.4, -8.5] {
         let exposure = format!("exposure={{ mode = \"manual\", ev100 = {ev100} }}");
         let (mut scene, _, settings) = configured("dome.toml", &[galaxy, &exposure]);
-        let brightest = brightest(&scene.stars);
+        let mut brightest = by_brightness(&scene.stars);
+        brightest.truncate(BRIGHTEST);
         for (name, rig) in views() {
             let mut found = Found::default();
             for pose in poses(count) {

@@ -3,11 +3,15 @@
 use glam::DVec3;
 use steradian::{
     output::Encoding,
+    photometry::rec709::luminance,
     plan::budget::ErrorBudget,
     render::{Frame, FrameRequest, Renderer, Wanted},
 };
 
-use crate::common::{configured, renderer};
+use crate::{
+    common::{configured, renderer},
+    display_poses::by_brightness,
+};
 
 /// Relative error of a pixel's light, and error that any pixel may have, cd/m^2.
 const RELATIVE: f64 = 0.01;
@@ -31,8 +35,8 @@ fn errors([exact, drawn]: &[Frame; 2], image: usize) -> [f64; 2] {
         .zip(drawn)
         .filter(|(exact, _)| exact[3] > 0.0)
         .flat_map(|(exact, drawn)| {
-            let luminance = 0.2126 * exact[0] + 0.7152 * exact[1] + 0.0722 * exact[2];
-            let allowed = (RELATIVE * f64::from(luminance)).max(FLOOR_CD_M2);
+            let [red, green, blue] = [0, 1, 2].map(|channel| f64::from(exact[channel]));
+            let allowed = (RELATIVE * luminance([red, green, blue])).max(FLOOR_CD_M2);
             [0, 1, 2].map(|c| f64::from((drawn[c] - exact[c]).abs()) / allowed)
         })
         .collect();
@@ -112,20 +116,13 @@ fn worst_light(renderer: &mut Renderer, set: &[&str]) -> f64 {
     let (scene, rig, _) = configured("perspective.toml", set);
     let viewport = &rig.viewports(scene.camera.world_from_camera)[0];
     let mapping = viewport.projection.mapping();
-    let lights = scene.stars.iter().map(|(place_pc, at_infinity, star)| {
-        let squared = if at_infinity { 1.0 } else { place_pc.length_squared() };
-        (star.illuminance_at_1_pc_lx() / squared, place_pc.normalize())
-    });
-    let mut stars: Vec<(f64, DVec3)> = lights.collect();
-    stars.sort_by(|a, b| b.0.total_cmp(&a.0));
     let [width, height] = mapping.size().map(i64::from);
     let pixel_of = |direction: DVec3| {
         let pixel = mapping.pixel_from_direction(viewport.world_from_view.inverse() * direction)?;
         let (x, y) = (pixel.x.floor() as i64, pixel.y.floor() as i64);
         ((4..width - 4).contains(&x) && (4..height - 4).contains(&y)).then_some((x, y))
     };
-    let brightest: Vec<(i64, i64)> =
-        stars.into_iter().filter_map(|(_, direction)| pixel_of(direction)).take(STARS).collect();
+    let brightest: Vec<(i64, i64)> = by_brightness(&scene.stars).into_iter().filter_map(pixel_of).take(STARS).collect();
     assert_eq!(brightest.len(), STARS);
     let [exact, drawn] = [0, 1].map(|frame: usize| frames[frame].images[0].hdr.as_ref().unwrap());
     let errors = brightest.into_iter().map(|(x, y)| {

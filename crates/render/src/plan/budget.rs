@@ -117,7 +117,7 @@ pub fn draws_outputs_apart(settings: &RenderSettings, objects: &SceneObjects, vi
     may_have_veil_in_sums(settings, objects, viewports) || may_read_map_alone(settings, objects, viewports)
 }
 
-/// Whether some images have a budget: if stars are summed in fixed point and there are no asteroid fields.
+/// Whether any output has a budget. That needs stars that are summed in fixed point, and no asteroid fields.
 fn has_budget(settings: &RenderSettings, objects: &SceneObjects) -> bool {
     (settings.accuracy.display_codes > 0.0 || settings.accuracy.hdr > 0.0)
         && settings.stars.method.accumulator() == Accumulator::FixedPoint

@@ -320,12 +320,8 @@ impl Targets {
             .zip(&mut self.batch_buffers)
             .zip(tiles)
             .map(|((batch, buffers), encoded_tiles)| {
-                let made_of_batch = batch.tiles.iter().fold(Wanted::default(), |all, tile| Wanted {
-                    display: all.display || made[tile.viewport].display,
-                    hdr: all.hdr || made[tile.viewport].hdr,
-                    hdr_streamed: false,
-                    hdr_stays: all.hdr_stays || made[tile.viewport].hdr_stays,
-                });
+                let mut made_of_batch = Wanted::default();
+                batch.tiles.iter().for_each(|tile| made_of_batch |= made[tile.viewport]);
                 let bytes = batch.pixels * BYTES_PER_PIXEL;
                 let bright_high_bytes = (bytes / 2).next_multiple_of(BINDING_ALIGNMENT);
                 let bright = plan

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use crate::catalogue::chunks::StarSet;
 use crate::catalogue::deep::{
-    DeepError, DeepStore, is_deep_store,
+    BRIGHT_FILE, DeepError, DeepStore, is_deep_store,
     slice::{Selection, each_leaf_star},
 };
 use crate::catalogue::diffuse::DiffuseSky;
@@ -50,16 +50,17 @@ impl StarSource {
         match self {
             Self::Bright | Self::BrightVariable => true,
             // A file that cannot be read is reported when it is loaded.
-            Self::File(path) if is_deep_store(path) => {
-                DeepStore::open(path).and_then(|store| store.bright()).is_ok_and(|bright| !bright.velocities.is_empty())
-            }
-            Self::File(path) if is_store(path).unwrap_or(false) => {
-                store::read_header(path).is_ok_and(|header| header.velocities > 0)
-            }
+            Self::File(path) if is_deep_store(path) => has_velocities(&path.join(BRIGHT_FILE)),
+            Self::File(path) if is_store(path).unwrap_or(false) => has_velocities(path),
             Self::File(_) => true,
             Self::Galaxy(_) | Self::Light(_) => false,
         }
     }
+}
+
+/// Whether a store in one file has stars that move, by its header.
+fn has_velocities(path: &Path) -> bool {
+    store::read_header(path).is_ok_and(|header| header.velocities > 0)
 }
 
 impl fmt::Display for StarSource {
@@ -338,7 +339,7 @@ fn read_deep(path: &Path, years: f64) -> Result<Read, LoadError> {
     }
     let bright = store.bright()?;
     let mut all = bright.records(years);
-    all.reserve_exact(stars as usize - all.len().min(stars as usize));
+    all.reserve_exact((stars as usize).saturating_sub(all.len()));
     let mut add = |star| {
         all.push(star);
         Ok(())

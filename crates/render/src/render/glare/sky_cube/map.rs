@@ -172,11 +172,12 @@ fn points_buffer(gpu: &Gpu, label: &str, points: u32) -> wgpu::Buffer {
 
 impl MapPasses {
     pub(super) fn new(gpu: &Gpu) -> Self {
-        let pipeline = |name| gpu.compute_pipeline(&Shader::new(name).source());
+        let level =
+            |source| gpu.compute_pipeline(&Shader::new("glare/sky_cube/map_level").with("source", source).source());
         Self {
-            gather: pipeline("glare/sky_cube/map_gather"),
-            bumps: pipeline("glare/sky_cube/map_bumps"),
-            sharpen: pipeline("glare/sky_cube/map_sharpen"),
+            gather: level("glare/sky_cube/map_kernel"),
+            bumps: level("glare/sky_cube/map_bump"),
+            sharpen: gpu.compute_pipeline(&Shader::new("glare/sky_cube/map_sharpen").source()),
             nothing: gpu::storage_buffer(gpu, "nothing", &[[0.0_f32; 4]]),
         }
     }
