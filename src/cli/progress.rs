@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
-use crate::catalogue::deep::build::BuildStep;
+use crate::catalogue::deep::build::{BuildStep, OnStep};
 use crate::render::PrepareStep;
 use crate::scene::loader::LoadStep;
 use crate::service::StartProgress;
@@ -158,14 +158,19 @@ pub struct BuildProgress {
 }
 
 impl BuildProgress {
-    /// Starts the progress.
-    pub fn new() -> Self {
+    /// Shows the progress of `work`, which reports its steps.
+    pub fn during<T>(work: impl FnOnce(&mut OnStep<'_>) -> T) -> T {
         let bar = bar_like("{spinner} {wide_bar} {percent}% {msg} [{elapsed}]");
-        Self { bar, work: None, last_line: Instant::now() }
+        let mut progress = Self { bar, work: None, last_line: Instant::now() };
+        let result = work(&mut |step| progress.step(step));
+        if let Some(bar) = progress.bar {
+            bar.finish_and_clear();
+        }
+        result
     }
 
     /// Reports a step: on a terminal at once, otherwise a line every five seconds and at the start of each part.
-    pub fn step(&mut self, BuildStep { work, done, total }: BuildStep) {
+    fn step(&mut self, BuildStep { work, done, total }: BuildStep) {
         let is_new = self.work.is_none_or(|(current, ..)| current != work);
         if is_new {
             self.work = Some((work, Instant::now(), done));
@@ -182,13 +187,6 @@ impl BuildProgress {
         } else if is_new || self.last_line.elapsed() >= FILM_LINES {
             self.last_line = Instant::now();
             tracing::info!("{work}: {done} of {total}{left}");
-        }
-    }
-
-    /// Ends the progress.
-    pub fn finish(self) {
-        if let Some(bar) = self.bar {
-            bar.finish_and_clear();
         }
     }
 }

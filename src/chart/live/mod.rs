@@ -144,15 +144,13 @@ pub(super) fn run(
         }
     }
     // Measure in turns; each round begins with another daemon. Every daemon has at least one round.
-    let mut rounds = 0;
-    while rounds < extent.rounds {
-        step(format!("round {}", rounds + 1));
-        if rounds == 0 || !budget.is_over() {
-            let first = rounds % runs.len().max(1);
+    for round in 0..extent.rounds {
+        step(format!("round {}", round + 1));
+        if round == 0 || !budget.is_over() {
+            let first = round % runs.len().max(1);
             let (before, from_first) = runs.split_at_mut(first);
-            from_first.iter_mut().chain(before).for_each(|run| run.measure(rounds, extent.round));
+            from_first.iter_mut().chain(before).for_each(|run| run.measure(round, extent.round));
         }
-        rounds += 1;
     }
     // End the daemons, so that they take no memory while errors are measured.
     runs.iter_mut().for_each(|run| run.daemon = None);

@@ -27,9 +27,7 @@ pub fn import(sources: &[StarSource], out: &Path, memory_bytes: u64) -> Result<(
             _ => ImportSource::Bright,
         })
         .collect();
-    let mut progress = BuildProgress::new();
-    let imported = import::import(&sources, options(out, memory_bytes), &mut |step| progress.step(step));
-    progress.finish();
+    let imported = BuildProgress::during(|on_step| import::import(&sources, options(out, memory_bytes), on_step));
     let ImportReport { build, catalogues } = imported.map_err(write_error)?;
     for catalogue in &catalogues {
         results::line(catalogue)?;
@@ -39,18 +37,15 @@ pub fn import(sources: &[StarSource], out: &Path, memory_bytes: u64) -> Result<(
 
 /// Makes a synthetic galaxy.
 pub fn synth(parameters: &GalaxyParameters, out: &Path, memory_bytes: u64) -> Result<(), CliError> {
-    let mut progress = BuildProgress::new();
-    let made = synth::synthesise(parameters, options(out, memory_bytes), &mut |step| progress.step(step));
-    progress.finish();
+    let made = BuildProgress::during(|on_step| synth::synthesise(parameters, options(out, memory_bytes), on_step));
     report(out, &made.map_err(write_error)?)
 }
 
 /// Writes a part of a store as another one.
 pub fn slice(path: &Path, selection: &Selection, out: &Path, memory_bytes: u64) -> Result<(), CliError> {
     let store = open(path)?;
-    let mut progress = BuildProgress::new();
-    let made = deep::slice::slice(&store, selection, options(out, memory_bytes), &mut |step| progress.step(step));
-    progress.finish();
+    let options = options(out, memory_bytes);
+    let made = BuildProgress::during(|on_step| deep::slice::slice(&store, selection, options, on_step));
     let made = made.map_err(|error| match error {
         DeepError::NoStars { .. } => {
             CliError::Usage(format!("{} has no star of these: {}", path.display(), selection.describe()))
@@ -63,18 +58,14 @@ pub fn slice(path: &Path, selection: &Selection, out: &Path, memory_bytes: u64) 
 /// Writes the stars of a store as a table.
 pub fn export(path: &Path, selection: &Selection, out: &Path) -> Result<(), CliError> {
     let store = open(path)?;
-    let mut progress = BuildProgress::new();
-    let rows = export::export(Rows::Deep(&store), selection, out, &mut |step| progress.step(step));
-    progress.finish();
+    let rows = BuildProgress::during(|on_step| export::export(Rows::Deep(&store), selection, out, on_step));
     results::line(format!("wrote {}: {} stars", out.display(), rows.map_err(CliError::Deep)?))
 }
 
 /// Checks a store.
 pub fn check(path: &Path, light: bool) -> Result<(), CliError> {
     let store = open(path)?;
-    let mut progress = BuildProgress::new();
-    let checked = deep::check::check(&store, light, &mut |step| progress.step(step));
-    progress.finish();
+    let checked = BuildProgress::during(|on_step| deep::check::check(&store, light, on_step));
     let checked = checked.map_err(CliError::Deep)?;
     results::line(format!(
         "{}: {} stars in {} leaves and in bright, {} composite stars in {} tiles: all checksums are right",

@@ -4,7 +4,7 @@ mod deep;
 mod ranges;
 mod single;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
@@ -13,7 +13,6 @@ use super::CliError;
 use crate::cache;
 use crate::catalogue::bright;
 use crate::catalogue::deep::build::DEFAULT_MEMORY;
-use crate::catalogue::deep::is_deep_store;
 use crate::catalogue::deep::slice::Selection;
 use crate::catalogue::galaxy::{GalaxyParameters, MOST_STARS, stream::MOST_STREAMED};
 use crate::scene::loader::StarSource;
@@ -158,7 +157,7 @@ fn star_count(text: &str) -> Result<usize, String> {
     }
 }
 
-/// Runs the command.
+/// Runs the command. Any folder is meant as a deep store, so that one without an index is reported as such.
 pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
     match arguments.command {
         CatalogueCommand::Import { files, output } => {
@@ -181,11 +180,11 @@ pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
                 None => single::write(&[StarSource::Galaxy(parameters)], &output.out),
             }
         }
-        CatalogueCommand::Info { store } if is_deep(&store) => deep::info(&store),
+        CatalogueCommand::Info { store } if store.is_dir() => deep::info(&store),
         CatalogueCommand::Info { store } => single::info(&store),
-        CatalogueCommand::Check { store, light } if is_deep(&store) => deep::check(&store, light),
+        CatalogueCommand::Check { store, light } if store.is_dir() => deep::check(&store, light),
         CatalogueCommand::Check { store, light } => single::check(&store, light),
-        CatalogueCommand::Slice { store, part, output } if is_deep(&store) => {
+        CatalogueCommand::Slice { store, part, output } if store.is_dir() => {
             deep::slice(&store, &part.selection(), &output.out, output.memory.unwrap_or(DEFAULT_MEMORY))
         }
         CatalogueCommand::Slice { store, part, output } => match output.deep_memory() {
@@ -195,16 +194,11 @@ pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
             ))),
             None => single::slice(&store, &part.selection(), &output.out),
         },
-        CatalogueCommand::Export { store, part, out } if is_deep(&store) => {
+        CatalogueCommand::Export { store, part, out } if store.is_dir() => {
             deep::export(&store, &part.selection(), &out)
         }
         CatalogueCommand::Export { store, part, out } => single::export(&store, &part.selection(), &out),
     }
-}
-
-/// Whether a path is meant as a deep store: any folder, so that one without an index is reported as such.
-fn is_deep(path: &Path) -> bool {
-    is_deep_store(path) || path.is_dir()
 }
 
 fn source_of(file: PathBuf) -> StarSource {

@@ -4,8 +4,6 @@ use std::path::Path;
 
 use crate::catalogue::deep::export::{self, Rows};
 use crate::catalogue::deep::slice::Selection;
-use crate::catalogue::motion::StarVelocity;
-use crate::catalogue::names::NamesOfStar;
 use crate::catalogue::packed::PackedStar;
 use crate::catalogue::reader::NAMED_STARS_KEPT;
 use crate::catalogue::store::{self, Store};
@@ -74,27 +72,16 @@ pub fn check(path: &Path, light: bool) -> Result<(), CliError> {
 pub fn slice(path: &Path, selection: &Selection, out: &Path) -> Result<(), CliError> {
     let whole = store::read(path).map_err(CliError::ReadStore)?;
     let records = whole.records(0.0);
-    let mut next = 0;
-    let places: Vec<Option<u32>> = records
-        .iter()
-        .map(|star| {
-            let is_kept = selection.contains(star);
-            next += u32::from(is_kept);
-            is_kept.then(|| next - 1)
-        })
-        .collect();
-    let place = |star: u32| places[star as usize];
-    let velocities =
-        whole.velocities.iter().filter_map(|v| Some(StarVelocity { star: place(v.star)?, ..*v })).collect();
-    let names = whole.names.into_iter().filter_map(|of| Some(NamesOfStar { star: place(of.star)?, ..of })).collect();
-    let records: Vec<_> = records.into_iter().filter(|star| selection.contains(star)).collect();
+    let keep: Vec<bool> = records.iter().map(|star| selection.contains(star)).collect();
+    let (velocities, names) = store::kept(&keep, &whole.velocities, whole.names);
+    let records: Vec<_> = records.into_iter().zip(&keep).filter(|(_, keep)| **keep).map(|(star, _)| star).collect();
     if records.is_empty() {
         return Err(CliError::Usage(format!("{} has no star of these: {}", path.display(), selection.describe())));
     }
     let stars = records.len();
     let description = format!("{}\npart: {}", whole.description, selection.describe());
     store::write(out, &Store::from_records(description, records, velocities, names)).map_err(CliError::WriteStore)?;
-    results::line(format!("wrote {}: {stars} of {} stars", out.display(), places.len()))
+    results::line(format!("wrote {}: {stars} of {} stars", out.display(), keep.len()))
 }
 
 /// Writes the stars of a store as a table.

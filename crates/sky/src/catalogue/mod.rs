@@ -34,11 +34,16 @@ pub struct StarRecord {
     pub distance_known: bool,
 }
 
+/// Apparent minus absolute magnitude of a star at a distance, without extinction.
+pub fn distance_modulus(distance_pc: f64) -> f64 {
+    5.0 * (distance_pc / 10.0).log10()
+}
+
 impl StarRecord {
     /// Apparent V magnitude as seen from the Solar-System barycentre.
     pub fn apparent_magnitude(&self) -> f64 {
         if self.distance_known {
-            f64::from(self.magnitude) + 5.0 * (self.position.length() / 10.0).log10()
+            f64::from(self.magnitude) + distance_modulus(self.position.length())
         } else {
             f64::from(self.magnitude)
         }

@@ -10,7 +10,7 @@ use crate::units::ARCSECOND_RAD;
 const KM_S_PER_AU_A: f64 = 4.740_470_446_352;
 
 /// One parsec a Julian year in km/s.
-pub(super) const KM_S_PER_PC_A: f64 = KM_S_PER_AU_A / ARCSECOND_RAD;
+const KM_S_PER_PC_A: f64 = KM_S_PER_AU_A / ARCSECOND_RAD;
 
 /// A star's motion, in the units of catalogues.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -40,12 +40,32 @@ impl StarVelocity {
     }
 }
 
+/// Returns a function that gives the velocity of a star by its index. Velocities must be in the order of the stars, and the function must be called for
+/// every index in turn.
+pub fn velocity_by_star(velocities: &[StarVelocity]) -> impl FnMut(usize) -> Option<[f32; 3]> {
+    let mut rest = velocities.iter().peekable();
+    move |index| rest.next_if(|velocity| velocity.star as usize == index).map(|velocity| velocity.velocity)
+}
+
+/// Unit vectors to the east and to the north of a direction.
+fn east_and_north(direction: DVec3) -> [DVec3; 2] {
+    let east = DVec3::new(-direction.y, direction.x, 0.0).try_normalize().unwrap_or(DVec3::Y);
+    [east, direction.cross(east)]
+}
+
 impl StarMotion {
+    /// Inverse of [`Self::velocity`]; the radial velocity of a star without a distance is 0.
+    pub fn from_velocity(velocity: DVec3, direction: DVec3, distance_pc: Option<f64>) -> Self {
+        let [pm_ra_arcsec, pm_dec_arcsec] =
+            east_and_north(direction).map(|axis| velocity.dot(axis) / distance_pc.unwrap_or(1.0) / ARCSECOND_RAD);
+        let radial_velocity_km_s = distance_pc.map_or(0.0, |_| velocity.dot(direction) * KM_S_PER_PC_A);
+        Self { pm_ra_arcsec, pm_dec_arcsec, radial_velocity_km_s }
+    }
+
     /// Velocity of the star's position, pc a Julian year; without a distance, of the end of the unit vector, radians a Julian year. It is
     /// constant, because stars move along straight lines.
     pub fn velocity(&self, direction: DVec3, distance_pc: Option<f64>) -> DVec3 {
-        let east = DVec3::new(-direction.y, direction.x, 0.0).try_normalize().unwrap_or(DVec3::Y);
-        let north = direction.cross(east);
+        let [east, north] = east_and_north(direction);
         let turning = (east * self.pm_ra_arcsec + north * self.pm_dec_arcsec) * ARCSECOND_RAD;
         let Some(distance_pc) = distance_pc else { return turning };
         turning * distance_pc + direction * (self.radial_velocity_km_s / KM_S_PER_AU_A * ARCSECOND_RAD)
@@ -75,6 +95,17 @@ mod tests {
         let away = StarMotion { radial_velocity_km_s: KM_S_PER_AU_A, ..StarMotion::default() };
         let moved_pc = away.after(start, Some(2.0), 100.0).length() - 2.0;
         assert!((moved_pc / (100.0 * ARCSECOND_RAD) - 1.0).abs() < 1e-9, "{moved_pc}");
+        // A motion comes back from its velocity.
+        let motion = StarMotion { radial_velocity_km_s: 30.0, ..motion };
+        for (distance_pc, radial_velocity_km_s) in [(Some(7.0), 30.0), (None, 0.0)] {
+            let found = StarMotion::from_velocity(motion.velocity(start, distance_pc), start, distance_pc);
+            let off = [
+                found.pm_ra_arcsec - motion.pm_ra_arcsec,
+                found.pm_dec_arcsec - motion.pm_dec_arcsec,
+                found.radial_velocity_km_s - radial_velocity_km_s,
+            ];
+            assert!(off.iter().all(|off| off.abs() < 1e-9), "{found:?}");
+        }
         // East is defined at a pole too.
         assert!(motion.after(DVec3::Z, Some(1.0), 1.0).is_finite());
     }

@@ -193,6 +193,26 @@ impl Store {
     }
 }
 
+/// Velocities and names of the stars for which `keep` is true. Their indices are those among the stars that are kept.
+pub fn kept(
+    keep: &[bool],
+    velocities: &[StarVelocity],
+    names: Vec<NamesOfStar>,
+) -> (Vec<StarVelocity>, Vec<NamesOfStar>) {
+    let mut next = 0;
+    let places: Vec<Option<u32>> = keep
+        .iter()
+        .map(|keep| {
+            next += u32::from(*keep);
+            keep.then(|| next - 1)
+        })
+        .collect();
+    let place = |star: u32| places[star as usize];
+    let velocities = velocities.iter().filter_map(|v| Some(StarVelocity { star: place(v.star)?, ..*v })).collect();
+    let names = names.into_iter().filter_map(|of| Some(NamesOfStar { star: place(of.star)?, ..of })).collect();
+    (velocities, names)
+}
+
 /// Names as lines of text; tabs and line breaks in names become blanks.
 fn lines_of_names(names: &[NamesOfStar]) -> Vec<u8> {
     let mut text = String::new();

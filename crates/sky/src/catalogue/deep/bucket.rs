@@ -161,7 +161,7 @@ impl BucketSums {
     pub fn new(leaves: &BucketLeaves) -> Self {
         let mut light = [[[0.0; 3]; 4]; LAYERS.len()];
         let mut planes: Vec<Vec<CellSum>> = vec![Vec::new(); PLANES.len()];
-        // From the faintest layer on: a plane has the light of its own layer and of all fainter ones.
+        // Begin with the faintest layer: a plane has the light of its own layer and of all fainter ones.
         let mut fainter: Vec<CellSum> = Vec::new();
         for layer in (0..LAYERS.len()).rev() {
             let mut cells = coarser(&fainter);

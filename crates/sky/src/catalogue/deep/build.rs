@@ -10,6 +10,7 @@
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
@@ -41,6 +42,8 @@ const BYTES_PER_BUCKET: u64 = 9 << 20;
 const BYTES_PER_BRIGHT_STAR: u64 = 140;
 /// Memory for the program and the tables of the store.
 const BASE_MEMORY: u64 = 48 << 20;
+/// Time between checkpoints.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(10);
 /// Largest number of buckets that are encoded at a time.
 const MOST_AT_ONCE: u64 = 64;
 
@@ -130,6 +133,8 @@ pub struct Build {
     state: State,
     spill: Spill,
     bright: BrightStars,
+    /// When the state was saved or read.
+    saved: Instant,
 }
 
 /// Folder of the stars between the passes, in the folder of the work.
@@ -181,14 +186,15 @@ impl Build {
             Some(state) => state,
             None => State::new(&options.job),
         };
-        let spill = if state.is_read { None } else { Some(&state.spill) };
-        let spill = match spill {
-            Some(state) => Spill::open(folder.join(CELLS), Some(state), options.memory_bytes / 4)?,
-            // The second pass reads the files only.
-            None => Spill::without_files(folder.join(CELLS)),
+        let cells = folder.join(CELLS);
+        let (spill, bright) = if state.is_read {
+            // The second pass only reads the files.
+            (Spill::without_files(cells), BrightStars::default())
+        } else {
+            let spill = Spill::open(cells, &state.spill, options.memory_bytes / 4)?;
+            (spill, BrightStars::read(&folder, state.bright)?)
         };
-        let bright = if state.is_read { BrightStars::default() } else { BrightStars::read(&folder, state.bright)? };
-        Ok(Self { options, folder, _lock: lock, state, spill, bright })
+        Ok(Self { options, folder, _lock: lock, state, spill, bright, saved: Instant::now() })
     }
 
     /// Number of inputs that are finished.
@@ -257,13 +263,20 @@ impl Build {
         self.spill.push(place.cell(BUCKET_ORDER), star)
     }
 
+    /// Whether the last checkpoint is so old that it is time for another one.
+    pub fn is_checkpoint_due(&self) -> bool {
+        self.saved.elapsed() > CHECKPOINT_EVERY
+    }
+
     /// Saves the state after the first `steps` inputs.
     pub fn checkpoint(&mut self, steps: usize, source: String) -> Result<(), DeepError> {
         self.state.spill = self.spill.flush()?;
         self.state.bright = self.bright.save(&self.folder)?;
         self.state.steps = steps;
         self.state.source = source;
-        self.state.write(&self.folder)
+        self.state.write(&self.folder)?;
+        self.saved = Instant::now();
+        Ok(())
     }
 
     /// Writes the store after all inputs; `limit`: see [`Limit`].
@@ -280,7 +293,7 @@ impl Build {
             self.state.is_read = true;
             self.checkpoint(self.state.steps, self.state.source.clone())?;
         }
-        let Self { options, folder, _lock, state, spill, bright } = self;
+        let Self { options, folder, _lock, state, spill, bright, .. } = self;
         drop((spill, bright));
         let bright = ready_bright(&folder, &state, limit)?;
         let writer =

@@ -244,7 +244,7 @@ mod tests {
             let light = cells.iter().fold([0.0; 3], |sum, cell| [0, 1, 2].map(|i| sum[i] + cell.light_lx[i]));
             for channel in 0..3 {
                 assert!((exact[channel] / light[channel] - 1.0).abs() < 1e-12);
-                // What is left is that of the last few cells.
+                // The difference is the remainder of the last few cells.
                 let error = found[channel] / exact[channel] - 1.0;
                 assert!(error.abs() < 0.02 / cells.len() as f64, "{} cells: {error:e}", cells.len());
             }

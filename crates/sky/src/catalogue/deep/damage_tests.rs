@@ -104,7 +104,7 @@ fn every_copy_is_reported(count: u32) {
         let is_named =
             names.iter().any(|name| message.contains(name.as_str())) || message.contains("not a deep star store");
         assert!(is_named, "{names:?}: {message}");
-        // What can be read is what was written.
+        // Every part that can be read equals the written one.
         if let Ok(store) = &opened {
             for (layer, cell, words) in parts.leaves.iter().step_by(7) {
                 assert!(

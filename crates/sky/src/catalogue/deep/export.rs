@@ -1,7 +1,6 @@
 //! Exports deep stores and stores in one file as CSV or Parquet, with the columns of a plain table that the readers read.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -14,7 +13,7 @@ use parquet::schema::parser::parse_message_type;
 use tempfile::NamedTempFile;
 
 use super::super::StarRecord;
-use super::super::motion::KM_S_PER_PC_A;
+use super::super::motion::StarMotion;
 use super::super::store::Store;
 use super::DeepStore;
 use super::build::{NewStar, OnStep};
@@ -22,11 +21,20 @@ use super::error::DeepError;
 use super::slice::{Selection, each_bright_star, each_star};
 use crate::coordinates::lon_lat_from_direction;
 use crate::files;
-use crate::units::ARCSECOND_RAD;
 
 /// Columns of an export.
-const HEADER: &str =
-    "ra_deg,dec_deg,v_mag,teff_k,distance_pc,pm_ra_mas_yr,pm_dec_mas_yr,radial_velocity_km_s,ref_epoch,name";
+const COLUMNS: [&str; 10] = [
+    "ra_deg",
+    "dec_deg",
+    "v_mag",
+    "teff_k",
+    "distance_pc",
+    "pm_ra_mas_yr",
+    "pm_dec_mas_yr",
+    "radial_velocity_km_s",
+    "ref_epoch",
+    "name",
+];
 
 /// Rows of a group of a Parquet file.
 const ROWS_PER_GROUP: usize = 1 << 18;
@@ -49,14 +57,11 @@ impl Row {
     fn new(star: &StarRecord, about: &NewStar, ref_epoch: f64) -> Self {
         let (ra, dec) = lon_lat_from_direction(star.position);
         let distance = star.position.length();
-        let direction = star.position / distance;
+        let distance_pc = star.distance_known.then_some(distance);
         let motion = about.velocity.map(|velocity| {
             let velocity = glam::Vec3::from_array(velocity).as_dvec3();
-            let east = glam::DVec3::new(-direction.y, direction.x, 0.0).try_normalize().unwrap_or(glam::DVec3::Y);
-            let north = direction.cross(east);
-            let turning = [east, north].map(|axis| velocity.dot(axis) / distance / ARCSECOND_RAD * 1e3);
-            let radial = if star.distance_known { velocity.dot(direction) * KM_S_PER_PC_A } else { 0.0 };
-            [turning[0], turning[1], radial]
+            let motion = StarMotion::from_velocity(velocity, star.position / distance, distance_pc);
+            [1e3 * motion.pm_ra_arcsec, 1e3 * motion.pm_dec_arcsec, motion.radial_velocity_km_s]
         });
         let name = about.names.as_ref().map(|names| {
             if names.name.is_empty() {
@@ -70,28 +75,30 @@ impl Row {
             dec_deg: dec.to_degrees(),
             v_mag: star.apparent_magnitude(),
             teff_k: f64::from(star.temperature_k),
-            distance_pc: star.distance_known.then_some(distance),
+            distance_pc,
             motion,
             ref_epoch,
             name: name.unwrap_or_default(),
         }
     }
 
-    /// The row as a line of CSV; 0.04 mas, 0.0001 mag.
-    fn write_csv(&self, out: &mut impl Write) -> std::io::Result<()> {
-        write!(out, "{:.8},{:.8},{:.4},{:.0},", self.ra_deg, self.dec_deg, self.v_mag, self.teff_k)?;
-        match self.distance_pc {
-            Some(distance) => write!(out, "{},", distance as f32)?,
-            None => write!(out, ",")?,
-        }
-        match self.motion {
-            Some([ra, dec, radial]) => write!(out, "{ra:.4},{dec:.4},{radial:.3},")?,
-            None => write!(out, ",,,")?,
-        }
-        let name: String = self.name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-        let is_quoted = name.contains([',', '"']);
-        let name = if is_quoted { format!("\"{}\"", name.replace('"', "\"\"")) } else { name };
-        writeln!(out, "{},{name}", self.ref_epoch)
+    /// The fields of [`COLUMNS`]; 0.04 mas, 0.0001 mag.
+    fn fields(&self) -> [String; COLUMNS.len()] {
+        let [pm_ra, pm_dec, radial] = self.motion.map_or_else(Default::default, |[ra, dec, radial]| {
+            [format!("{ra:.4}"), format!("{dec:.4}"), format!("{radial:.3}")]
+        });
+        [
+            format!("{:.8}", self.ra_deg),
+            format!("{:.8}", self.dec_deg),
+            format!("{:.4}", self.v_mag),
+            format!("{:.0}", self.teff_k),
+            self.distance_pc.map_or_else(String::new, |distance| (distance as f32).to_string()),
+            pm_ra,
+            pm_dec,
+            radial,
+            self.ref_epoch.to_string(),
+            self.name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect(),
+        ]
     }
 }
 
@@ -104,7 +111,7 @@ enum Format {
 
 /// Where rows are written.
 enum Target {
-    Csv(BufWriter<NamedTempFile>),
+    Csv(csv::Writer<NamedTempFile>),
     Parquet { writer: SerializedFileWriter<File>, file: NamedTempFile, rows: Vec<Row> },
 }
 
@@ -118,8 +125,8 @@ impl Target {
     fn create(path: &Path, format: Format) -> Result<Self, DeepError> {
         let file = files::beside(path).map_err(DeepError::io(path))?;
         if format == Format::Csv {
-            let mut out = BufWriter::with_capacity(1 << 20, file);
-            writeln!(out, "{HEADER}").map_err(DeepError::io(path))?;
+            let mut out = csv::WriterBuilder::new().buffer_capacity(1 << 20).from_writer(file);
+            out.write_record(COLUMNS).map_err(|error| DeepError::io(path)(error.into()))?;
             return Ok(Self::Csv(out));
         }
         let failed = |error: ParquetError| parquet_error(path, &error);
@@ -133,7 +140,7 @@ impl Target {
 
     fn add(&mut self, path: &Path, row: Row) -> Result<(), DeepError> {
         match self {
-            Self::Csv(out) => row.write_csv(out).map_err(DeepError::io(path)),
+            Self::Csv(out) => out.write_record(row.fields()).map_err(|error| DeepError::io(path)(error.into())),
             Self::Parquet { writer, rows, .. } => {
                 rows.push(row);
                 if rows.len() < ROWS_PER_GROUP {
@@ -215,7 +222,7 @@ fn write_group(writer: &mut SerializedFileWriter<File>, rows: &[Row]) -> Result<
         }
         column.close()
     };
-    for index in 0..10 {
+    for index in 0..COLUMNS.len() {
         next(&mut group, index)?;
     }
     group.close()?;

@@ -44,21 +44,20 @@ pub fn files_of(folder: &Path) -> Result<Vec<PathBuf>, DeepError> {
         }
     }
     let (path, list) = text("partition_info.csv")?;
-    let mut rows = list.lines();
-    let head: Vec<&str> = rows.next().unwrap_or_default().split(',').map(str::trim).collect();
+    let mut table = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(list.as_bytes());
+    let damaged = |error: csv::Error| refuse(&path, error.to_string());
+    let head = table.headers().map_err(damaged)?.clone();
     let column = |name: &str| {
-        head.iter().position(|found| *found == name).ok_or_else(|| refuse(&path, format!("it has no column {name}")))
+        head.iter().position(|found| found == name).ok_or_else(|| refuse(&path, format!("it has no column {name}")))
     };
     let columns = [column("Norder")?, column("Npix")?];
     let mut found = Vec::new();
-    for (index, row) in rows.enumerate().filter(|(_, row)| !row.trim().is_empty()) {
-        let fields: Vec<&str> = row.split(',').map(str::trim).collect();
-        let [order, pixel] = columns.map(|column| fields.get(column).and_then(|field| field.parse::<u64>().ok()));
+    for row in table.records() {
+        let row = row.map_err(damaged)?;
+        let [order, pixel] = columns.map(|column| row.get(column).and_then(|field| field.parse::<u64>().ok()));
         let (Some(order @ 0..=29), Some(pixel)) = (order, pixel) else {
-            return Err(refuse(
-                &path,
-                format!("line {} has no cell; Norder must be 0 to 29, Npix a number", index + 2),
-            ));
+            let line = row.position().map_or(0, csv::Position::line);
+            return Err(refuse(&path, format!("line {line} has no cell; Norder must be 0 to 29, Npix a number")));
         };
         let directory = pixel / 10_000 * 10_000;
         let file = folder.join(format!("dataset/Norder={order}/Dir={directory}/Npix={pixel}.parquet"));

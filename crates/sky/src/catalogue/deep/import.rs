@@ -14,12 +14,12 @@
 use std::fmt;
 use std::path::PathBuf;
 use std::sync::mpsc::sync_channel;
-use std::time::{Duration, Instant, UNIX_EPOCH};
+use std::time::UNIX_EPOCH;
 
-use super::super::StarRecord;
-use super::super::bright;
+use super::super::motion::velocity_by_star;
 use super::super::reader::{CatalogueError, CatalogueRead, ReadReport, StreamedStar, stream_file};
 use super::super::store;
+use super::super::{StarRecord, bright, distance_modulus};
 use super::build::{Build, BuildOptions, BuildReport, BuildStep, NewStar, OnStep};
 use super::error::DeepError;
 use super::hats::{self, is_hats};
@@ -30,8 +30,6 @@ use crate::files;
 
 /// Batches that wait between readers and writer.
 const BATCHES: usize = 8;
-/// The state is saved after this time.
-const SAVE_EVERY: Duration = Duration::from_secs(10);
 
 /// A catalogue to import.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -102,23 +100,22 @@ pub fn import(
         "" => Vec::new(),
         text => serde_json::from_str(text).map_err(|_| {
             DeepError::damaged(
-                &options_path(sources),
+                &first_path(sources),
                 "the state of its import cannot be used; remove the unfinished store",
             )
         })?,
     };
     let total = sources.len() as u64;
-    let (mut saved, at_once) = (Instant::now(), rayon::current_num_threads());
+    let at_once = rayon::current_num_threads();
     while !build.is_read() && build.steps_done().max(lines.len()) < sources.len() {
         let first = lines.len();
         on_step(BuildStep { work: "reading catalogues", done: first as u64, total });
         let some = &sources[first..(first + at_once).min(sources.len())];
         lines.extend(read_some(some, &mut build)?);
-        if saved.elapsed() > SAVE_EVERY || lines.len() == sources.len() {
+        if build.is_checkpoint_due() || lines.len() == sources.len() {
             let source =
-                serde_json::to_string(&lines).map_err(|error| DeepError::io(&options_path(sources))(error.into()))?;
+                serde_json::to_string(&lines).map_err(|error| DeepError::io(&first_path(sources))(error.into()))?;
             build.checkpoint(lines.len(), source)?;
-            saved = Instant::now();
         }
     }
     let description: Vec<&str> = lines.iter().filter_map(|of_file| of_file.first()).map(String::as_str).collect();
@@ -140,7 +137,8 @@ fn expanded(sources: &[ImportSource]) -> Result<Vec<ImportSource>, DeepError> {
     Ok(all)
 }
 
-fn options_path(sources: &[ImportSource]) -> PathBuf {
+/// Path of the first source, for errors that belong to no single one.
+fn first_path(sources: &[ImportSource]) -> PathBuf {
     match sources.first() {
         Some(ImportSource::File(path)) => path.clone(),
         _ => PathBuf::from(bright::NAME),
@@ -168,7 +166,7 @@ fn read_some(sources: &[ImportSource], build: &mut Build) -> Result<Vec<Vec<Stri
             .collect();
         drop(sender);
         let added = receiver.iter().flatten().try_for_each(|star| add(build, star));
-        // Readers end when nobody receives.
+        // Without a receiver the readers stop.
         drop(receiver);
         let reports: Vec<Result<ReadReport, CatalogueError>> = readers
             .into_iter()
@@ -202,9 +200,9 @@ fn add_whole(source: &ImportSource, build: &mut Build) -> Result<String, DeepErr
     match source {
         ImportSource::Bright => {
             let CatalogueRead { stars, velocities, .. } = bright::read(0.0);
-            let mut velocities = velocities.into_iter().peekable();
+            let mut velocity_of = velocity_by_star(&velocities);
             for (index, star) in stars.into_iter().enumerate() {
-                let velocity = velocities.next_if(|velocity| velocity.star as usize == index).map(|v| v.velocity);
+                let velocity = velocity_of(index);
                 build.add(star, NewStar { velocity, is_built_in: true, ..NewStar::default() })?;
                 count += 1;
             }
@@ -241,7 +239,7 @@ fn at_distance(star: StarRecord, velocity: Option<[f32; 3]>, distance_pc: f64) -
     let v_mag = star.apparent_magnitude();
     let moved = StarRecord {
         position: star.position * (distance_pc / before),
-        magnitude: (v_mag - 5.0 * (distance_pc / 10.0).log10()) as f32,
+        magnitude: (v_mag - distance_modulus(distance_pc)) as f32,
         distance_known: true,
         ..star
     };

@@ -9,10 +9,11 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::super::StarRecord;
-use super::super::motion::StarVelocity;
+use super::super::motion::{StarVelocity, velocity_by_star};
 use super::super::names::{NamesOfStar, StarNames};
+use super::super::store::kept;
 use super::error::DeepError;
-use super::spill::SpillState;
+use super::spill::{self, SpillState};
 use crate::files;
 
 /// Name of the state file.
@@ -71,7 +72,7 @@ impl State {
             job: job.to_owned(),
             steps: 0,
             is_read: false,
-            spill: vec![(0, 0); super::BUCKETS as usize],
+            spill: spill::empty(),
             bright: [0; 2],
             counts: Counts::default(),
             source: String::new(),
@@ -147,11 +148,11 @@ impl BrightStars {
     /// Appends the new stars to the files in a folder; returns [`State::bright`].
     pub fn save(&mut self, folder: &Path) -> Result<[u64; 2], DeepError> {
         let ([records, velocities, names], names_bytes) = self.saved;
-        let mut moving = self.velocities[velocities..].iter().peekable();
+        let mut velocity_of = velocity_by_star(&self.velocities[velocities..]);
         let mut bytes = Vec::new();
         for index in records..self.records.len() {
             let StarRecord { position, magnitude, temperature_k, distance_known } = self.records[index];
-            let velocity = moving.next_if(|velocity| velocity.star as usize == index).map(|velocity| velocity.velocity);
+            let velocity = velocity_of(index);
             let flags = u32::from(distance_known)
                 | u32::from(velocity.is_some()) << 1
                 | u32::from(self.is_built_in[index]) << 2;
@@ -216,23 +217,11 @@ impl BrightStars {
 
     /// Keeps the stars for which `keep` is true.
     pub fn retain(&mut self, keep: &[bool]) {
-        let mut next = 0;
-        let places: Vec<Option<u32>> = keep
-            .iter()
-            .map(|keep| {
-                next += u32::from(*keep);
-                keep.then(|| next - 1)
-            })
-            .collect();
-        let place = |star: u32| places[star as usize];
-        self.velocities =
-            self.velocities.iter().filter_map(|v| Some(StarVelocity { star: place(v.star)?, ..*v })).collect();
-        let names = std::mem::take(&mut self.names);
-        self.names = names.into_iter().filter_map(|of| Some(NamesOfStar { star: place(of.star)?, ..of })).collect();
-        let mut kept = keep.iter();
-        self.records.retain(|_| *kept.next().unwrap_or(&false));
-        let mut kept = keep.iter();
-        self.is_built_in.retain(|_| *kept.next().unwrap_or(&false));
+        (self.velocities, self.names) = kept(keep, &self.velocities, std::mem::take(&mut self.names));
+        let mut keeps = keep.iter();
+        self.records.retain(|_| *keeps.next().unwrap_or(&false));
+        let mut keeps = keep.iter();
+        self.is_built_in.retain(|_| *keeps.next().unwrap_or(&false));
     }
 }
 

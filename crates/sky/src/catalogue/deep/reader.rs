@@ -7,8 +7,8 @@ use std::sync::LazyLock;
 
 use glam::{DVec3, Vec3};
 
-use super::super::StarRecord;
 use super::super::store::{self, Store};
+use super::super::{StarRecord, distance_modulus};
 use super::cells::{CellFrame, cell_count};
 use super::error::DeepError;
 use super::index::{self, Index, Segments};
@@ -52,7 +52,7 @@ impl DeepStar {
     /// The star as readers return it.
     pub fn record(&self) -> StarRecord {
         let distance = self.distance_pc.unwrap_or(1.0);
-        let modulus = self.distance_pc.map_or(0.0, |distance| 5.0 * (distance / 10.0).log10());
+        let modulus = self.distance_pc.map_or(0.0, distance_modulus);
         StarRecord {
             position: self.direction * distance,
             magnitude: (self.v_mag() - modulus) as f32,

@@ -4,6 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::super::StarRecord;
+use super::super::motion::velocity_by_star;
 use super::super::store::Store;
 use super::build::{Build, BuildOptions, BuildReport, BuildStep, NewStar, OnStep};
 use super::cells::{CellFrame, cell_count};
@@ -113,10 +114,10 @@ pub fn each_leaf_star(
 /// # Errors
 /// `sink` fails.
 pub fn each_bright_star(store: &Store, selection: &Selection, sink: &mut StarSink<'_>) -> Result<(), DeepError> {
-    let mut velocities = store.velocities.iter().peekable();
+    let mut velocity_of = velocity_by_star(&store.velocities);
     let mut names = store.names.iter().peekable();
     for (index, star) in store.records(0.0).into_iter().enumerate() {
-        let velocity = velocities.next_if(|velocity| velocity.star as usize == index).map(|v| v.velocity);
+        let velocity = velocity_of(index);
         let names = names.next_if(|of| of.star as usize == index).map(|of| of.names.clone());
         if selection.contains(&star) {
             sink(star, 2000.0, NewStar { velocity, names, ..NewStar::default() })?;

@@ -15,6 +15,11 @@ use super::error::DeepError;
 /// Length and checksum of each file.
 pub type SpillState = Vec<(u64, u32)>;
 
+/// The state without stars.
+pub fn empty() -> SpillState {
+    vec![(0, 0); BUCKETS as usize]
+}
+
 /// Smallest block that is written at a time, bytes.
 const SMALLEST_BLOCK: u64 = 4 << 10;
 /// Largest block.
@@ -35,8 +40,8 @@ fn file_of(folder: &Path, bucket: u64) -> PathBuf {
 }
 
 impl Spill {
-    /// Creates the folder, or continues with it at a state. Buffers take at most `memory_bytes`, or 12 MiB if that is more.
-    pub fn open(folder: PathBuf, state: Option<&SpillState>, memory_bytes: u64) -> Result<Self, DeepError> {
+    /// Creates the folder, or continues with it, at a state. Buffers take at most `memory_bytes`, or 12 MiB if that is more.
+    pub fn open(folder: PathBuf, state: &SpillState, memory_bytes: u64) -> Result<Self, DeepError> {
         fs::create_dir_all(&folder).map_err(DeepError::io(&folder))?;
         let bytes = (memory_bytes / BUCKETS).clamp(SMALLEST_BLOCK, LARGEST_BLOCK);
         let mut spill = Self {
@@ -48,7 +53,7 @@ impl Spill {
         };
         for bucket in 0..BUCKETS {
             let path = file_of(&spill.folder, bucket);
-            let (length, crc32) = state.map_or((0, 0), |state| state[bucket as usize]);
+            let (length, crc32) = state[bucket as usize];
             if length == 0 {
                 if path.exists() {
                     fs::remove_file(&path).map_err(DeepError::io(&path))?;
@@ -150,13 +155,13 @@ mod tests {
     fn stars_come_back_and_a_continued_spill_forgets_what_followed_its_state() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("buckets");
-        let mut spill = Spill::open(path.clone(), None, 0).expect("a new folder");
+        let mut spill = Spill::open(path.clone(), &empty(), 0).expect("a new folder");
         (0..2000).try_for_each(|number| spill.push(u64::from(number % 3), star(number))).expect("pushed");
         let state = spill.flush().expect("flushed");
         (0..2000).try_for_each(|number| spill.push(5, star(number))).expect("pushed");
         (0..900).try_for_each(|number| spill.push(1, star(number))).expect("pushed");
         drop(spill);
-        let mut spill = Spill::open(path.clone(), Some(&state), 0).expect("continued");
+        let mut spill = Spill::open(path.clone(), &state, 0).expect("continued");
         assert_eq!(read(&path, &state, 1).expect("valid").len(), 667);
         spill.push(1, star(9999)).expect("pushed");
         let state = spill.flush().expect("flushed");

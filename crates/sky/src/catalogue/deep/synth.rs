@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;
-use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -17,8 +16,6 @@ use super::error::DeepError;
 const BLOCKS_AT_ONCE: usize = 8;
 /// Stars that a thread collects before it hands them over.
 const BATCH: usize = 1 << 14;
-/// The state is saved after this time.
-const SAVE_EVERY: Duration = Duration::from_secs(10);
 
 /// Numbers of stars by magnitude, from which the limit for the requested number follows.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -121,7 +118,6 @@ fn draw_round(
     let blocks = stream.blocks();
     let counted_from = stream.counted_from();
     let round = (steps.start / blocks) as u32;
-    let mut saved = Instant::now();
     let mut next = steps.start;
     on_step(BuildStep { work: "drawing stars", done: (next % blocks) as u64, total: blocks as u64 });
     while next < steps.end {
@@ -143,11 +139,10 @@ fn draw_round(
             .collect::<Result<_, DeepError>>()?;
         drawn.into_iter().for_each(|counts| magnitudes.merge(counts));
         next = end;
-        if saved.elapsed() > SAVE_EVERY {
+        if build.is_checkpoint_due() {
             let source = serde_json::to_string(magnitudes);
             let source = source.map_err(|error| DeepError::io(std::path::Path::new("the state"))(error.into()))?;
             build.checkpoint(next, source)?;
-            saved = Instant::now();
         }
     }
     Ok(())

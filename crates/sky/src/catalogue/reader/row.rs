@@ -4,10 +4,10 @@ use std::ops::RangeInclusive;
 
 use glam::DVec3;
 
-use super::super::StarRecord;
 use super::super::motion::StarMotion;
 use super::super::names::{self, StarNames};
 use super::super::packed::ILLUMINANCE_RANGE_LX;
+use super::super::{StarRecord, distance_modulus};
 use super::columns::{self, Columns, Direction, NameColumns, RaUnit};
 use super::excerpt;
 use super::sexagesimal::{self, Angle, Unit};
@@ -113,7 +113,7 @@ pub(super) fn star<'a>(
     }
     // Absolute magnitude if the distance is known, otherwise the apparent one.
     let magnitude = match (apparent, row.magnitude(columns.abs_mag)?, distance_pc) {
-        (Some(v), _, Some(d)) => v - 5.0 * (d / 10.0).log10(),
+        (Some(v), _, Some(d)) => v - distance_modulus(d),
         (Some(v), _, None) => v,
         (None, Some(absolute), Some(_)) => absolute,
         (None, Some(_), None) => return Err(Refusal::Row("an absolute magnitude needs a distance".into())),
