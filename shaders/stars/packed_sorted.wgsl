@@ -1,6 +1,7 @@
 // The published splat on culled and sorted stars, to measure its cost without that of drawing the whole unsorted
 // catalogue.
 
+#import constants/star_forms
 #import constants/star_light
 #import shared/math
 #import stars/packed_splat
@@ -26,7 +27,7 @@ fn splat_sorted(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
         remaining &= remaining - 1u;
         let viewport = viewports[tile.viewport];
         let eye = vec3(viewport.view_from_world_x.w, viewport.view_from_world_y.w, viewport.view_from_world_z.w);
-        let origin = item.origin - select(eye, vec3(0.0), item.at_infinity != 0u);
+        let origin = item.origin - select(eye, vec3(0.0), item.form == STARS_AT_INFINITY);
         for (var i = local; i < item.count; i += WORKGROUP) {
             let star = stars[item.first + i];
             let relative = origin + vec3(star.offset_x, star.offset_y, star.offset_z);

@@ -6,6 +6,7 @@
 #import constants/counters
 #import constants/frame_lists
 #import constants/rec709
+#import constants/star_forms
 #import constants/star_light
 #import constants/units
 #import shared/air_mass
@@ -29,6 +30,14 @@
 // Invocations that share an item. A GPU is fastest with one or two full waves. A software driver runs a workgroup as a
 // loop of SIMD steps and reloads the item and its viewports in each, so there one step is best.
 override WORKGROUP: u32;
+// Whether the stars are those of pages of a deep store.
+override FROM_PAGES: bool;
+
+// Light of a composite star, linear Rec. 709, lx: crates/sky/src/catalogue/deep/composite.rs.
+fn composite_light(word: u32) -> vec3<f32> {
+    let unit = bitcast<f32>(u32(i32(word & 31u) + 127 + COMPOSITE_UNIT_LOG2) << 23u);
+    return vec3(f32(word >> 23u), f32((word >> 14u) & 511u), f32((word >> 5u) & 511u)) * unit;
+}
 
 @compute @workgroup_size(WORKGROUP)
 fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
@@ -42,7 +51,12 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
         let tile = tiles[firstTrailingBit(remaining)];
         remaining &= remaining - 1u;
         let viewport = viewports[tile.viewport];
-        let origin = item.origin - select(eye_of(viewport), vec3(0.0), item.at_infinity != 0u);
+        let origin = item.origin - select(eye_of(viewport), vec3(0.0), item.form == STARS_AT_INFINITY);
+        // The axes of a page: crates/sky/src/catalogue/deep/live/page.rs.
+        let observer = parameters.camera + eye_of(viewport);
+        let pole = select(vec3(1.0, 0.0, 0.0), vec3(0.0, 0.0, 1.0), abs(item.origin.z) < 0.9);
+        let axis_x = normalize(cross(pole, item.origin));
+        let axis_y = cross(item.origin, axis_x);
         target_tile = vec3(tile.first_pixel, viewport.size.x, tile.first_flag);
         let size = vec2<f32>(viewport.size);
         let first_row = f32(tile.first_row);
@@ -50,8 +64,14 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
         for (var i = local; i < item.count; i += WORKGROUP) {
             let star = stars[item.first + i];
             var relative = origin + vec3(star.offset_x, star.offset_y, star.offset_z);
+            var at_barycentre = 1.0;
+            if FROM_PAGES {
+                let towards = item.origin + axis_x * star.offset_x + axis_y * star.offset_y;
+                relative = towards - observer * star.offset_z;
+                at_barycentre = dot(towards, towards);
+            }
             let distance_squared = dot(relative, relative);
-            var illuminance = illuminance_at_1_pc(star) / distance_squared;
+            var illuminance = illuminance_at_1_pc(star) * at_barycentre / distance_squared;
             var colour_index = star.light & LAST_TEMPERATURE_STEP;
             if moves(parameters.camera_motion) && distance_squared > 0.0 {
                 let seen = apparent_place(parameters.camera_motion, relative);
@@ -60,6 +80,12 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                 colour_index = table_index(i32(round(f32(colour_index) + doppler_steps(seen.w))));
             }
             var colour = colours[colour_index].xyz;
+            if FROM_PAGES && item.form == COMPOSITES_OF_PAGE {
+                let light = composite_light(star.light);
+                let total = dot(light, LUMINANCE_WEIGHTS);
+                illuminance = total * at_barycentre / distance_squared;
+                colour = light / total;
+            }
             if parameters.air.present != 0u {
                 let distance = sqrt(dot(relative, relative));
                 let seen = refracted(parameters.air, relative / distance);
@@ -70,12 +96,17 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                 colour /= kept;
             }
             // A star at the camera's position has no direction; the comparison is also false for NaN.
-            if !(illuminance >= parameters.faintest_lx && illuminance < parameters.brightest_lx && distance_squared > 0.0) {
+            let faintest = select(parameters.faintest_lx, 0.0, FROM_PAGES && item.form == COMPOSITES_OF_PAGE);
+            if !(illuminance >= faintest && illuminance < parameters.brightest_lx && distance_squared > 0.0) {
                 continue;
             }
             let direction = view_direction(viewport, relative);
             let projected = pixel_from_direction(viewport, direction);
-            let peak = peak_luminance(viewport, direction, illuminance);
+            var peak = peak_luminance(viewport, direction, illuminance);
+            if FROM_PAGES && item.form == COMPOSITES_OF_PAGE {
+                // The light of a cell is spread: neither the tent, whose pattern would interfere with that of the cells, nor a Gaussian for bright points.
+                peak = min(max(peak, viewport.tent_below_cd_m2), 0.999 * viewport.gaussian_from_cd_m2);
+            }
             let bright = peak >= viewport.gaussian_from_cd_m2;
             let margin = select(1.5, viewport.gaussian_reach_px, bright);
             if projected.z == 0.0 || any(projected.xy < vec2(0.0, first_row) - margin)
@@ -85,7 +116,7 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
             let pixel = projected.xy;
             var visible = 1.0;
             if HAS_GEOMETRY {
-                let distance_m = select(PARSEC_M * sqrt(distance_squared), INFINITELY_FAR_M, item.at_infinity != 0u);
+                let distance_m = select(INFINITELY_FAR_M, PARSEC_M * sqrt(distance_squared), item.form == STARS_IN_SPACE);
                 visible = visible_share(tile, viewport, direction, pixel, distance_m);
                 if visible <= 0.0 {
                     continue;

@@ -264,8 +264,12 @@ fn plan_exit_code(error: &PlanError) -> u8 {
         | PlanError::TooManyShapes { .. }
         | PlanError::TooManyPixels { .. }
         | PlanError::AtRestOnly(_)
+        | PlanError::DeepMethod(_)
+        | PlanError::DeepAtRest
+        | PlanError::DeepMemory { .. }
         | PlanError::GlareOfCatalogue(_) => BAD_USAGE,
         PlanError::Psf(error) => psf_exit_code(error),
+        PlanError::Deep(error) => deep_exit_code(error),
         PlanError::Glare(error) => match error {
             GlareKernelError::NoFile | GlareKernelError::Inner { .. } => BAD_USAGE,
             GlareKernelError::Read { .. } | GlareKernelError::Row { .. } | GlareKernelError::File { .. } => BAD_DATA,

@@ -31,6 +31,7 @@ pub const LAYERS: &[&[&str]] = &[
         "cache",
         "fits",
         "ranges",
+        "memory_size",
     ],
     &["photometry", "picture_file"],
     &["ephemeris", "relativity"],

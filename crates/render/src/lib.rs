@@ -10,8 +10,8 @@ pub use glam;
 
 // Modules of `steradian-sky`, so that `crate::photometry` names the same module in all crates.
 pub(crate) use steradian_sky::{
-    cache, calendar, catalogue, coordinates, ephemeris, files, observer, photometry, picture_file, ranges, relativity,
-    sky_pictures, solar_system, units,
+    cache, calendar, catalogue, coordinates, ephemeris, files, memory_size, observer, photometry, picture_file, ranges,
+    relativity, sky_pictures, solar_system, units,
 };
 
 mod platform;

@@ -23,6 +23,7 @@ pub mod coordinates;
 #[doc(hidden)]
 pub mod files;
 mod fits;
+pub mod memory_size;
 mod polynomial;
 #[macro_use]
 pub mod ranges;

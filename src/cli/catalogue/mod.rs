@@ -8,12 +8,13 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use self::ranges::{Cone, Range, memory_size};
+use self::ranges::{Cone, Range};
 use super::CliError;
 use crate::cache;
 use crate::catalogue::bright;
 use crate::catalogue::deep::build::DEFAULT_MEMORY;
 use crate::catalogue::deep::slice::Selection;
+use crate::memory_size::MemorySize;
 use crate::catalogue::galaxy::{GalaxyParameters, MOST_STARS, stream::MOST_STREAMED};
 use crate::scene::loader::StarSource;
 
@@ -113,15 +114,15 @@ struct Output {
     out: PathBuf,
     /// Write a deep store, for catalogues larger than memory, and use at most this much memory (64MiB and more, such as 1GiB). An
     /// interrupted command continues if it is run again.
-    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
-    memory: Option<u64>,
+    #[arg(long, value_name = "SIZE")]
+    memory: Option<MemorySize>,
 }
 
 impl Output {
     /// Limit of the memory if a deep store is requested.
     fn deep_memory(&self) -> Option<u64> {
         let name = self.out.as_os_str().to_string_lossy();
-        self.memory.or_else(|| name.ends_with(std::path::is_separator).then_some(DEFAULT_MEMORY))
+        self.memory.map(|size| size.bytes).or_else(|| name.ends_with(std::path::is_separator).then_some(DEFAULT_MEMORY))
     }
 }
 
@@ -185,7 +186,7 @@ pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
         CatalogueCommand::Check { store, light } if store.is_dir() => deep::check(&store, light),
         CatalogueCommand::Check { store, light } => single::check(&store, light),
         CatalogueCommand::Slice { store, part, output } if store.is_dir() => {
-            deep::slice(&store, &part.selection(), &output.out, output.memory.unwrap_or(DEFAULT_MEMORY))
+            deep::slice(&store, &part.selection(), &output.out, output.memory.map_or(DEFAULT_MEMORY, |size| size.bytes))
         }
         CatalogueCommand::Slice { store, part, output } => match output.deep_memory() {
             Some(_) => Err(CliError::Usage(format!(

@@ -1,4 +1,4 @@
-//! Values of options: sizes of memory, ranges and cones.
+//! Values of options: ranges and cones.
 
 use std::str::FromStr;
 
@@ -55,32 +55,15 @@ impl FromStr for Cone {
     }
 }
 
-/// Parses a size in bytes, such as `512MiB` or `2GiB`.
-pub fn memory_size(text: &str) -> Result<u64, String> {
-    let valid = || "must be a size of at least 64MiB, such as 512MiB or 2GiB".to_owned();
-    let units = [("KiB", 10), ("MiB", 20), ("GiB", 30), ("TiB", 40), ("", 0)];
-    let (number, shift) = units
-        .iter()
-        .find_map(|(unit, shift)| text.trim().strip_suffix(unit).map(|number| (number, *shift)))
-        .ok_or_else(valid)?;
-    let number: f64 = number.trim().parse().map_err(|_| valid())?;
-    let bytes = number * f64::from(shift).exp2();
-    if bytes.is_finite() && (67_108_864.0..1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(valid()) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn ranges_sizes_and_cones_are_parsed_or_refused() {
+    fn ranges_and_cones_are_parsed_or_refused() {
         assert_eq!("13..16.5".parse(), Ok(Range([13.0, 16.5])));
         assert_eq!("..-1".parse(), Ok(Range([f64::NEG_INFINITY, -1.0])));
         assert!(["16..13", "3", "a..b", "nan..1", "1...2", ""].iter().all(|text| text.parse::<Range>().is_err()));
-        assert_eq!(memory_size("1GiB"), Ok(1 << 30));
-        assert_eq!(memory_size("1.5 GiB"), Ok(3 << 29));
-        assert_eq!(memory_size("67108864"), Ok(64 << 20));
-        assert!(["63MiB", "-1GiB", "1GB", "", "GiB", "inf"].iter().all(|text| memory_size(text).is_err()));
         let cone: Cone = "90,-30,5".parse().expect("a cone");
         assert!((cone.axis - DVec3::new(0.0, 0.75_f64.sqrt(), -0.5)).length() < 1e-12);
         assert!(

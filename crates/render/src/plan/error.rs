@@ -2,6 +2,7 @@
 
 use super::overlay::OverlayPlanError;
 use crate::{
+    catalogue::deep::DeepError,
     photometry::{glare::GlareKernelError, psf::PsfError},
     view::RigError,
 };
@@ -95,6 +96,28 @@ pub enum PlanError {
         "stars.method = `{0}` draws for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or the method to auto, bspline, tent or pixel_gaussian"
     )]
     AtRestOnly(&'static str),
+    /// A published method cannot draw the stars of a deep store.
+    #[error(
+        "stars.method = `{0}` cannot draw the stars of a deep store: set the method to auto, bspline, tent or pixel_gaussian, or remove the store"
+    )]
+    DeepMethod(&'static str),
+    /// Stars of a deep store cannot be drawn for a moving camera.
+    #[error("the stars of a deep store are drawn for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or remove the store")]
+    DeepAtRest,
+    /// Stars of a deep store do not fit in memory.
+    #[error(
+        "these views need {needed_mib} MiB for the stars of the deep store, and stars.memory is {memory_mib} MiB: raise it, turn every_star off, or set a \
+         brighter stars.magnitude_limit"
+    )]
+    DeepMemory {
+        /// Needed memory, MiB.
+        needed_mib: u64,
+        /// `stars.memory`, MiB.
+        memory_mib: u64,
+    },
+    /// Stars of a deep store cannot be read.
+    #[error(transparent)]
+    Deep(#[from] Box<DeepError>),
     /// `sky_cube` scatters the light of the catalogue's stars.
     #[error(
         "glare.method = `sky_cube` reads the catalogue, but stars.method = `{0}` draws none of its stars: set glare.method to auto, view_pyramid, screen_pyramid or none"

@@ -21,18 +21,22 @@ use super::{
     glare::sky_cube::map_place_pc,
     kept::Kept,
     settings::{ExposureSettings, GlareMethod, RenderSettings, StarMethod},
-    stars::cull::{light_at, near_stars},
+    stars::{
+        cull::{light_at, near_stars},
+        deep::DIRECT_CELL_PX,
+    },
     technique::{PlanInputs, Step, Technique},
 };
 use crate::{
     catalogue::{
         StarRecord,
         chunks::{Chunk, StarSet},
+        deep::LAYERS,
         packed::{PackedStar, temperature_of_step_k},
     },
     photometry::glare::GlareKernelName,
     sky_pictures::{SkyPictures, world_from_face},
-    units::{PARSEC_M, magnitude_from_illuminance_lx},
+    units::{PARSEC_M, illuminance_lx_from_magnitude, magnitude_from_illuminance_lx},
     view::{
         Rig, RigError, View, ViewKind, Viewport,
         projection::{FisheyeMapping, Projection},
@@ -40,7 +44,7 @@ use crate::{
 };
 
 /// Side of a texel at the centre of a view, pixels.
-const TEXEL_PX: f64 = 0.632;
+pub(super) const TEXEL_PX: f64 = 0.632;
 /// Illuminance of the brightest star of the map over the solid angle of the smallest pixel, in steps of the display image.
 const BRIGHTEST_STEPS: f64 = 1.8;
 /// Least ratio of the smallest pixel to the central one (solid angles), and greatest ratio of the central pixels of two views, for which
@@ -174,19 +178,29 @@ impl SmoothLight {
     /// Chooses the map for these views and divides the stars; `None`: no map fits, or it is not worth its cost.
     fn choose(&mut self, inputs: &SkyInputs<'_>) -> Option<SkyPlan> {
         let map = fitting(inputs)?;
+        // The light of a deep store cannot be divided between map and frame.
+        let deep_from_lx = illuminance_lx_from_magnitude(f64::from(LAYERS[0].magnitude));
+        if inputs.stars.deep.is_some() && map.below_lx < deep_from_lx {
+            return None;
+        }
         let SkyInputs { stars, viewports, .. } = inputs;
         let pixels: f64 = viewports.iter().map(|viewport| viewport.size().map(f64::from).iter().product::<f64>()).sum();
         let share: f64 = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum::<f64>() / (4.0 * PI);
         let pays = |in_map: f64| in_map * share >= costs::BUILT_IN.map_from_stars_per_pixel * pixels;
+        // The composite stars of a deep store, if they were drawn directly.
+        let deep = stars.deep.as_ref().map_or(0.0, |deep| {
+            let cells = 4.0 * PI / (DIRECT_CELL_PX * finest_pixel_rad(viewports).unwrap_or(PI)).powi(2);
+            cells.min(deep.store().index().stars() as f64)
+        });
         // Check before dividing the stars.
-        if !pays(stars.stars.len() as f64) {
+        if !pays(stars.stars.len() as f64 + deep) {
             return None;
         }
         let is_of = |held: &Weak<StarSet>| held.upgrade().is_some_and(|held| Arc::ptr_eq(&held, stars));
         let held = self.divided.as_ref().filter(|(set, divided)| divided.map == map && is_of(set));
         let divided = held.map_or_else(|| divide(stars, map), |(_, divided)| divided.clone());
         self.divided = Some((Arc::downgrade(stars), divided.clone()));
-        pays(divided.in_map as f64).then_some(divided)
+        pays(divided.in_map as f64 + deep).then_some(divided)
     }
 }
 
@@ -323,7 +337,7 @@ fn record_of(map: &SkyMap, chunk: &Chunk, place: DVec3, star: &PackedStar) -> St
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
-    use crate::{sky_pictures::SKY_FACES, units::illuminance_lx_from_magnitude};
+    use crate::sky_pictures::SKY_FACES;
 
     fn map(side: u32) -> SkyMap {
         SkyMap {

@@ -179,6 +179,19 @@ shared_constants! {
         /// without any B-spline part.
         PLANE_GAUSSIAN_GROWTH: f32 = crate::photometry::kernel::BRIGHT_KERNEL_GROWTH as f32;
     }
+    /// Forms of the stars of an item.
+    mod star_forms {
+        /// Offsets in pc from the origin of a chunk.
+        STARS_IN_SPACE: u32 = 0;
+        /// Unit vectors: the position of the eye does not matter.
+        STARS_AT_INFINITY: u32 = 1;
+        /// Stars of a page of a deep store.
+        STARS_OF_PAGE: u32 = 2;
+        /// Composite stars of a page.
+        COMPOSITES_OF_PAGE: u32 = 3;
+        /// Exponent of two of the unit of a composite star's light at exponent 0, lx.
+        COMPOSITE_UNIT_LOG2: i32 = crate::catalogue::deep::composite::UNIT_LOG2;
+    }
     /// Light word of a packed star.
     mod star_light {
         /// Number of temperature bits, which are the lowest bits.

@@ -23,7 +23,7 @@ use super::{
 };
 use crate::{
     gpu::{Gpu, GpuError, GpuTimer, ReadbackBuffer, SUBMISSION_TIMEOUT},
-    plan::{Output, Plan, PlanError, PlanOutputs, SkyUse, settings::RenderSettings, smooth_light::SkyFace},
+    plan::{Limits, Output, Plan, PlanError, PlanOutputs, Planner, SkyUse, settings::RenderSettings, smooth_light::SkyFace},
     scene::{Camera, SceneSnapshot},
     view::projector::ProjectorOutput,
 };
@@ -183,15 +183,20 @@ impl Renderer {
         let sky = if request.sky_map == SkyMapUse::Off { SkyUse::StarByStar } else { SkyUse::Map };
         let Metered { exposure, adapted_ev100, buffer: metered } = self.meter_for(&request, series)?;
         let outputs = PlanOutputs { output: request.output(), views: some.then_some(&views[..]), sky, exposure };
-        let planner = &mut self.planners[series.slot];
-        let mut plan = planner.plan(snapshot, rig, settings, adapted_ev100, outputs, &self.limits)?;
+        let slot = series.slot;
+        let waits = request.sky_map != SkyMapUse::InTurn;
+        let plan_frame = |own: &mut Self, outputs| {
+            own.plan_with_stars(slot, waits, |planner, limits| {
+                planner.plan(snapshot, rig, settings, adapted_ev100, outputs, limits)
+            })
+        };
+        let mut plan = plan_frame(self, outputs)?;
         // Upload resident data. If the map of faint light is incomplete, plan again without it.
         self.hold_tables(&plan.views.viewports)?;
         self.hold_scene(series.slot, snapshot, settings)?;
         if !self.draw_sky(&plan, snapshot, settings, request.sky_map, series)? {
             let outputs = PlanOutputs { sky: SkyUse::StarByStar, ..outputs };
-            let planner = &mut self.planners[series.slot];
-            plan = planner.plan(snapshot, rig, settings, adapted_ev100, outputs, &self.limits)?;
+            plan = plan_frame(self, outputs)?;
         }
         // Record and submit.
         let outputs = Outputs { wanted: &wanted, presentations };
@@ -231,6 +236,24 @@ impl Renderer {
         Ok(SubmittedFrame { token })
     }
 
+    /// Plans a frame. If it waits for the stars of a deep store, the missing ones are read, and the frame is planned again.
+    fn plan_with_stars(
+        &mut self,
+        slot: usize,
+        waits: bool,
+        make: impl Fn(&mut Planner, &Limits) -> Result<Plan, PlanError>,
+    ) -> Result<Plan, PlanError> {
+        let plan = make(&mut self.planners[slot], &self.limits)?;
+        let deep = &plan.stars.deep;
+        match &deep.sky {
+            Some(sky) if waits && !deep.missing.is_empty() => {
+                sky.load(&deep.missing).map_err(Box::new)?;
+                make(&mut self.planners[slot], &self.limits)
+            }
+            _ => Ok(plan),
+        }
+    }
+
     /// Draws the missing pictures of the map of faint light, or one of them. Returns whether the map is complete.
     fn draw_sky(
         &mut self,
@@ -243,29 +266,38 @@ impl Renderer {
         let missing: Vec<SkyFace> =
             self.techniques.iter().flat_map(|technique| technique.missing(plan, snapshot, series)).collect();
         let most = if sky_map == SkyMapUse::InTurn { 1 } else { usize::MAX };
+        let mut drawn = 0;
         for face in missing.iter().take(most) {
-            self.draw_sky_face(face, snapshot, settings, series)?;
+            drawn += usize::from(self.draw_sky_face(face, snapshot, settings, sky_map, series)?);
         }
-        let is_whole = missing.len() <= most;
+        let is_whole = missing.len() == drawn;
         if is_whole {
             self.sky_targets = None;
         }
         Ok(is_whole)
     }
 
+    /// Draws a picture of the map, unless the stars for it have not been read yet. Returns whether it is drawn.
     fn draw_sky_face(
         &mut self,
         face: &SkyFace,
         snapshot: &SceneSnapshot,
         settings: &RenderSettings,
+        sky_map: SkyMapUse,
         series: Series,
-    ) -> Result<(), RenderError> {
+    ) -> Result<bool, RenderError> {
         let camera = Camera { position_m: face.map.camera_m(), ..Camera::default() };
         let sky = SceneSnapshot { objects: Arc::default(), camera, ..snapshot.clone() };
         let rig = face.rig().map_err(PlanError::from)?;
         let settings = face.settings(settings);
         let outputs = PlanOutputs { sky: SkyUse::Face(*face), ..PlanOutputs::new(Output::Hdr) };
-        let plan = self.planners[series.slot].plan(&sky, &rig, &settings, None, outputs, &self.limits)?;
+        let waits = sky_map != SkyMapUse::InTurn;
+        let plan = self.plan_with_stars(series.slot, waits, |planner, limits| {
+            planner.plan(&sky, &rig, &settings, None, outputs, limits)
+        })?;
+        if !plan.stars.deep.missing.is_empty() {
+            return Ok(false);
+        }
         let wanted = [Wanted { hdr_stays: true, ..Wanted::default() }];
         let outputs = Outputs { wanted: &wanted, presentations: &[] };
         let inputs = FrameInputs { plan: &plan, scene: &sky, outputs, catalogue_order: None, series, metered: None };
@@ -276,7 +308,8 @@ impl Renderer {
         let (commands, _) = self.record(&inputs, 1, &mut slot);
         self.sky_targets = Some(mem::replace(&mut self.targets, frame_targets));
         self.gpu.queue.submit([commands]);
-        self.check_driver_errors()
+        self.check_driver_errors()?;
+        Ok(true)
     }
 
     /// Uploads the data of a frame, and records all phases and the copies for readback.

@@ -1,7 +1,8 @@
 //! Loads the stars of a scene from catalogues.
 //!
 //! The catalogues are read one after the other, compared for stars that are listed in two of them, and joined. A store
-//! that is the only catalogue is used directly if its stars need not move. Memory: the records of the largest catalogue (40 bytes each) grow in
+//! that is the only catalogue is used directly if its stars need not move. The bright stars of a deep store are read like those of a file; views read the
+//! others when they need them. Memory: the records of the largest catalogue (40 bytes each) grow in
 //! place by those of the others, and are freed when the packed stars (16 bytes each) exist.
 
 use std::fmt;
@@ -11,10 +12,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use crate::catalogue::chunks::StarSet;
-use crate::catalogue::deep::{
-    BRIGHT_FILE, DeepError, DeepStore, is_deep_store,
-    slice::{Selection, each_leaf_star},
-};
+use crate::catalogue::deep::{BRIGHT_FILE, DeepError, is_deep_store, live::DeepSky};
 use crate::catalogue::diffuse::DiffuseSky;
 use crate::catalogue::epoch::Epoch;
 use crate::catalogue::galaxy::{self, Galaxy, GalaxyError, GalaxyParameters};
@@ -25,9 +23,6 @@ use crate::catalogue::overlap::{Overlap, Repetition, find_overlaps, find_repetit
 use crate::catalogue::reader::{CatalogueError, CatalogueRead, ReadReport, read_file};
 use crate::catalogue::store::{self, Store, StoreError};
 use crate::catalogue::{StarRecord, bright};
-
-/// Maximum number of stars of a deep store in a scene: they take 56 bytes each while they are sorted.
-const MOST_DEEP_STARS: u64 = 20_000_000;
 
 /// Source of stars.
 #[derive(Clone, Debug, PartialEq)]
@@ -137,16 +132,33 @@ pub enum LoadError {
     /// A deep store is invalid.
     #[error(transparent)]
     Deep(#[from] DeepError),
-    /// A deep store has more stars than a scene takes.
+    /// The scene has two deep stores.
     #[error(
-        "{}: the deep store has {stars} stars, but a scene takes at most {MOST_DEEP_STARS} of them, because it keeps them in memory; `catalogue slice` makes a part of a store",
+        "scene.catalogues[{index}]: {} is a second deep store, and a scene takes one: `catalogue import` makes one store of several catalogues",
         path.display()
     )]
-    DeepTooLarge {
+    SecondDeep {
+        /// Index of the source, from 0.
+        index: usize,
         /// The store.
         path: PathBuf,
-        /// Number of its stars.
-        stars: u64,
+    },
+    /// A synthetic galaxy beside a deep store.
+    #[error(
+        "scene.catalogues[{index}]: a synthetic galaxy cannot be drawn beside a deep store, whose light of faint stars it would repeat: remove one of them"
+    )]
+    GalaxyBesideDeep {
+        /// Index of the galaxy, from 0.
+        index: usize,
+    },
+    /// A deep store cannot become part of a store in one file.
+    #[error(
+        "{}: a deep store cannot be put into a store in one file: `catalogue export` writes its stars as CSV or Parquet, `catalogue slice` a part of it",
+        path.display()
+    )]
+    DeepInStore {
+        /// The store.
+        path: PathBuf,
     },
     /// A map of light is invalid.
     #[error(transparent)]
@@ -187,8 +199,8 @@ pub fn load_stars(
         return Ok((stars, LoadReport { catalogues: vec![loaded], ..LoadReport::default() }));
     }
 
-    let (parts, report) = read_all(sources, epoch.years, progress)?;
-    let (mut unresolved, mut map, mut named) = (None, None, Vec::new());
+    let (parts, report) = read_all(sources, epoch, progress)?;
+    let (mut unresolved, mut map, mut deep, mut named) = (None, None, None, Vec::new());
     let mut loaded = Vec::with_capacity(parts.len());
     for (source, mut part) in sources.iter().zip(parts) {
         // Added below with the brightness of the moment. The table has no names here.
@@ -200,6 +212,7 @@ pub fn load_stars(
             }
         }
         named.extend(part.named());
+        deep = part.deep.take().or(deep);
         // There is one map of unresolved light: that of a light map, else that of the last galaxy.
         if matches!(source, StarSource::Light(_)) {
             map = part.unresolved;
@@ -216,7 +229,7 @@ pub fn load_stars(
     }
     named.iter_mut().for_each(|named: &mut NamedStar| named.star = epoch.seen(named.star));
     let stars = StarSet::from_records(records).of_epoch(*epoch).with_names(named);
-    let stars = stars.with_unresolved(map.or(unresolved).map(Arc::new));
+    let stars = stars.with_unresolved(map.or(unresolved).map(Arc::new)).with_deep(deep);
     let are_variable = sources.contains(&StarSource::BrightVariable);
     Ok((if are_variable { stars.with_variable_stars(epoch.years) } else { stars }, report))
 }
@@ -226,7 +239,14 @@ pub fn import_stars(
     sources: &[StarSource],
     progress: &mut dyn FnMut(LoadStep),
 ) -> Result<(Store, LoadReport), LoadError> {
-    let (parts, report) = read_all(sources, 0.0, progress)?;
+    for source in sources {
+        if let StarSource::File(path) = source
+            && is_deep_store(path)
+        {
+            return Err(LoadError::DeepInStore { path: path.clone() });
+        }
+    }
+    let (parts, report) = read_all(sources, &Epoch::default(), progress)?;
     let (mut records, mut velocities, mut names) = (Vec::new(), Vec::new(), Vec::new());
     for part in parts {
         // Checked by `read_all`: all stars together fit in a u32.
@@ -242,14 +262,15 @@ pub fn import_stars(
 /// Reads all sources, and compares them for stars that are listed twice.
 fn read_all(
     sources: &[StarSource],
-    years: f64,
+    epoch: &Epoch,
     progress: &mut dyn FnMut(LoadStep),
 ) -> Result<(Vec<Read>, LoadReport), LoadError> {
+    check_deep(sources)?;
     let mut report = LoadReport::default();
     let mut parts: Vec<Read> = Vec::with_capacity(sources.len());
     for (index, source) in sources.iter().enumerate() {
         progress(LoadStep::Catalogue { name: source.to_string(), index, of: sources.len() });
-        let mut part = read(source, index, years)?;
+        let mut part = read(source, index, epoch)?;
         let rows = part.rows.take();
         // A store was compared when it was made.
         if rows.is_some() {
@@ -295,6 +316,8 @@ struct Read {
     velocities: Vec<StarVelocity>,
     names: Vec<NamesOfStar>,
     unresolved: Option<DiffuseSky>,
+    /// Stars that views read when they need them.
+    deep: Option<Arc<DeepSky>>,
 }
 
 impl Read {
@@ -304,7 +327,8 @@ impl Read {
     }
 }
 
-fn read(source: &StarSource, index: usize, years: f64) -> Result<Read, LoadError> {
+fn read(source: &StarSource, index: usize, epoch: &Epoch) -> Result<Read, LoadError> {
+    let years = epoch.years;
     match source {
         StarSource::Bright | StarSource::BrightVariable => {
             // The names of this table are known in every scene.
@@ -317,7 +341,7 @@ fn read(source: &StarSource, index: usize, years: f64) -> Result<Read, LoadError
             Ok(Read { stars, unresolved, ..Read::default() })
         }
         StarSource::Light(map) => Ok(Read { unresolved: Some(map.read()?), ..Read::default() }),
-        StarSource::File(path) if is_deep_store(path) => read_deep(path, years),
+        StarSource::File(path) if is_deep_store(path) => read_deep(path, epoch),
         StarSource::File(path) if is_store(path)? => {
             let store = store::read(path)?;
             let stars = store.records(years);
@@ -325,27 +349,38 @@ fn read(source: &StarSource, index: usize, years: f64) -> Result<Read, LoadError
         }
         StarSource::File(path) => {
             let CatalogueRead { stars, names, velocities, report } = read_file(path, years)?;
-            Ok(Read { stars, rows: Some(report), velocities, names, unresolved: None })
+            Ok(Read { stars, rows: Some(report), velocities, names, ..Read::default() })
         }
     }
 }
 
-/// Reads all stars of a deep store. Those of leaves keep the place of the store's epoch.
-fn read_deep(path: &Path, years: f64) -> Result<Read, LoadError> {
-    let store = DeepStore::open(path)?;
-    let stars = store.index().stars();
-    if stars > MOST_DEEP_STARS {
-        return Err(LoadError::DeepTooLarge { path: path.to_owned(), stars });
+/// Reads the bright stars of a deep store, and opens it for the others.
+fn read_deep(path: &Path, epoch: &Epoch) -> Result<Read, LoadError> {
+    let deep = DeepSky::open(path, epoch)?;
+    let bright = deep.store().bright()?;
+    Ok(Read {
+        stars: bright.records(epoch.years),
+        velocities: bright.velocities,
+        names: bright.names,
+        deep: Some(Arc::new(deep)),
+        ..Read::default()
+    })
+}
+
+/// Refuses a second deep store, and a synthetic galaxy beside one.
+fn check_deep(sources: &[StarSource]) -> Result<(), LoadError> {
+    let is_deep = |source: &StarSource| matches!(source, StarSource::File(path) if is_deep_store(path));
+    let Some(first) = sources.iter().position(is_deep) else { return Ok(()) };
+    for (index, source) in sources.iter().enumerate() {
+        match source {
+            StarSource::Galaxy(_) => return Err(LoadError::GalaxyBesideDeep { index }),
+            StarSource::File(path) if index > first && is_deep(source) => {
+                return Err(LoadError::SecondDeep { index, path: path.clone() });
+            }
+            _ => {}
+        }
     }
-    let bright = store.bright()?;
-    let mut all = bright.records(years);
-    all.reserve_exact((stars as usize).saturating_sub(all.len()));
-    let mut add = |star| {
-        all.push(star);
-        Ok(())
-    };
-    each_leaf_star(&store, &Selection::default(), &mut add, &mut |_| ())?;
-    Ok(Read { stars: all, velocities: bright.velocities, names: bright.names, ..Read::default() })
+    Ok(())
 }
 
 /// Joins all records into one vector, by growing the largest part. The order does not matter.

@@ -166,7 +166,8 @@ impl SeenStars {
         }
         let (set, _) = load_stars(&self.sources, &Epoch { years, ..self.loaded.epoch }, &mut |_| {})?;
         // Light that is smooth over degrees is kept, with everything derived from it.
-        let set = Arc::new(set.with_unresolved(self.loaded.unresolved.clone()));
+        let deep = self.loaded.deep.as_ref().map(|deep| Arc::new(deep.at_epoch(&set.epoch)));
+        let set = Arc::new(set.with_unresolved(self.loaded.unresolved.clone()).with_deep(deep));
         self.held().for_years = Some(Arc::clone(&set));
         Ok(set)
     }

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use super::{
     StarRecord,
     bright::{named_bright_stars, variable_rows, variable_stars},
+    deep::live::DeepSky,
     diffuse::DiffuseSky,
     epoch::Epoch,
     names::NamedStar,
@@ -73,6 +74,8 @@ pub struct StarSet {
     pub epoch: Epoch,
     /// Light of the stars that are too faint to be in the set.
     pub unresolved: Option<Arc<DiffuseSky>>,
+    /// Stars that are read from a deep store when views need them.
+    pub deep: Option<Arc<DeepSky>>,
     /// Spectra of the chunks, computed on first use; chunks and stars must not change afterwards.
     spectra: OnceLock<Vec<Spectrum>>,
     /// Illuminance at the barycentre of the faintest star of each chunk, computed on first use.
@@ -136,6 +139,12 @@ impl StarSet {
         Self { unresolved, ..self }
     }
 
+    /// Returns the set with the stars of a deep store.
+    #[must_use]
+    pub fn with_deep(self, deep: Option<Arc<DeepSky>>) -> Self {
+        Self { deep, ..self }
+    }
+
     /// Returns the set with the variable stars of the built-in table in chunks at its end, with the brightness of a time, in Julian years
     /// after J2000.0. Those that an earlier call added are replaced; the set must not contain them otherwise.
     #[must_use]
@@ -150,6 +159,7 @@ impl StarSet {
             stars: [&self.stars[..stars], &variable.stars].concat(),
             epoch: self.epoch,
             unresolved: self.unresolved.clone(),
+            deep: self.deep.clone(),
             variable: Some(VariableStars { years, after: Some([chunks, stars]) }),
             named_in_files: Arc::clone(&self.named_in_files),
             ..Self::default()

@@ -1,7 +1,8 @@
 //! The time at which stars are placed, and the vantage from which they are seen.
 
-use glam::DVec3;
+use std::sync::Arc;
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{StarRecord, chunks::StarSet, store::records_of};
@@ -32,22 +33,31 @@ impl Epoch {
     /// the direction of its aberrated light and with its brightness. Changes of brightness and colour with velocity,
     /// 4e-4 at 30 km/s, are left out.
     pub fn seen(&self, star: StarRecord) -> StarRecord {
-        self.seen_from.map_or(star, |from| turned(star, from.position_pc, from.velocity_c, from.origin_pc))
+        StarRecord { position: self.seen_place(star.position, star.distance_known), ..star }
+    }
+
+    /// Place of a star as the vantage sees it; see [`Self::seen`]. `place` is in pc if the distance is known, else a unit vector.
+    pub fn seen_place(&self, place: DVec3, distance_known: bool) -> DVec3 {
+        let turned = |from: Vantage| turned(place, distance_known, from.position_pc, from.velocity_c, from.origin_pc);
+        self.seen_from.map_or(place, turned)
     }
 
     /// Inverse of `seen`: the star that the vantage sees like this.
     fn unseen(&self, star: StarRecord) -> StarRecord {
-        self.seen_from.map_or(star, |from| turned(star, from.origin_pc, -from.velocity_c, from.position_pc))
+        let turned = |from: Vantage| {
+            turned(star.position, star.distance_known, from.origin_pc, -from.velocity_c, from.position_pc)
+        };
+        StarRecord { position: self.seen_from.map_or(star.position, turned), ..star }
     }
 }
 
-/// Moves a star so that a camera at `to_pc` has it in the direction and at the distance in which an observer at
+/// Moves the place of a star so that a camera at `to_pc` has it in the direction and at the distance in which an observer at
 /// `from_pc` with `velocity_c` sees it.
-fn turned(star: StarRecord, from_pc: DVec3, velocity_c: DVec3, to_pc: DVec3) -> StarRecord {
-    let [from_pc, to_pc] = [from_pc, to_pc].map(|place_pc| if star.distance_known { place_pc } else { DVec3::ZERO });
-    let place = star.position - from_pc;
+fn turned(place: DVec3, distance_known: bool, from_pc: DVec3, velocity_c: DVec3, to_pc: DVec3) -> DVec3 {
+    let [from_pc, to_pc] = [from_pc, to_pc].map(|place_pc| if distance_known { place_pc } else { DVec3::ZERO });
+    let place = place - from_pc;
     // A star exactly at the observer's position stays there.
-    StarRecord { position: to_pc + seen_direction(velocity_c, place) * place.length(), ..star }
+    to_pc + seen_direction(velocity_c, place) * place.length()
 }
 
 /// Returns the stars as another vantage sees them; their own motion does not change.
@@ -63,6 +73,7 @@ pub fn seen_from(set: &StarSet, vantage: Vantage) -> StarSet {
         .of_epoch(epoch)
         .with_names(named)
         .with_unresolved(set.unresolved.clone())
+        .with_deep(set.deep.as_ref().map(|deep| Arc::new(deep.at_epoch(&epoch))))
         .with_variability_of(set)
 }
 

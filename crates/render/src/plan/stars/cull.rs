@@ -57,7 +57,7 @@ pub(crate) fn edge_planes(projection: &Projection, margin_px: f64) -> Vec<DVec3>
 
 /// Field of a viewport, in world axes.
 #[derive(Clone, Debug)]
-struct Field {
+pub(super) struct Field {
     eye_pc: DVec3,
     axis: DVec3,
     half_angle_rad: f64,
@@ -70,7 +70,7 @@ struct Field {
 }
 
 impl Field {
-    fn new(viewport: &Viewport, &CullSettings { motion, refraction, margin_px, .. }: &CullSettings) -> Self {
+    pub(super) fn new(viewport: &Viewport, &CullSettings { motion, refraction, margin_px, .. }: &CullSettings) -> Self {
         let cone = viewport.projection.mapping().bounding_cone(margin_px);
         let rotation = DMat3::from_quat(viewport.world_from_view);
         let planes = edge_planes(&viewport.projection, margin_px).into_iter().map(|normal| rotation * normal).collect();
@@ -84,8 +84,13 @@ impl Field {
         }
     }
 
+    /// Position of the eye relative to the camera, pc.
+    pub(super) fn eye_pc(&self) -> DVec3 {
+        self.eye_pc
+    }
+
     /// Whether a cone of directions, in the stars' frame, intersects the field.
-    fn touches_cone(&self, BoundingCone { axis, half_angle_rad }: BoundingCone) -> bool {
+    pub(super) fn touches_cone(&self, BoundingCone { axis, half_angle_rad }: BoundingCone) -> bool {
         let (axis, half_angle_rad) =
             self.motion.map_or((axis, half_angle_rad), |motion| motion.seen_cone(axis, half_angle_rad));
         let moved_rad = self.refraction.map_or(0.0, |refraction| refraction.most_rad(axis, half_angle_rad));

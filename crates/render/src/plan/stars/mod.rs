@@ -5,6 +5,7 @@ pub mod cell_sky;
 mod certificate;
 pub mod cube_faces;
 pub mod cull;
+pub mod deep;
 pub mod identify;
 pub(crate) mod kernels;
 pub(crate) mod method;

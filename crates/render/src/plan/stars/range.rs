@@ -88,6 +88,10 @@ pub struct OtherLight {
     pub points_lx: Vec<Vec<f64>>,
     /// Upper bound of the light of a crowd of faint points, lx.
     pub crowd_lx: f64,
+    /// Illuminance of the faintest of its many points, lx; 0: not known.
+    pub faintest_lx: f64,
+    /// Number of these points.
+    pub many: u64,
     /// Least visible light of a pixel to which many sources add a little each, lx; 0: only stars add to pixels.
     pub pixel_step_lx: f64,
 }
@@ -117,9 +121,10 @@ pub fn choose(
     // Motion changes the light of every star by a different factor, so then only the range counts.
     let faintest_star_lx = match motion {
         Some(_) => 0.0,
+        None if other.many > 0 => faintest_star_lx(set, visible, eyes_pc).min(other.faintest_lx).max(faintest_lx),
         None => faintest_star_lx(set, visible, eyes_pc).max(faintest_lx),
     };
-    let drawn: u64 = visible.iter().map(|chunk| u64::from(chunk.count)).sum();
+    let drawn: u64 = visible.iter().map(|chunk| u64::from(chunk.count)).sum::<u64>() + other.many;
     let needed = if drawn >= costs::BUILT_IN.coarse_units_from_stars && faintest_star_lx > 0.0 {
         STAR_UNITS / faintest_star_lx
     } else {

@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::method::StarMethod;
+use crate::memory_size::MemorySize;
 use crate::photometry::psf::{self, Aperture, DIAMETERS_MM, Optics, Psf, PsfError, WHITE_K};
 
 /// Range of `magnitude_limit` and of the magnitudes of the methods: beyond it, an illuminance is outside the planner's
@@ -21,6 +22,10 @@ pub struct StarSettings {
     /// Stars with a fainter apparent magnitude, at the position of the camera, are not drawn.
     #[schemars(range(min = MAGNITUDES[0], max = MAGNITUDES[1]))]
     pub magnitude_limit: f64,
+    /// Deep stores: memory for the stars that are read as views need them, such as `512MiB`; at least 64 MiB.
+    pub memory: MemorySize,
+    /// Deep stores: draw every star instead of composite stars, as far as `memory` holds them.
+    pub every_star: bool,
     /// Parameters of `pixel_gaussian`.
     pub pixel_gaussian: PixelGaussianSettings,
     /// Parameters of billboard methods.
@@ -38,6 +43,8 @@ impl Default for StarSettings {
         Self {
             method: StarMethod::Auto,
             magnitude_limit: 99.0,
+            memory: MemorySize::gib(1),
+            every_star: false,
             pixel_gaussian: PixelGaussianSettings::default(),
             billboard: BillboardSettings::default(),
             gaussian_psf: GaussianPsfSettings::default(),

@@ -8,6 +8,7 @@ use super::{
     billboards::{BillboardPlan, DrawnPsf},
     cell_sky::CellSkyPlan,
     certificate::{certificate, reported_method},
+    deep::{self, DIRECT_CELL_PX, DeepInputs, DeepPlan, MAP_CELL_TEXELS},
     cull::{CullSettings, VisibleChunk, distinct_eyes_pc, visible_chunks},
     kernels::{GaussianWidth, KernelPlan, kernels_of},
     method::{Accumulator, StarMethod},
@@ -45,6 +46,8 @@ pub struct StarsPlan {
     pub billboards: Option<BillboardPlan>,
     /// Point-spread function of `psf_texture`.
     pub psf: Option<Arc<DrawnPsf>>,
+    /// Stars of a deep store.
+    pub deep: DeepPlan,
     /// Parameters of `cell_sky`; `None` for the other methods.
     pub cell_sky: Option<CellSkyPlan>,
     /// Time that culling took, ms.
@@ -58,15 +61,19 @@ pub(in crate::plan) struct Stars {
 }
 
 impl Stars {
-    /// Selects the visible chunks of a set of stars, and adds the time to the plan.
-    fn cull(inputs: &PlanInputs<'_>, plan: &mut Plan, stars: &StarSet, faintest_lx: f64) -> Vec<VisibleChunk> {
-        let cull = CullSettings {
+    fn cull_settings(inputs: &PlanInputs<'_>, plan: &Plan, faintest_lx: f64) -> CullSettings {
+        CullSettings {
             faintest_lx,
             enabled: inputs.culling,
             motion: plan.views.motion,
             refraction: inputs.objects.local_sky.as_ref().and_then(|sky| sky.refraction),
             margin_px: inputs.margin_px,
-        };
+        }
+    }
+
+    /// Selects the visible chunks of a set of stars, and adds the time to the plan.
+    fn cull(inputs: &PlanInputs<'_>, plan: &mut Plan, stars: &StarSet, faintest_lx: f64) -> Vec<VisibleChunk> {
+        let cull = Self::cull_settings(inputs, plan, faintest_lx);
         let start = Instant::now();
         let visible = match inputs.methods.stars.reads_visible() {
             true => visible_chunks(stars, plan.views.camera_pc, &plan.views.viewports, cull),
@@ -74,6 +81,28 @@ impl Stars {
         };
         plan.stars.cull_ms += start.elapsed().as_secs_f64() * 1e3;
         visible
+    }
+
+    /// Selects the pages of the scene's deep store. A map of faint light has the light of all of them.
+    fn select_deep(inputs: &PlanInputs<'_>, plan: &mut Plan) -> Result<(), PlanError> {
+        let Some(sky) = inputs.scene.stars.deep.as_ref().filter(|_| plan.smooth_light.map.is_none()) else {
+            return Ok(());
+        };
+        let start = Instant::now();
+        let settings = &inputs.settings.stars;
+        let deep = DeepInputs {
+            sky,
+            camera_pc: plan.views.camera_pc,
+            viewports: &plan.views.viewports,
+            cull: Self::cull_settings(inputs, plan, plan.stars.faintest_lx),
+            cell_px: if matches!(inputs.sky, SkyUse::Face(_)) { MAP_CELL_TEXELS } else { DIRECT_CELL_PX },
+            magnitude_limit: settings.magnitude_limit,
+            every_star: settings.every_star,
+            memory_bytes: settings.memory.bytes,
+        };
+        plan.stars.deep = deep::select(&deep, sky)?;
+        plan.stars.cull_ms += start.elapsed().as_secs_f64() * 1e3;
+        Ok(())
     }
 
     /// Chooses the units of the sums of light for the visible stars, for points of light, and for the veil that is added to the sums.
@@ -93,7 +122,11 @@ impl Stars {
                     .map(|point| eyes_m.iter().map(|eye| point.light_at_lx(*eye)).collect())
                     .collect(),
                 crowd_lx: plan.asteroids.iter().flat_map(|plan| &plan.cut.points_lx).copied().fold(0.0, f64::max),
+                ..Default::default()
             });
+        let deep = &plan.stars.deep;
+        let crowd_lx = other.crowd_lx + deep.total_lx;
+        let other = OtherLight { crowd_lx, faintest_lx: deep.faintest_lx, many: deep.stars, ..other };
         let mut ranges = range::choose(stars, &plan.stars.visible, &eyes_pc, faintest_lx, plan.views.motion, &other);
         if let SkyUse::Face(SkyFace { map, .. }) = inputs.sky {
             ranges.main.brightest_lx = map.below_lx;
@@ -104,7 +137,7 @@ impl Stars {
     }
 
     /// Plans the light of the stars: all of them, or those that are not part of the map of faint light.
-    fn plan_light(&self, inputs: &PlanInputs<'_>, plan: &mut Plan) {
+    fn plan_light(&self, inputs: &PlanInputs<'_>, plan: &mut Plan) -> Result<(), PlanError> {
         let PlanInputs { settings, methods, scene, limits, .. } = *inputs;
         // Visible stars. Without a known exposure they have been selected already, to estimate it.
         let others = plan.smooth_light.map.as_ref().map(|sky| (Arc::clone(&sky.others), sky.map.others_from_lx()));
@@ -112,6 +145,7 @@ impl Stars {
         if plan.exposure.known_white_ev100.is_some() {
             plan.stars.visible = Self::cull(inputs, plan, &stars, drawn_from_lx);
         }
+        Self::select_deep(inputs, plan)?;
         // Units, kernels and the certificate.
         plan.stars.ranges = Self::ranges(inputs, plan, &stars, drawn_from_lx);
         let viewports = &plan.views.viewports;
@@ -132,6 +166,7 @@ impl Stars {
         let is_procedural = methods.stars == StarMethod::CellSky;
         plan.stars.cell_sky =
             is_procedural.then(|| CellSkyPlan::new(&settings.stars.cell_sky, settings.exposure.unit_ev100()));
+        Ok(())
     }
 }
 
@@ -149,6 +184,15 @@ impl Technique for Stars {
     }
 
     fn check(&mut self, inputs: &CheckInputs<'_>, _kept: &mut Kept) -> Result<(), PlanError> {
+        if inputs.scene.stars.deep.is_some() {
+            let method = inputs.methods.stars;
+            if method.accumulator() != Accumulator::FixedPoint {
+                return Err(PlanError::DeepMethod(method.name()));
+            }
+            if inputs.scene.camera.velocity_c != DVec3::ZERO {
+                return Err(PlanError::DeepAtRest);
+            }
+        }
         let texture = &inputs.settings.stars.psf_texture;
         // A file whose content alone changes is not read again.
         let is_held = self.psf.as_ref().is_some_and(|(held, _)| held == texture);
@@ -175,7 +219,7 @@ impl Technique for Stars {
                 let faintest_lx = plan.stars.faintest_lx;
                 plan.stars.visible = Self::cull(inputs, plan, &inputs.scene.stars, faintest_lx);
             }
-            Step::Light => self.plan_light(inputs, plan),
+            Step::Light => self.plan_light(inputs, plan)?,
             Step::Report => {
                 if let Some(motion) = plan.views.motion {
                     let (stars, accuracy) = (&inputs.scene.stars, &inputs.settings.accuracy);

@@ -7,15 +7,21 @@ use glam::DVec3;
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
-use super::buffers::StarBuffers;
+use super::{buffers::StarBuffers, pages::PagePlace};
 use crate::{
-    catalogue::{chunks::Chunk, packed::PackedStar},
+    catalogue::{chunks::Chunk, deep::live::PageKey, packed::PackedStar},
     gpu::{Gpu, GrowingBuffer, bind_buffers},
     plan::{
-        stars::cull::{VisibleChunk, near_stars},
+        stars::{
+            cull::{VisibleChunk, near_stars},
+            deep::VisiblePage,
+        },
         tiles::Batch,
     },
-    render::stars::layout,
+    render::{
+        constants::star_forms::{COMPOSITES_OF_PAGE, STARS_AT_INFINITY, STARS_IN_SPACE, STARS_OF_PAGE},
+        stars::layout,
+    },
 };
 
 /// Maximum number of stars per workgroup.
@@ -30,6 +36,8 @@ pub(crate) struct StarDraw<'a> {
     /// Index of the first item; a multiple of [`ITEM_ALIGNMENT`].
     pub first_item: u64,
     pub item_count: u32,
+    /// Whether the stars are those of pages.
+    pub from_pages: bool,
 }
 
 /// Bind group of stars and their items, the same for every pass over items.
@@ -42,12 +50,23 @@ pub(crate) fn bind_items(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, draw: &Sta
     bind_buffers(gpu, pipeline, 1, &[(0, draw.stars.as_entire_binding()), (1, wgpu::BindingResource::Buffer(items))])
 }
 
+/// Buffer that the items of a run read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum ItemSource {
+    /// Near stars, relative to the camera.
+    Near,
+    /// A segment of the catalogue's stars.
+    Segment(usize),
+    /// A buffer of pages of a deep store.
+    Pages(usize),
+}
+
 /// Run of items of one batch that read from one buffer of stars.
 pub(super) struct ItemRun {
     /// Index of the batch.
     pub batch: usize,
-    /// Index of the segment; `None` for near stars.
-    pub segment: Option<usize>,
+    /// The stars.
+    pub source: ItemSource,
     /// First item.
     pub first_item: u64,
     /// Number of items.
@@ -92,20 +111,7 @@ pub(super) fn build_items(
     let mut items = Vec::new();
     let mut runs = Vec::new();
     for (batch_index, batch) in batches.iter().enumerate() {
-        // Set of tiles of each viewport in this batch.
-        let mut tiles_of_viewport = [0_u32; 64];
-        for (index, tile) in batch.tiles.iter().enumerate() {
-            tiles_of_viewport[tile.viewport] |= 1 << index;
-        }
-        let tiles_of = |viewports: u64| {
-            let mut remaining = viewports;
-            let mut tiles = 0;
-            while remaining != 0 {
-                tiles |= tiles_of_viewport[remaining.trailing_zeros() as usize];
-                remaining &= remaining - 1;
-            }
-            tiles
-        };
+        let tiles_of = tiles_of(batch);
         let mut far = visible.iter().filter(|chunk| !chunk.near).peekable();
         for (segment_index, segment) in buffers.segments.iter().enumerate() {
             let first_item = items.len();
@@ -122,7 +128,7 @@ pub(super) fn build_items(
                 );
             }
             shuffle(&mut items[first_item..], &mut random);
-            close_run(&mut items, &mut runs, batch_index, Some(segment_index), first_item);
+            close_run(&mut items, &mut runs, batch_index, ItemSource::Segment(segment_index), first_item);
         }
         let first_item = items.len();
         for (chunk, first) in visible.iter().filter(|chunk| chunk.near).zip(&near_first) {
@@ -137,9 +143,70 @@ pub(super) fn build_items(
             );
         }
         shuffle(&mut items[first_item..], &mut random);
-        close_run(&mut items, &mut runs, batch_index, None, first_item);
+        close_run(&mut items, &mut runs, batch_index, ItemSource::Near, first_item);
     }
     Items { items, runs, near }
+}
+
+/// The tiles of a set of viewports in a batch.
+fn tiles_of(batch: &Batch) -> impl Fn(u64) -> u32 + use<> {
+    let mut tiles_of_viewport = [0_u32; 64];
+    for (index, tile) in batch.tiles.iter().enumerate() {
+        tiles_of_viewport[tile.viewport] |= 1 << index;
+    }
+    move |viewports: u64| {
+        let mut remaining = viewports;
+        let mut tiles = 0;
+        while remaining != 0 {
+            tiles |= tiles_of_viewport[remaining.trailing_zeros() as usize];
+            remaining &= remaining - 1;
+        }
+        tiles
+    }
+}
+
+/// Adds the items of the pages of a deep store, which are at these places in `segments` buffers.
+pub(super) fn push_pages(
+    Items { items, runs, .. }: &mut Items,
+    visible: &[VisiblePage],
+    places: &[PagePlace],
+    segments: usize,
+    batches: &[Batch],
+) {
+    for (batch_index, batch) in batches.iter().enumerate() {
+        let tiles_of = tiles_of(batch);
+        for segment in 0..segments {
+            let first_item = items.len();
+            for (VisiblePage { page, viewports }, place) in visible.iter().zip(places) {
+                let tiles = tiles_of(*viewports);
+                if place.segment != segment || tiles == 0 {
+                    continue;
+                }
+                let count = page.stars.len() as u32;
+                let numbers = first_number(page.key);
+                for start in (0..count).step_by(ITEM_STARS as usize) {
+                    items.push(layout::StarItem {
+                        origin: page.centre.to_array(),
+                        first: place.first + start,
+                        count: (count - start).min(ITEM_STARS),
+                        tiles,
+                        first_number: numbers.wrapping_add(start),
+                        form: if page.key.is_composite() { COMPOSITES_OF_PAGE } else { STARS_OF_PAGE },
+                    });
+                }
+            }
+            close_run(items, runs, batch_index, ItemSource::Pages(segment), first_item);
+        }
+    }
+}
+
+/// Number of the first star of a page, from which rounding derives: it depends on nothing but the leaf or tile.
+fn first_number(key: PageKey) -> u32 {
+    let part = match key {
+        PageKey::Leaf { layer, .. } => u32::from(layer),
+        PageKey::Tile { plane, .. } => 3 + u32::from(plane),
+    };
+    (key.cell() as u32).wrapping_mul(0x9E37_79B1).rotate_left(part) ^ part.wrapping_mul(0x85EB_CA6B)
 }
 
 fn push_items(
@@ -163,7 +230,7 @@ fn push_items(
             count,
             tiles,
             first_number: chunk.first + start,
-            at_infinity: u32::from(chunk.at_infinity),
+            form: if chunk.at_infinity { STARS_AT_INFINITY } else { STARS_IN_SPACE },
         });
         start += count;
     }
@@ -179,12 +246,12 @@ fn close_run(
     items: &mut Vec<layout::StarItem>,
     runs: &mut Vec<ItemRun>,
     batch: usize,
-    segment: Option<usize>,
+    source: ItemSource,
     first_item: usize,
 ) {
     let item_count = (items.len() - first_item) as u32;
     if item_count > 0 {
-        runs.push(ItemRun { batch, segment, first_item: first_item as u64, item_count });
+        runs.push(ItemRun { batch, source, first_item: first_item as u64, item_count });
         items.resize(items.len().next_multiple_of(ITEM_ALIGNMENT), layout::StarItem::default());
     }
 }

@@ -6,7 +6,7 @@ pub(crate) use crate::render::layout::{AirAbove, Viewport};
 gpu_structs! {
     /// A run of stars for one workgroup.
     struct StarItem {
-        /// Chunk origin minus camera, pc.
+        /// Chunk origin minus camera, pc; for stars of a page its centre, a unit vector.
         origin: [f32; 3],
         /// Index of the first star in its buffer.
         first: u32,
@@ -16,8 +16,8 @@ gpu_structs! {
         tiles: u32,
         /// Index of the first star among all stars of the scene; the dither depends on it.
         first_number: u32,
-        /// 1: the stars are at infinity, where the position of the eye does not matter.
-        at_infinity: u32,
+        /// Form of the stars: `STARS_IN_SPACE` and the other constants.
+        form: u32,
     }
     /// Motion of the camera. All zero: the camera is at rest. Computed in f64.
     struct CameraMotion {
@@ -42,11 +42,10 @@ gpu_structs! {
         brightest_lx: f32,
         /// Number of items.
         item_count: u32,
+        /// ICRS position of the camera, pc, for stars of pages.
+        camera: [f32; 3],
         /// Workgroups per row of the dispatch.
         items_per_row: u32,
-        unused_0: u32,
-        unused_1: u32,
-        unused_2: u32,
         camera_motion: CameraMotion,
         /// The air around the camera.
         air: AirAbove,

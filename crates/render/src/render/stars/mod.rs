@@ -10,6 +10,7 @@ mod items;
 pub(crate) mod layout;
 pub(crate) mod luminance;
 mod packed;
+mod pages;
 mod splat;
 
 use self::{
@@ -17,8 +18,9 @@ use self::{
     buffers::StarBuffers,
     catalogue_buffers::CatalogueBuffers,
     cell_sky::CellSky,
-    items::{ItemBuffers, ItemRun, Items, StarDraw, build_items},
+    items::{ItemBuffers, ItemRun, ItemSource, StarDraw, build_items, push_pages},
     packed::{Packed, PackedFrame},
+    pages::PageBuffers,
     splat::StarPass,
 };
 use super::{
@@ -43,6 +45,8 @@ pub(super) struct Stars {
     beside_map: Option<StarBuffers>,
     /// All stars in the order of a catalogue.
     catalogue: Option<CatalogueBuffers>,
+    /// Pages of a deep store.
+    pages: PageBuffers,
     item_buffers: ItemBuffers,
     /// Item runs of the frame being recorded.
     runs: Vec<ItemRun>,
@@ -60,6 +64,7 @@ impl Stars {
             held: None,
             beside_map: None,
             catalogue: None,
+            pages: PageBuffers::default(),
             item_buffers: ItemBuffers::new(),
             runs: Vec::new(),
             reads_map: false,
@@ -78,7 +83,12 @@ impl Stars {
         };
         let runs = self.runs.iter().filter(|run| run.batch == batch);
         runs.map(|run| StarDraw {
-            stars: run.segment.zip(self.drawn()).map_or(near, |(segment, stars)| stars.buffer(segment)),
+            stars: match run.source {
+                ItemSource::Near => near,
+                ItemSource::Segment(segment) => self.drawn().map_or(near, |stars| stars.buffer(segment)),
+                ItemSource::Pages(segment) => self.pages.buffer(segment),
+            },
+            from_pages: matches!(run.source, ItemSource::Pages(_)),
             items,
             first_item: run.first_item,
             item_count: run.item_count,
@@ -97,7 +107,7 @@ impl Stars {
                     let mut pass = begin_pass(recording.encoder, recording.timer, "stars");
                     let share = frame.plan.glare.share_in_sums();
                     let range = FixedPoint { units_per_lx: range.units_per_lx * share, ..range };
-                    self.splat.record(gpu, &mut pass, &range, frame.plan, &sums, &self.draws(batch));
+                    self.splat.record(gpu, &mut pass, (&range, bright), frame.plan, &sums, &self.draws(batch));
                 }
             }
             Accumulator::PackedCompareExchange => {
@@ -148,7 +158,7 @@ impl Technique for Stars {
         match method.accumulator() {
             Accumulator::FixedPoint if !method.draws_catalogue() => Vec::new(),
             Accumulator::FixedPoint => {
-                vec![PipelineJob::new("stars", move || self.splat.pipeline(gpu, has_geometry))]
+                vec![PipelineJob::new("stars", move || self.splat.pipeline(gpu, has_geometry, false))]
             }
             Accumulator::PackedCompareExchange => {
                 vec![PipelineJob::new("stars", move || self.packed.prepare(gpu, method.reads_catalogue()))]
@@ -170,14 +180,17 @@ impl Technique for Stars {
             self.beside_map = Some(StarBuffers::new(gpu, others.clone()));
         }
         let held = self.drawn().filter(|_| method.reads_visible());
-        let Items { items, runs, near } = held
+        let mut items = held
             .map(|buffers| {
                 build_items(buffers, &frame.plan.stars.visible, &frame.plan.views.batches, frame.catalogue_order)
             })
             .unwrap_or_default();
-        self.item_buffers.items.upload(gpu, &items);
-        self.item_buffers.near.upload(gpu, &near);
-        self.runs = runs;
+        let deep = &frame.plan.stars.deep;
+        let places = self.pages.hold(gpu, deep);
+        push_pages(&mut items, &deep.visible, &places, self.pages.segments(), &frame.plan.views.batches);
+        self.item_buffers.items.upload(gpu, &items.items);
+        self.item_buffers.near.upload(gpu, &items.near);
+        self.runs = items.runs;
         if frame.plan.stars.billboards.is_some() {
             self.billboards.begin(gpu, method, frame.plan.stars.psf.as_ref());
         }
@@ -199,6 +212,7 @@ impl Technique for Stars {
         self.held = None;
         self.beside_map = None;
         self.catalogue = None;
+        self.pages = PageBuffers::default();
         self.item_buffers = ItemBuffers::new();
         self.runs.clear();
         self.packed.release();

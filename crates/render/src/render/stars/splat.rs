@@ -23,8 +23,8 @@ use crate::{
 
 /// Pipelines and colour table of the star pass.
 pub(crate) struct StarPass {
-    /// One pipeline with and one without the occlusion test.
-    pipelines: Variants<bool, wgpu::ComputePipeline>,
+    /// Pipelines with and without the occlusion test, for chunks and for pages.
+    pipelines: Variants<[bool; 2], wgpu::ComputePipeline>,
     colours: wgpu::Buffer,
 }
 
@@ -51,9 +51,11 @@ fn encode_motion(motion: Motion) -> layout::CameraMotion {
     }
 }
 
-/// Creates the pipeline with or without the occlusion test.
-fn star_pipeline(gpu: &Gpu, has_geometry: bool) -> wgpu::ComputePipeline {
-    let constants = [workgroup_constant(gpu), ("HAS_GEOMETRY", f64::from(u8::from(has_geometry))), rolled_loops(gpu)];
+/// Creates the pipeline with or without the occlusion test, for stars of chunks or of pages.
+fn star_pipeline(gpu: &Gpu, has_geometry: bool, from_pages: bool) -> wgpu::ComputePipeline {
+    let flag = |name: &'static str, value: bool| (name, f64::from(u8::from(value)));
+    let flags = [flag("HAS_GEOMETRY", has_geometry), flag("FROM_PAGES", from_pages)];
+    let constants = [workgroup_constant(gpu), flags[0], flags[1], rolled_loops(gpu)];
     gpu.compute_pipeline_with(&splatting(gpu, "stars/splat"), &constants)
 }
 
@@ -62,9 +64,9 @@ impl StarPass {
         Self { pipelines: Variants::new(), colours: gpu::storage_buffer(gpu, "star colours", &colour_table()) }
     }
 
-    /// Returns the pipeline with or without the occlusion test.
-    pub(crate) fn pipeline(&self, gpu: &Gpu, has_geometry: bool) -> wgpu::ComputePipeline {
-        self.pipelines.get(has_geometry, || star_pipeline(gpu, has_geometry))
+    /// Returns the pipeline with or without the occlusion test, for stars of chunks or of pages.
+    pub(crate) fn pipeline(&self, gpu: &Gpu, has_geometry: bool, from_pages: bool) -> wgpu::ComputePipeline {
+        self.pipelines.get([has_geometry, from_pages], || star_pipeline(gpu, has_geometry, from_pages))
     }
 
     /// Colours with luminance 1 for every temperature step.
@@ -77,24 +79,30 @@ impl StarPass {
         &self,
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
-        range: &FixedPoint,
+        (range, is_bright): (&FixedPoint, bool),
         plan: &Plan,
         sums: &Sums<'_>,
         draws: &[StarDraw<'_>],
     ) {
         let occlusion = &sums.occlusion;
-        let pipeline = &self.pipeline(gpu, occlusion.present);
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(2, &bind_occlusion(gpu, pipeline, occlusion), &[]);
-        gpu.bind_tables(pass, pipeline);
-        for draw in draws {
+        let mut of_pages = None;
+        // Stars of pages are too faint for the separate sums of bright ones, and no map leaves them out.
+        for draw in draws.iter().filter(|draw| !(draw.from_pages && is_bright)) {
+            let pipeline = &self.pipeline(gpu, occlusion.present, draw.from_pages);
+            if of_pages != Some(draw.from_pages) {
+                of_pages = Some(draw.from_pages);
+                pass.set_pipeline(pipeline);
+                pass.set_bind_group(2, &bind_occlusion(gpu, pipeline, occlusion), &[]);
+                gpu.bind_tables(pass, pipeline);
+            }
             let [items_per_row, rows] = dispatch_rows(gpu, draw.item_count);
             let parameters = layout::StarParameters {
                 units_per_lx: range.units_per_lx as f32,
                 faintest_lx: range.faintest_lx as f32,
-                brightest_lx: range.brightest_lx as f32,
+                brightest_lx: if draw.from_pages { f32::INFINITY } else { range.brightest_lx as f32 },
                 item_count: draw.item_count,
                 items_per_row,
+                camera: plan.views.camera_pc.as_vec3().to_array(),
                 camera_motion: plan.views.motion.map(encode_motion).unwrap_or_default(),
                 air: AirAbove::from_sky(plan.air.sky.as_deref()),
                 ..Default::default()

@@ -18,7 +18,7 @@ use crate::photometry::rec709::luminance;
 const MANTISSA_BITS: u32 = 9;
 const LARGEST_MANTISSA: f64 = 511.0;
 /// Exponent of two of a unit of the mantissa at exponent 0.
-const UNIT_LOG2: i32 = -56;
+pub const UNIT_LOG2: i32 = -56;
 const LARGEST_EXPONENT: i32 = 31;
 const CENTROID_STEPS: f64 = 128.0;
 const LARGEST_SPREAD: f64 = 0.01;

@@ -20,7 +20,7 @@
 //! reads into buffers of the caller's size: a mapped file that another program truncates would end the process. Every leaf and tile has a CRC-32 and
 //! is never returned if it is wrong.
 //!
-//! [`build`] writes stores in bounded memory, [`import`] and [`synth`] deliver stars to it, [`check`], [`slice`] and [`export`] read whole stores.
+//! [`live`] reads what views need while they are drawn. [`build`] writes stores in bounded memory, [`import`] and [`synth`] deliver stars to it, [`check`], [`slice`] and [`export`] read whole stores.
 
 mod bucket;
 pub mod build;
@@ -33,6 +33,7 @@ pub mod hats;
 pub mod import;
 pub mod index;
 mod journal;
+pub mod live;
 pub mod prior;
 mod reader;
 pub mod resident;

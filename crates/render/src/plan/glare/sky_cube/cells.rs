@@ -8,11 +8,12 @@ use super::{
     sprites::{Brightnesses, Reach, Sprite, Veil},
 };
 use crate::{
-    catalogue::{chunks::StarSet, packed::PackedStar},
+    catalogue::{chunks::StarSet, deep::LAYERS, packed::PackedStar},
     photometry::rec709::luminance,
     plan::stars::cull::{VisibleChunk, light_at, near_stars},
     relativity::Motion,
     scene::surroundings::LocalSky,
+    units::illuminance_lx_from_magnitude,
     view::projection::Face,
 };
 
@@ -122,6 +123,8 @@ impl Group {
 pub(super) struct Sky<'a> {
     pub set: &'a StarSet,
     pub visible: &'a [VisibleChunk],
+    /// Position of the camera, pc.
+    pub place_pc: DVec3,
     pub motion: Option<Motion>,
     pub local_sky: Option<&'a LocalSky>,
     pub faintest_lx: f64,
@@ -149,6 +152,15 @@ impl Sky<'_> {
             .filter(|source| source.illuminance_lx >= least_lx)
     }
 
+    /// The composite stars of the set's deep store, if their light is drawn at all.
+    fn deep_light(&self) -> impl Iterator<Item = Source> {
+        let deep = self.set.deep.as_ref().filter(|_| self.faintest_lx < deep_from_lx());
+        deep.into_iter().flat_map(|deep| deep.base_light(self.place_pc)).filter_map(|(towards, light)| {
+            let source = Source { direction: towards.try_normalize()?, illuminance_lx: luminance(light), light };
+            Some(source.through_air(self.local_sky))
+        })
+    }
+
     /// All stars in cells with `cells` along an edge of a face. `counts_brightnesses`: also by brightness.
     pub(super) fn gather(&self, cells: u32, counts_brightnesses: bool) -> Gathered {
         let per_group = self.visible.len().div_ceil(MOST_GROUPS).max(GROUP_CHUNKS);
@@ -171,6 +183,10 @@ impl Sky<'_> {
             .collect();
         let mut whole = Group::new(cells, counts_brightnesses);
         groups.into_iter().for_each(|group| whole.add_all(group));
+        // The light of a deep store. No composite star is bright enough to be drawn individually.
+        for source in self.deep_light() {
+            whole.sums[cell_of(source.direction, cells)].add(&Moments::of(&source));
+        }
         let Group { mut sums, mut near, brightnesses } = whole;
         let light = |near: &NearStar| light_at(near.place_pc, &near.star, self.motion);
         // The sort is stable: the same order for the same stars.
@@ -200,6 +216,11 @@ impl Sky<'_> {
             })
             .collect()
     }
+}
+
+/// Illuminance of the brightest stars that are only in planes, lx.
+fn deep_from_lx() -> f64 {
+    illuminance_lx_from_magnitude(f64::from(LAYERS[0].magnitude))
 }
 
 fn finished(sums: &[Moments], cells: u32) -> Vec<Cell> {

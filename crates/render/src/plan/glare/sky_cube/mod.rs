@@ -188,7 +188,7 @@ impl SkyCubePlan {
         let visible = visible_chunks(set, place_pc, &[everywhere], cull);
         let near_pc = settings.farthest_eye_pc / SHARED_PARALLAX_RAD;
         let local_sky = settings.local_sky.as_deref();
-        let sky = cells::Sky { set, visible: &visible, motion, local_sky, faintest_lx, near_pc };
+        let sky = cells::Sky { set, visible: &visible, place_pc, motion, local_sky, faintest_lx, near_pc };
         let is_exact = settings.least_cd_m2 == 0.0;
         let cells::Gathered { cells: finest, near, brightnesses } = sky.gather(FINEST_CELLS, is_exact);
         // Levels of the map, and the veil that hides individual sources.
@@ -257,11 +257,16 @@ impl Source {
         let direction = seen.try_normalize()?;
         let colour = travel::colour_of(star.temperature_step(), doppler);
         let light = colour.map(|c| f64::from(c) * illuminance_lx);
-        let Some(sky) = local_sky else { return Some(Self { direction, illuminance_lx, light }) };
-        let direction = sky.seen(direction);
+        Some(Self { direction, illuminance_lx, light }.through_air(local_sky))
+    }
+
+    /// The source as it is seen through the air around the camera.
+    fn through_air(self, local_sky: Option<&LocalSky>) -> Self {
+        let Some(sky) = local_sky else { return self };
+        let direction = sky.seen(self.direction);
         let through = sky.transmission(direction);
-        let light = [0, 1, 2].map(|c| light[c] * through[c]);
-        Some(Self { direction, illuminance_lx: luminance(light), light })
+        let light = [0, 1, 2].map(|c| self.light[c] * through[c]);
+        Self { direction, illuminance_lx: luminance(light), light }
     }
 }
 

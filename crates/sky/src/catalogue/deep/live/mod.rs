@@ -1,0 +1,153 @@
+//! A deep store that a scene draws: pages are read when views need them, and kept in memory up to a limit.
+//!
+//! [`detail`] lists the pages of each degree of detail, [`page`] is what a page holds, and `pages` keeps and reads them in the background.
+
+pub mod detail;
+pub mod page;
+mod pages;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::DVec3;
+
+pub use self::{
+    detail::Detail,
+    page::{Page, PageKey, PageStar},
+};
+use self::pages::{Pages, Readers};
+use super::super::epoch::Epoch;
+use super::composite::Composite;
+use super::error::DeepError;
+use super::reader::DeepStore;
+use super::tile::Tile;
+use super::BUCKETS;
+
+/// The stars of a deep store as an epoch sees them. Clones and other epochs of the same store share its memory.
+#[derive(Clone, Debug)]
+pub struct DeepSky {
+    epoch: Epoch,
+    readers: Arc<Readers>,
+    base: Arc<Base>,
+}
+
+/// The composite stars that are always in memory.
+#[derive(Debug)]
+struct Base {
+    /// A tile for each cell of [`super::BUCKET_ORDER`].
+    tiles: Arc<Vec<Tile>>,
+    pages: Vec<Arc<Page>>,
+}
+
+impl Base {
+    fn at_epoch(&self, pages: &Pages, epoch: &Epoch) -> Arc<Self> {
+        let of_tile = |(cell, tile): (usize, &Tile)| {
+            let page = Page::of_tile(usize::from(detail::BASE_PLANE), cell as u64, tile, epoch);
+            Arc::new(Page { id: pages.new_id(), ..page })
+        };
+        let pages = self.tiles.iter().enumerate().map(of_tile).collect();
+        Arc::new(Self { tiles: Arc::clone(&self.tiles), pages })
+    }
+}
+
+/// State of the pages of a store, for people and statistics.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DeepStatistics {
+    /// Bytes of the pages in memory.
+    pub bytes: u64,
+    /// Pages that views need and that have not been read.
+    pub missing: u64,
+    /// Pages read so far.
+    pub pages_read: u64,
+    /// Bytes read so far.
+    pub bytes_read: u64,
+}
+
+impl DeepSky {
+    /// Opens a store and reads its coarsest composite stars.
+    ///
+    /// # Errors
+    /// It cannot be opened, or these are damaged.
+    pub fn open(folder: &Path, epoch: &Epoch) -> Result<Self, DeepError> {
+        let readers = Arc::new(Readers::new(DeepStore::open(folder)?));
+        let mut tiles = Vec::new();
+        for bucket in 0..BUCKETS {
+            tiles.push(readers.pages().store().tile(usize::from(detail::BASE_PLANE), bucket)?);
+        }
+        let base = Base { tiles: Arc::new(tiles), pages: Vec::new() }.at_epoch(readers.pages(), epoch);
+        Ok(Self { epoch: *epoch, readers, base })
+    }
+
+    /// The same store as another epoch sees it.
+    #[must_use]
+    pub fn at_epoch(&self, epoch: &Epoch) -> Self {
+        if *epoch == self.epoch {
+            return self.clone();
+        }
+        Self { base: self.base.at_epoch(self.pages(), epoch), epoch: *epoch, readers: Arc::clone(&self.readers) }
+    }
+
+    /// The store.
+    pub fn store(&self) -> &DeepStore {
+        self.pages().store()
+    }
+
+    /// The page of the base with the stars of a cell of [`super::BUCKET_ORDER`].
+    pub fn base_page(&self, bucket: u64) -> &Arc<Page> {
+        &self.base.pages[bucket as usize]
+    }
+
+    /// Light of all leaves together, lx.
+    pub fn total_lx(&self) -> f64 {
+        self.base.pages.iter().map(|page| page.total_lx).sum()
+    }
+
+    /// Direction (of any length), and light (linear Rec. 709, lx) of the composite stars of the base, seen from a place in pc.
+    pub fn base_light(&self, place_pc: DVec3) -> impl Iterator<Item = (DVec3, [f64; 3])> {
+        self.base.pages.iter().flat_map(move |page| {
+            page.stars.iter().map(move |star| {
+                let (relative, factor) = page.seen(star, place_pc);
+                let composite = Composite::from_bits(u64::from(star.light) << 32);
+                (relative, composite.light_lx.map(|light| light * factor))
+            })
+        })
+    }
+
+    /// The pages that are in memory, in the order of the keys; `None` for those that are not. Pages of another epoch of the same store are
+    /// returned until they have been read again.
+    pub fn pages_of(&self, keys: &[PageKey]) -> Vec<Option<Arc<Page>>> {
+        self.pages().held(keys)
+    }
+
+    /// Asks the readers for pages, the most urgent ones first. The newest requests count.
+    pub fn ask(&self, wants: &[(PageKey, f64)]) {
+        self.pages().ask(&self.epoch, wants);
+    }
+
+    /// Reads pages now, on all cores.
+    ///
+    /// # Errors
+    /// One of them is damaged or cannot be read.
+    pub fn load(&self, keys: &[PageKey]) -> Result<(), DeepError> {
+        self.pages().load(&self.epoch, keys)
+    }
+
+    /// Sets the memory that pages may take, bytes.
+    pub fn set_limit(&self, bytes: u64) {
+        self.pages().set_limit(bytes);
+    }
+
+    /// What is in memory, and what was read.
+    pub fn statistics(&self) -> DeepStatistics {
+        self.pages().statistics()
+    }
+
+    /// Text of the first error of reading in the background, if any.
+    pub fn problem(&self) -> Option<String> {
+        self.pages().problem()
+    }
+
+    fn pages(&self) -> &Pages {
+        self.readers.pages()
+    }
+}

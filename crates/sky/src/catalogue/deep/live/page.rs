@@ -1,0 +1,222 @@
+//! Pages: the stars of a leaf or the composite stars of a tile, in the form that the renderer reads.
+//!
+//! A page has a centre c, a unit vector in f32. A star is in the direction g = c + x u + y v, with the unit vectors u and v of [`page_axes`]. Seen
+//! from `camera` (pc from the barycentre), it is in the direction g - camera p, where p is its parallax in 1/pc times the length of g. So a star has the
+//! same accuracy at 100 pc and at infinity, and numbers of f32 have steps of 0.2 mas in cells of order 6.
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DVec3, Vec3};
+
+use super::super::super::epoch::Epoch;
+use super::super::super::packed::PackedStar;
+use super::super::cells::CellFrame;
+use super::super::composite::Composite;
+use super::super::error::DeepError;
+use super::super::reader::{DeepStar, DeepStore, Leaf};
+use super::super::tile::{Tile, cells_per_tile, tile_order};
+use super::super::word::DISTANCES_PC;
+use super::super::{LAYERS, PLANES};
+use crate::photometry::rec709::luminance;
+
+/// Greatest parallax of a star in a leaf, 1/pc.
+pub const MOST_PARALLAX: f64 = 1.0 / DISTANCES_PC[0];
+
+/// Bits of a composite star that are its light; see [`Composite::from_bits`].
+const LIGHT_SHIFT: u32 = 32;
+
+/// Identifies a page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum PageKey {
+    /// A leaf.
+    Leaf {
+        /// Index of its layer in [`LAYERS`].
+        layer: u8,
+        /// Number of its cell.
+        cell: u32,
+    },
+    /// A tile.
+    Tile {
+        /// Index of its plane in [`PLANES`].
+        plane: u8,
+        /// Number of its cell.
+        cell: u32,
+    },
+}
+
+impl PageKey {
+    /// Order of its cell.
+    pub fn order(self) -> u8 {
+        match self {
+            Self::Leaf { layer, .. } => LAYERS[usize::from(layer)].order,
+            Self::Tile { plane, .. } => tile_order(PLANES[usize::from(plane)].order),
+        }
+    }
+
+    /// Number of its cell.
+    pub fn cell(self) -> u64 {
+        match self {
+            Self::Leaf { cell, .. } | Self::Tile { cell, .. } => u64::from(cell),
+        }
+    }
+
+    /// Whether it holds composite stars.
+    pub fn is_composite(self) -> bool {
+        matches!(self, Self::Tile { .. })
+    }
+
+    /// Number of its stars in a store, without reading it.
+    pub fn stars(self, store: &DeepStore) -> u32 {
+        match self {
+            Self::Leaf { layer, cell } => store.leaf_stars(usize::from(layer), u64::from(cell)),
+            Self::Tile { plane, cell } => store.tile_stars(usize::from(plane), u64::from(cell)),
+        }
+    }
+
+    /// Axis, a unit vector, and half-angle in rad of a cone with all stars of the cell.
+    pub fn cone(self) -> (DVec3, f64) {
+        let frame = CellFrame::new(self.order(), self.cell());
+        // The farthest points are the corners; a tenth more for the curvature of the sides.
+        let corners = [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]].map(|corner| frame.direction(corner));
+        let radius = corners.into_iter().map(|corner| corner.angle_between(frame.centre)).fold(0.0, f64::max);
+        (frame.centre, 1.1 * radius)
+    }
+}
+
+/// A star of a page.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct PageStar {
+    /// Coordinates along the page's axes.
+    pub xy: [f32; 2],
+    /// Parallax in 1/pc, times the length of its direction g.
+    pub parallax: f32,
+    /// Its light at the barycentre: of a star that of [`PackedStar`], of a composite star the upper 32 bits of its word.
+    pub light: u32,
+}
+
+/// The stars of a leaf or tile.
+#[derive(Clone, Debug)]
+pub struct Page {
+    /// Identity, different for every page that was ever read.
+    pub id: u64,
+    /// Leaf or tile.
+    pub key: PageKey,
+    /// Direction of its centre, a unit vector in f32, ICRS axes.
+    pub centre: Vec3,
+    /// Its stars, those of a leaf from the brightest to the faintest.
+    pub stars: Vec<PageStar>,
+    /// Illuminance at the barycentre of the brightest star, lx.
+    pub brightest_lx: f64,
+    /// The same of the faintest star.
+    pub faintest_lx: f64,
+    /// The same of all stars together.
+    pub total_lx: f64,
+}
+
+/// The unit vectors u and v, perpendicular to a page's centre and to each other.
+pub fn page_axes(centre: DVec3) -> [DVec3; 2] {
+    let pole = if centre.z.abs() < 0.9 { DVec3::Z } else { DVec3::X };
+    let u = pole.cross(centre).normalize();
+    [u, centre.cross(u)]
+}
+
+/// Converts directions to stars of a page.
+struct PageFrame {
+    centre: DVec3,
+    axes: [DVec3; 2],
+}
+
+impl PageFrame {
+    fn new(towards: DVec3) -> Self {
+        let centre = towards.as_vec3().as_dvec3();
+        Self { centre, axes: page_axes(centre) }
+    }
+
+    /// A star at a place, pc from the barycentre.
+    fn star(&self, place: DVec3, light: u32) -> PageStar {
+        let scale = self.centre.length_squared() / place.dot(self.centre);
+        let [x, y] = self.axes.map(|axis| place.dot(axis) * scale);
+        // The length of g over the distance.
+        PageStar { xy: [x as f32, y as f32], parallax: scale as f32, light }
+    }
+}
+
+impl Page {
+    /// Reads a page from a store, as seen at an epoch.
+    ///
+    /// # Errors
+    /// The leaf or tile cannot be read, or is damaged.
+    pub fn read(store: &DeepStore, key: PageKey, epoch: &Epoch, id: u64) -> Result<Self, DeepError> {
+        let mut page = match key {
+            PageKey::Leaf { layer, cell } => Self::of_leaf(&store.leaf(usize::from(layer), u64::from(cell))?, epoch),
+            PageKey::Tile { plane, cell } => {
+                let (plane, cell) = (usize::from(plane), u64::from(cell));
+                Self::of_tile(plane, cell, &store.tile(plane, cell)?, epoch)
+            }
+        };
+        page.id = id;
+        Ok(page)
+    }
+
+    fn empty(key: PageKey, centre: DVec3, stars: usize) -> Self {
+        let stars = Vec::with_capacity(stars);
+        let (brightest_lx, faintest_lx, total_lx) = (0.0, f64::INFINITY, 0.0);
+        Self { id: 0, key, centre: centre.as_vec3(), stars, brightest_lx, faintest_lx, total_lx }
+    }
+
+    fn add(&mut self, star: PageStar, illuminance_lx: f64) {
+        self.stars.push(star);
+        self.brightest_lx = self.brightest_lx.max(illuminance_lx);
+        self.faintest_lx = self.faintest_lx.min(illuminance_lx);
+        self.total_lx += illuminance_lx;
+    }
+
+    fn of_leaf(leaf: &Leaf, epoch: &Epoch) -> Self {
+        let frame = PageFrame::new(leaf.frame.centre);
+        let key = PageKey::Leaf { layer: leaf.layer as u8, cell: leaf.cell as u32 };
+        let mut page = Self::empty(key, frame.centre, leaf.words.len());
+        for index in 0..leaf.words.len() {
+            let DeepStar { direction, illuminance_lx, temperature_k, distance_pc } = leaf.star(index);
+            let light = PackedStar::new(Vec3::ZERO, illuminance_lx, temperature_k).light;
+            page.add(frame.star(seen_place(epoch, direction, distance_pc), light), illuminance_lx);
+        }
+        page
+    }
+
+    /// The composite stars of a tile. Its identity is 0.
+    pub(super) fn of_tile(plane: usize, cell: u64, tile: &Tile, epoch: &Epoch) -> Self {
+        let order = PLANES[plane].order;
+        let frame = PageFrame::new(CellFrame::new(tile_order(order), cell).centre);
+        let key = PageKey::Tile { plane: plane as u8, cell: cell as u32 };
+        let mut page = Self::empty(key, frame.centre, tile.bits.len());
+        let first = cell * cells_per_tile(order) as u64;
+        for (inner, bits) in tile.cells.iter().zip(&tile.bits) {
+            let composite = Composite::from_bits(*bits);
+            let direction = CellFrame::new(order, first + u64::from(*inner)).direction(composite.inside);
+            let distance_pc = (composite.parallax > 0.0).then(|| composite.parallax.recip());
+            let star = frame.star(seen_place(epoch, direction, distance_pc), (bits >> LIGHT_SHIFT) as u32);
+            page.add(star, luminance(composite.light_lx));
+        }
+        page
+    }
+
+    /// Bytes that its stars take.
+    pub fn bytes(&self) -> u64 {
+        (self.stars.len() * size_of::<PageStar>()) as u64
+    }
+
+    /// Direction g of a star minus its displacement by the camera's place (pc from the barycentre), and its illuminance there relative to that at
+    /// the barycentre.
+    pub fn seen(&self, star: &PageStar, camera_pc: DVec3) -> (DVec3, f64) {
+        let centre = self.centre.as_dvec3();
+        let [u, v] = page_axes(centre);
+        let towards = centre + u * f64::from(star.xy[0]) + v * f64::from(star.xy[1]);
+        let relative = towards - camera_pc * f64::from(star.parallax);
+        (relative, towards.length_squared() / relative.length_squared())
+    }
+}
+
+/// Place of a star of the store as an epoch sees it, pc. Stars at infinity stand at the farthest distance of a word.
+fn seen_place(epoch: &Epoch, direction: DVec3, distance_pc: Option<f64>) -> DVec3 {
+    epoch.seen_place(direction * distance_pc.unwrap_or(DISTANCES_PC[1]), true)
+}

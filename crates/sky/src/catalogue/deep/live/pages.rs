@@ -1,0 +1,272 @@
+//! Keeps pages in memory up to a limit, and reads those that views ask for, in threads of its own.
+
+use std::collections::{HashMap, HashSet};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+
+use super::super::super::epoch::Epoch;
+use super::super::error::DeepError;
+use super::super::reader::DeepStore;
+use super::DeepStatistics;
+use super::page::{Page, PageKey};
+
+/// Threads that read pages.
+const READERS: usize = 2;
+/// Pages that a thread takes at a time.
+const TAKEN_AT_ONCE: usize = 16;
+/// A request that is not renewed for this time is dropped: the view has moved on.
+const FORGOTTEN_AFTER: Duration = Duration::from_millis(1500);
+/// A page that was drawn within this time is not removed.
+const KEPT_FOR: Duration = Duration::from_millis(500);
+/// Memory for pages before a limit is set, bytes.
+const FIRST_LIMIT: u64 = 1 << 30;
+
+/// A page in memory.
+#[derive(Debug)]
+struct Held {
+    page: Arc<Page>,
+    epoch: Epoch,
+    used: Instant,
+}
+
+/// A requested page.
+#[derive(Clone, Copy, Debug)]
+struct Want {
+    urgency: f64,
+    epoch: Epoch,
+    asked: Instant,
+}
+
+#[derive(Debug)]
+struct State {
+    held: HashMap<PageKey, Held>,
+    wants: HashMap<PageKey, Want>,
+    limit: u64,
+    statistics: DeepStatistics,
+    /// Text of the first error, and the pages that could not be read.
+    problem: Option<String>,
+    damaged: HashSet<PageKey>,
+    is_closing: bool,
+}
+
+/// The pages of a store.
+#[derive(Debug)]
+pub(super) struct Pages {
+    store: DeepStore,
+    state: Mutex<State>,
+    wake: Condvar,
+    next_id: AtomicU64,
+    /// Delay before each page is read in the background, to test slow disks.
+    delay: Mutex<Duration>,
+}
+
+/// Threads that read the pages of a store; they end with the last user.
+#[derive(Debug)]
+pub(super) struct Readers {
+    pages: Arc<Pages>,
+}
+
+impl Readers {
+    pub(super) fn new(store: DeepStore) -> Self {
+        let state = State {
+            held: HashMap::new(),
+            wants: HashMap::new(),
+            limit: FIRST_LIMIT,
+            statistics: DeepStatistics::default(),
+            problem: None,
+            damaged: HashSet::new(),
+            is_closing: false,
+        };
+        let pages = Arc::new(Pages {
+            store,
+            state: Mutex::new(state),
+            wake: Condvar::new(),
+            next_id: AtomicU64::new(1),
+            delay: Mutex::new(Duration::ZERO),
+        });
+        for number in 0..READERS {
+            let own = Arc::clone(&pages);
+            let started = thread::Builder::new().name(format!("deep stars {number}")).spawn(move || own.serve());
+            if let Err(error) = started {
+                tracing::error!("no thread to read stars: {error}");
+            }
+        }
+        Self { pages }
+    }
+
+    pub(super) fn pages(&self) -> &Pages {
+        &self.pages
+    }
+}
+
+impl Drop for Readers {
+    fn drop(&mut self) {
+        self.pages.state().is_closing = true;
+        self.pages.wake.notify_all();
+    }
+}
+
+impl Pages {
+    pub(super) fn store(&self) -> &DeepStore {
+        &self.store
+    }
+
+    /// Reads a page without keeping it.
+    pub(super) fn read(&self, key: PageKey, epoch: &Epoch) -> Result<Page, DeepError> {
+        Page::read(&self.store, key, epoch, self.new_id())
+    }
+
+    /// Identity of a new page.
+    pub(super) fn new_id(&self) -> u64 {
+        self.next_id.fetch_add(1, Ordering::Relaxed)
+    }
+
+    pub(super) fn held(&self, keys: &[PageKey]) -> Vec<Option<Arc<Page>>> {
+        let now = Instant::now();
+        let mut state = self.state();
+        let mut page = |key: &PageKey| {
+            let held = state.held.get_mut(key)?;
+            held.used = now;
+            Some(Arc::clone(&held.page))
+        };
+        keys.iter().map(&mut page).collect()
+    }
+
+    pub(super) fn ask(&self, epoch: &Epoch, wants: &[(PageKey, f64)]) {
+        let now = Instant::now();
+        let mut state = self.state();
+        let State { held, wants: known, damaged, .. } = &mut *state;
+        for (key, urgency) in wants {
+            if held.get(key).is_none_or(|held| held.epoch != *epoch) && !damaged.contains(key) {
+                known.insert(*key, Want { urgency: *urgency, epoch: *epoch, asked: now });
+            }
+        }
+        state.statistics.missing = state.wants.len() as u64;
+        let is_needed = !state.wants.is_empty();
+        drop(state);
+        if is_needed {
+            self.wake.notify_all();
+        }
+    }
+
+    pub(super) fn load(&self, epoch: &Epoch, keys: &[PageKey]) -> Result<(), DeepError> {
+        let missing: Vec<PageKey> = {
+            let state = self.state();
+            let is_held = |key: &&PageKey| state.held.get(key).is_some_and(|held| held.epoch == *epoch);
+            keys.iter().filter(|key| !is_held(key)).copied().collect()
+        };
+        let pages: Vec<Page> = missing.par_iter().map(|key| self.read(*key, epoch)).collect::<Result<_, _>>()?;
+        let mut state = self.state();
+        pages.into_iter().for_each(|page| state.keep(page, epoch));
+        state.make_room();
+        Ok(())
+    }
+
+    pub(super) fn set_limit(&self, bytes: u64) {
+        let mut state = self.state();
+        if state.limit != bytes {
+            state.limit = bytes;
+            state.make_room();
+        }
+    }
+
+    pub(super) fn statistics(&self) -> DeepStatistics {
+        self.state().statistics
+    }
+
+    pub(super) fn problem(&self) -> Option<String> {
+        self.state().problem.clone()
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Reads what is asked for until the last user has gone.
+    fn serve(&self) {
+        loop {
+            let taken = {
+                let mut state = self.state();
+                loop {
+                    if state.is_closing {
+                        return;
+                    }
+                    let taken = state.take();
+                    if !taken.is_empty() {
+                        break taken;
+                    }
+                    state = self.wake.wait(state).unwrap_or_else(PoisonError::into_inner);
+                }
+            };
+            for (key, want) in taken {
+                let delay = *self.delay.lock().unwrap_or_else(PoisonError::into_inner);
+                if delay > Duration::ZERO {
+                    thread::sleep(delay);
+                }
+                let read = self.read(key, &want.epoch);
+                let mut state = self.state();
+                match read {
+                    Ok(page) => {
+                        state.keep(page, &want.epoch);
+                        state.make_room();
+                    }
+                    Err(error) => {
+                        tracing::error!("stars cannot be read: {error}");
+                        state.damaged.insert(key);
+                        state.problem.get_or_insert_with(|| error.to_string());
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl State {
+    /// The most urgent requests, removed from the list; forgotten ones are dropped.
+    fn take(&mut self) -> Vec<(PageKey, Want)> {
+        self.wants.retain(|_, want| want.asked.elapsed() < FORGOTTEN_AFTER);
+        let mut wants: Vec<(PageKey, Want)> = self.wants.iter().map(|(key, want)| (*key, *want)).collect();
+        let order = |a: &(PageKey, Want), b: &(PageKey, Want)| b.1.urgency.total_cmp(&a.1.urgency).then(a.0.cmp(&b.0));
+        if wants.len() > TAKEN_AT_ONCE {
+            wants.select_nth_unstable_by(TAKEN_AT_ONCE - 1, order);
+            wants.truncate(TAKEN_AT_ONCE);
+        }
+        wants.sort_by(order);
+        for (key, _) in &wants {
+            self.wants.remove(key);
+        }
+        self.statistics.missing = self.wants.len() as u64;
+        wants
+    }
+
+    fn keep(&mut self, page: Page, epoch: &Epoch) {
+        let bytes = page.bytes();
+        self.statistics.pages_read += 1;
+        self.statistics.bytes_read += bytes / 2;
+        let held = Held { epoch: *epoch, used: Instant::now(), page: Arc::new(page) };
+        let before = self.held.insert(held.page.key, held);
+        self.statistics.bytes = self.statistics.bytes + bytes - before.map_or(0, |held| held.page.bytes());
+    }
+
+    /// Removes pages that were not used for the longest time until the rest fits. Pages that were used just now stay.
+    fn make_room(&mut self) {
+        if self.statistics.bytes <= self.limit {
+            return;
+        }
+        let mut oldest: Vec<(Instant, PageKey)> = self.held.iter().map(|(key, held)| (held.used, *key)).collect();
+        oldest.sort_unstable();
+        for (used, key) in oldest {
+            // A little more than necessary, so that not every page searches again.
+            if self.statistics.bytes <= self.limit - self.limit / 8 || used.elapsed() < KEPT_FOR {
+                break;
+            }
+            if let Some(held) = self.held.remove(&key) {
+                self.statistics.bytes -= held.page.bytes();
+            }
+        }
+    }
+}
