@@ -103,9 +103,11 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
             let direction = view_direction(viewport, relative);
             let projected = pixel_from_direction(viewport, direction);
             var peak = peak_luminance(viewport, direction, illuminance);
-            if FROM_PAGES && item.form == COMPOSITES_OF_PAGE {
-                // The light of a cell is spread: neither the tent, whose pattern would interfere with that of the cells, nor a Gaussian for bright points.
-                peak = min(max(peak, viewport.tent_below_cd_m2), 0.999 * viewport.gaussian_from_cd_m2);
+            if FROM_PAGES {
+                // Not the tent: its pattern would interfere with that of the cells of composite stars, and stars must look like these.
+                peak = max(peak, viewport.tent_below_cd_m2);
+                // The light of a cell is spread, unlike that of a bright star.
+                peak = select(peak, min(peak, 0.999 * viewport.gaussian_from_cd_m2), item.form == COMPOSITES_OF_PAGE);
             }
             let bright = peak >= viewport.gaussian_from_cd_m2;
             let margin = select(1.5, viewport.gaussian_reach_px, bright);

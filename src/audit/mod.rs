@@ -162,6 +162,9 @@ fn reasons_against(audited: &AuditedScene<'_>) -> Vec<String> {
     if !matches!(glare, GlareMethod::None | GlareMethod::SkyCube) {
         reasons.push(format!("the glare method {}: a published method without an error budget", glare.name()));
     }
+    if audited.scene.stars.deep.is_some() {
+        reasons.push("the stars of a deep store: the reference does not read leaves".to_owned());
+    }
     if objects.surroundings.is_some() {
         reasons.push(
             "the ground and the air around an observer: light that they hide or scatter has no per-pixel reference"

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use crate::{
-    plan::{Approximation, FramePlan, audit::Audit},
+    plan::{Approximation, DeepReport, FramePlan, audit::Audit},
     render::{AsteroidCounts, Frame, ViewStatistics},
 };
 
@@ -51,7 +51,7 @@ fn describe_view(view: &ViewStatistics) -> String {
 }
 
 fn describe_plan(images: &str, plan: &FramePlan) -> String {
-    let FramePlan { stars, accumulator, glare, budget: _, certificate, audit } = plan;
+    let FramePlan { stars, accumulator, glare, budget: _, certificate, deep, audit } = plan;
     let mut text = format!("{images}\n  stars     {stars}\n  sums      {accumulator}\n  glare     {glare}\n");
     for Approximation { name, bound, unit, within_budget } in certificate {
         let verdict = match within_budget {
@@ -61,6 +61,12 @@ fn describe_plan(images: &str, plan: &FramePlan) -> String {
         };
         // Writing to a string cannot fail.
         let _ = writeln!(text, "  bound     {name}: {bound:.2e} {unit}{verdict}");
+    }
+    if let Some(DeepReport { stars, missing, residual_codes, .. }) = deep {
+        let _ = writeln!(text, "  deep      {stars} stars and composite stars drawn");
+        if *missing > 0 {
+            let _ = writeln!(text, "  deep      {missing} pages not read yet: a pixel may be off by {residual_codes:.1} codes");
+        }
     }
     if let Some(Audit { images, not_audited }) = audit {
         let audited = images.iter().map(|image| format!("  audit     {}\n", image.in_words()));

@@ -272,6 +272,7 @@ impl ImageRequest {
             }),
             stream,
             video: 0,
+            residual_codes: frame.plan.deep.as_ref().map(|deep| deep.residual_codes),
             images,
         }
     }

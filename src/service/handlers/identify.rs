@@ -8,7 +8,7 @@ use tonic::Status;
 
 use super::{find::body_to_pb, service::Service};
 use crate::{
-    catalogue::{chunks::StarSet, constellations::constellation_of, names::NamedStar},
+    catalogue::{chunks::StarSet, constellations::constellation_of, deep::DeepError, names::NamedStar},
     plan::stars::identify::{MOST_RADIUS_RAD, SeenStar, stars_near},
     relativity::seen_direction,
     scene::{
@@ -209,7 +209,7 @@ impl Service {
         let state = self.render.scene().map_err(refused)?;
         let scene = self.render.snapshot(&state);
         let faintest_lx = illuminance_lx_from_magnitude(state.stars.magnitude_limit);
-        let looking = move || {
+        let looking = move || -> Result<_, DeepError> {
             let _places = [own, place];
             let SceneSnapshot { stars, camera, .. } = &scene;
             let Question { direction, radius_rad, most } = question;
@@ -219,7 +219,7 @@ impl Service {
                 Bodies::Nearby(mut objects) => {
                     let found = threads::on_own_cores(|| {
                         stars_near(stars, (camera, refraction), direction, radius_rad, faintest_lx, most)
-                    });
+                    })?;
                     objects.extend(found.iter().map(|star| star_to_pb(star, stars)));
                     objects
                 }
@@ -229,9 +229,11 @@ impl Service {
             let (_, constellation) =
                 constellation_of(refraction.map_or(direction, |refraction| refraction.arriving(direction)));
             let constellation = constellation.to_owned();
-            proto::IdentifyResponse { objects, camera_revision, scene_revision, constellation }
+            Ok(proto::IdentifyResponse { objects, camera_revision, scene_revision, constellation })
         };
-        task::spawn_blocking(looking).await.map_err(|error| Status::internal(format!("the search failed: {error}")))
+        let found = task::spawn_blocking(looking).await;
+        let found = found.map_err(|error| Status::internal(format!("the search failed: {error}")))?;
+        found.map_err(|error| Status::data_loss(error.to_string()))
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod billboards;
 mod cell_sky;
+mod deep;
 mod light;
 mod packed;
 mod reference;

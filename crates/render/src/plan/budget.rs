@@ -21,7 +21,7 @@ use crate::{
 };
 
 /// Codes of an 8-bit image above black.
-const CODES: f64 = 255.0;
+pub(super) const CODES: f64 = 255.0;
 /// Fraction of the budget that the veil of one source may have without being drawn individually: such a veil is part of the smooth rest,
 /// whose error is far smaller than its total.
 const SHARE_OF_ONE_VEIL: f64 = 0.2;

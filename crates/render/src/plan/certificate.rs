@@ -30,6 +30,19 @@ impl Approximation {
     }
 }
 
+/// Stars of a deep store in a frame.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DeepReport {
+    /// Number of stars and composite stars that were drawn, in view or near it.
+    pub stars: u64,
+    /// Number of pages (leaves and tiles) that the frame lacks because they have not been read yet.
+    pub missing: u64,
+    /// Bound of the luminance that a pixel may lack or have in excess for that, cd/m^2.
+    pub residual_cd_m2: f64,
+    /// The same in codes of an 8-bit display image.
+    pub residual_codes: f64,
+}
+
 /// Methods of a frame, and bounds of their errors.
 #[derive(Clone, Debug, PartialEq, Serialize, Default)]
 pub struct FramePlan {
@@ -44,6 +57,9 @@ pub struct FramePlan {
     pub budget: Option<ErrorBudget>,
     /// Every approximation with its bound.
     pub certificate: Vec<Approximation>,
+    /// Stars of a deep store; `None`: the frame draws none itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub deep: Option<DeepReport>,
     /// Result of comparing sampled pixels with f64, if `accuracy.audit` is set.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub audit: Option<Audit>,

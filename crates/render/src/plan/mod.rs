@@ -42,7 +42,7 @@ mod views;
 
 pub use air::{AirPlan, GRID_FROM_SINE};
 pub use budget::Output;
-pub use certificate::{Approximation, FramePlan};
+pub use certificate::{Approximation, DeepReport, FramePlan};
 pub use diffuse::DiffusePlan;
 pub use display::DisplayPlan;
 pub use error::PlanError;

@@ -85,8 +85,8 @@ pub struct DeepPlan {
     pub stars: u64,
     /// Memory on the device, bytes.
     pub device_bytes: u64,
-    /// Largest cell of composite stars that the memory permits, if that is larger than the views need, pixels.
-    pub enlarged_px: Option<f64>,
+    /// Largest cell of composite stars, the root of its area, pixels; 0: every star is drawn.
+    pub cell_px: f64,
 }
 
 /// A part of the sky that some viewports see in the same detail.
@@ -136,7 +136,6 @@ pub(super) fn select(inputs: &DeepInputs<'_>, sky: &Arc<DeepSky>) -> Result<Deep
         };
         finest = coarser;
         parts.iter_mut().for_each(|part| part.detail = part.detail.min(finest));
-        plan.enlarged_px = parts.iter().map(|part| part.detail.cell_rad() / part.pixel_sr.sqrt()).reduce(f64::max);
     };
     // What is in memory, and coarser pages in place of the rest.
     let keys: Vec<PageKey> = pages.iter().flat_map(|part| part.pages.iter().map(|(key, _)| *key)).collect();
@@ -251,6 +250,7 @@ impl DeepPlan {
         wants: &mut Vec<(PageKey, f64)>,
     ) {
         if held.iter().all(Option::is_some) {
+            self.note_cells(wanted.part.detail, wanted.part.pixel_sr);
             self.add_pages(&wanted.pages, held);
             return;
         }
@@ -273,6 +273,7 @@ impl DeepPlan {
         let missing = || wanted.pages.iter().zip(held).filter(|(_, held)| held.is_none()).map(|((key, _), _)| *key);
         let error_lx = match &stand_in {
             Some((part, held)) => {
+                self.note_cells(part.part.detail, wanted.part.pixel_sr);
                 self.add_pages(&part.pages, held);
                 let cell_px = part.part.detail.cell_rad() / wanted.part.pixel_sr.sqrt();
                 held.iter().flatten().map(|page| most_in_a_pixel_lx(page, cell_px)).fold(0.0, f64::max)
@@ -289,6 +290,11 @@ impl DeepPlan {
             self.missing.push(key);
             wants.push((key, error_cd_m2));
         }
+    }
+
+    /// Notes the detail of pages that are drawn.
+    fn note_cells(&mut self, detail: Detail, pixel_sr: f64) {
+        self.cell_px = self.cell_px.max(detail.cell_rad() / pixel_sr.sqrt());
     }
 
     fn add_pages(&mut self, pages: &[(PageKey, u64)], held: &[Option<Arc<Page>>]) {

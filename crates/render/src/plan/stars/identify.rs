@@ -6,12 +6,13 @@ use super::cull::{CullSettings, SPLAT_MARGIN_PX, light_at, near_stars, visible_c
 use crate::{
     catalogue::{
         chunks::StarSet,
+        deep::{DeepError, LAYERS},
         packed::{PackedStar, temperature_of_step_k},
     },
     observer::Refraction,
     relativity::Motion,
     scene::Camera,
-    units::PARSEC_M,
+    units::{PARSEC_M, illuminance_lx_from_magnitude},
     view::{
         Part, Viewport,
         projection::{Perspective, Projection},
@@ -20,6 +21,11 @@ use crate::{
 
 /// Maximum search radius, rad.
 pub const MOST_RADIUS_RAD: f64 = 0.2;
+
+/// Widening of the circle for leaves: the air and the place of the camera turn directions by less.
+const CIRCLE_MARGIN_RAD: f64 = 1e-3;
+/// The light that is carried from star to star may make a star of a layer brighter than its limit by this.
+const LAYER_MARGIN_MAG: f64 = 0.01;
 
 /// A star as a camera sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,7 +45,10 @@ pub struct SeenStar {
 }
 
 /// The brightest `most` stars of at least `faintest_lx` within an angle (rad, at most [`MOST_RADIUS_RAD`]) of a unit direction, in order of
-/// decreasing brightness.
+/// decreasing brightness. Leaves of a deep store are read for it.
+///
+/// # Errors
+/// A leaf is damaged or cannot be read.
 pub fn stars_near(
     set: &StarSet,
     (camera, refraction): (&Camera, Option<Refraction>),
@@ -47,7 +56,7 @@ pub fn stars_near(
     radius_rad: f64,
     faintest_lx: f64,
     most: usize,
-) -> Vec<SeenStar> {
+) -> Result<Vec<SeenStar>, DeepError> {
     let radius_rad = radius_rad.min(MOST_RADIUS_RAD);
     let motion = Motion::new(camera.velocity_c);
     // A square picture that contains the circle; the stars in it are tested individually.
@@ -82,10 +91,46 @@ pub fn stars_near(
         };
         found.extend(near_stars(set, chunk, visible.origin_pc).take(visible.count as usize).filter_map(seen));
         // The result has at most the requested number of stars and does not depend on the order of the chunks.
-        found.sort_by(|a, b| b.illuminance_lx.total_cmp(&a.illuminance_lx));
-        found.truncate(most);
+        keep_brightest(&mut found, most);
     }
-    found
+    let Some(deep) = &set.deep else { return Ok(found) };
+    // Layer by layer: a fainter one is read only if it can still contribute, so that few leaves are read however wide the circle is.
+    let arriving = refraction.map_or(direction, |refraction| refraction.arriving(direction));
+    for (layer, of_layer) in LAYERS.iter().enumerate() {
+        let brightest_lx = illuminance_lx_from_magnitude(f64::from(of_layer.magnitude) - LAYER_MARGIN_MAG);
+        let is_full = found.len() == most && found.last().is_some_and(|star| star.illuminance_lx >= brightest_lx);
+        if is_full || brightest_lx < faintest_lx {
+            break;
+        }
+        for key in deep.leaves_near(layer, arriving, radius_rad + CIRCLE_MARGIN_RAD) {
+            let page = deep.read(key)?;
+            found.extend(page.stars.iter().filter_map(|star| {
+                let (towards, factor) = page.seen(star, camera_pc);
+                let packed = PackedStar { offset_pc: [0.0; 3], light: star.light };
+                let illuminance_lx = packed.illuminance_at_1_pc_lx() * factor;
+                let seen = towards.try_normalize()?;
+                let seen = refraction.map_or(seen, |refraction| refraction.seen(seen));
+                let separation_rad = seen.cross(direction).length().atan2(seen.dot(direction));
+                let place_pc = towards / f64::from(star.parallax);
+                (illuminance_lx >= faintest_lx && separation_rad <= radius_rad).then(|| SeenStar {
+                    direction: seen,
+                    separation_rad,
+                    illuminance_lx,
+                    temperature_k: temperature_of_step_k(packed.temperature_step()),
+                    position: place_pc + camera_pc,
+                    distance_pc: page.is_distance_known(star).then(|| place_pc.length()),
+                })
+            }));
+            keep_brightest(&mut found, most);
+        }
+    }
+    Ok(found)
+}
+
+/// The brightest stars come first, and at most the requested number stays.
+fn keep_brightest(found: &mut Vec<SeenStar>, most: usize) {
+    found.sort_by(|a, b| b.illuminance_lx.total_cmp(&a.illuminance_lx));
+    found.truncate(most);
 }
 
 #[cfg(test)]
@@ -106,7 +151,7 @@ mod tests {
             for named in named_bright_stars(0.0).iter().filter(|named| named.star.distance_known) {
                 let place = named.star.position - camera.position_m / PARSEC_M;
                 let seen = Motion::new(camera.velocity_c).map_or(place, |motion| motion.seen(place)).normalize();
-                let found = stars_near(&set, (&camera, None), seen, 1e-4, 0.0, 8);
+                let found = stars_near(&set, (&camera, None), seen, 1e-4, 0.0, 8).unwrap();
                 // In a close pair, the other star may be the brighter one.
                 let off = |star: &SeenStar| star.position.distance(named.star.position) / place.length();
                 // Of two stars at the same position, the one with the same brightness.
@@ -133,13 +178,13 @@ mod tests {
         let set = StarSet::from_records(bright_stars(0.0));
         // Orion's belt.
         let belt = DVec3::new(0.1019, 0.9946, -0.0209).normalize();
-        let all = stars_near(&set, (&Camera::default(), None), belt, 0.15, 0.0, 100);
+        let all = stars_near(&set, (&Camera::default(), None), belt, 0.15, 0.0, 100).unwrap();
         assert!(all.len() > 6 && all.windows(2).all(|pair| pair[0].illuminance_lx >= pair[1].illuminance_lx));
         assert!(all.iter().all(|star| star.separation_rad <= 0.15));
-        let first = stars_near(&set, (&Camera::default(), None), belt, 0.15, 0.0, 3);
+        let first = stars_near(&set, (&Camera::default(), None), belt, 0.15, 0.0, 3).unwrap();
         assert_eq!(first, all[..3]);
-        let bright = stars_near(&set, (&Camera::default(), None), belt, 0.15, all[2].illuminance_lx, 100);
+        let bright = stars_near(&set, (&Camera::default(), None), belt, 0.15, all[2].illuminance_lx, 100).unwrap();
         assert_eq!(bright, all[..3]);
-        assert!(stars_near(&set, (&Camera::default(), None), -belt, 1e-6, 0.0, 8).is_empty());
+        assert!(stars_near(&set, (&Camera::default(), None), -belt, 1e-6, 0.0, 8).unwrap().is_empty());
     }
 }

@@ -8,7 +8,7 @@ use super::{
     billboards::{BillboardPlan, DrawnPsf},
     cell_sky::CellSkyPlan,
     certificate::{certificate, reported_method},
-    deep::{self, DIRECT_CELL_PX, DeepInputs, DeepPlan, MAP_CELL_TEXELS},
+    deep::{self, DIRECT_CELL_PX, DeepInputs, DeepPlan, MAP_CELL_TEXELS, Residual},
     cull::{CullSettings, VisibleChunk, distinct_eyes_pc, visible_chunks},
     kernels::{GaussianWidth, KernelPlan, kernels_of},
     method::{Accumulator, StarMethod},
@@ -18,8 +18,10 @@ use super::{
 };
 use crate::{
     catalogue::chunks::StarSet,
+    photometry::exposure::white_luminance_cd_m2,
     plan::{
-        Limits, Plan, PlanError, SkyUse,
+        Approximation, DeepReport, Limits, Plan, PlanError, SkyUse,
+        budget::CODES,
         kept::Kept,
         settings::RenderSettings,
         smooth_light::SkyFace,
@@ -103,6 +105,30 @@ impl Stars {
         plan.stars.deep = deep::select(&deep, sky)?;
         plan.stars.cull_ms += start.elapsed().as_secs_f64() * 1e3;
         Ok(())
+    }
+
+    /// States how coarse the stars of a deep store are, and what is missing of them.
+    fn report_deep(inputs: &PlanInputs<'_>, plan: &mut Plan) {
+        let deep = &plan.stars.deep;
+        if deep.sky.is_none() {
+            return;
+        }
+        let Residual { cd_m2, missing } = deep.residual;
+        let white_cd_m2 = plan.exposure.expected_ev100.map_or(f64::INFINITY, white_luminance_cd_m2);
+        let codes = match cd_m2 > 0.0 {
+            true => cd_m2 * CODES * inputs.settings.tone_map.greatest_slope() / white_cd_m2,
+            false => 0.0,
+        };
+        let name = "size of the cells whose stars are drawn as composite stars, the root of the area";
+        let in_map = matches!(inputs.sky, SkyUse::Face(_));
+        let most_px = if in_map { MAP_CELL_TEXELS } else { DIRECT_CELL_PX };
+        plan.report.certificate.push(Approximation::new(name, deep.cell_px, "px", Some(most_px)));
+        if missing > 0 {
+            let name = "stars of the deep store that have not been read, in a pixel";
+            plan.report.certificate.push(Approximation::new(name, codes, "codes of 8 bits", Some(0.0)));
+        }
+        plan.report.deep =
+            Some(DeepReport { stars: deep.stars, missing, residual_cd_m2: cd_m2, residual_codes: codes });
     }
 
     /// Chooses the units of the sums of light for the visible stars, for points of light, and for the veil that is added to the sums.
@@ -221,6 +247,7 @@ impl Technique for Stars {
             }
             Step::Light => self.plan_light(inputs, plan)?,
             Step::Report => {
+                Self::report_deep(inputs, plan);
                 if let Some(motion) = plan.views.motion {
                     let (stars, accuracy) = (&inputs.scene.stars, &inputs.settings.accuracy);
                     let of_motion = travel::certificate(stars, &plan.stars.visible, &motion, accuracy);

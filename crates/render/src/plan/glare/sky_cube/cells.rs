@@ -22,6 +22,9 @@ use crate::{
 const GROUP_CHUNKS: usize = 64;
 const MOST_GROUPS: usize = 16;
 
+/// Greatest number of sources that are drawn individually: the buffer of their 32 bytes fits into every adapter's limit.
+const MOST_SPRITES: usize = 2_000_000;
+
 /// The light of a part of the sky.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell {
@@ -202,7 +205,8 @@ impl Sky<'_> {
     /// Sources that are drawn individually.
     pub(super) fn sprites(&self, reach: &Reach, veil: &Veil) -> Vec<Sprite> {
         let least_lx = reach.least_lx(veil.least_hidden()).max(self.faintest_lx);
-        self.visible
+        let sprites = self
+            .visible
             .par_iter()
             .filter(|visible| visible.brightest_lx >= least_lx)
             .flat_map_iter(|visible| {
@@ -214,8 +218,19 @@ impl Sky<'_> {
                     reach.sprite(&source, veil.hidden_at(source.direction))
                 })
             })
-            .collect()
+            .collect();
+        brightest(sprites)
     }
+}
+
+/// The brightest [`MOST_SPRITES`], in their order. The light of the others stays in the map.
+fn brightest(mut sprites: Vec<Sprite>) -> Vec<Sprite> {
+    if sprites.len() > MOST_SPRITES {
+        let mut lights: Vec<f64> = sprites.iter().map(|sprite| luminance(sprite.light)).collect();
+        let least = *lights.select_nth_unstable_by(MOST_SPRITES, |a, b| b.total_cmp(a)).1;
+        sprites.retain(|sprite| luminance(sprite.light) > least);
+    }
+    sprites
 }
 
 /// Illuminance of the brightest stars that are only in planes, lx.

@@ -8,6 +8,7 @@ mod pages;
 
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 
 use glam::DVec3;
 
@@ -15,13 +16,14 @@ pub use self::{
     detail::Detail,
     page::{Page, PageKey, PageStar},
 };
+use self::detail::BASE_PLANE;
 use self::pages::{Pages, Readers};
 use super::super::epoch::Epoch;
 use super::composite::Composite;
 use super::error::DeepError;
 use super::reader::DeepStore;
 use super::tile::Tile;
-use super::BUCKETS;
+use super::{BUCKET_ORDER, BUCKETS, LAYERS};
 
 /// The stars of a deep store as an epoch sees them. Clones and other epochs of the same store share its memory.
 #[derive(Clone, Debug)]
@@ -42,7 +44,7 @@ struct Base {
 impl Base {
     fn at_epoch(&self, pages: &Pages, epoch: &Epoch) -> Arc<Self> {
         let of_tile = |(cell, tile): (usize, &Tile)| {
-            let page = Page::of_tile(usize::from(detail::BASE_PLANE), cell as u64, tile, epoch);
+            let page = Page::of_tile(usize::from(BASE_PLANE), cell as u64, tile, epoch);
             Arc::new(Page { id: pages.new_id(), ..page })
         };
         let pages = self.tiles.iter().enumerate().map(of_tile).collect();
@@ -72,7 +74,7 @@ impl DeepSky {
         let readers = Arc::new(Readers::new(DeepStore::open(folder)?));
         let mut tiles = Vec::new();
         for bucket in 0..BUCKETS {
-            tiles.push(readers.pages().store().tile(usize::from(detail::BASE_PLANE), bucket)?);
+            tiles.push(readers.pages().store().tile(usize::from(BASE_PLANE), bucket)?);
         }
         let base = Base { tiles: Arc::new(tiles), pages: Vec::new() }.at_epoch(readers.pages(), epoch);
         Ok(Self { epoch: *epoch, readers, base })
@@ -119,6 +121,30 @@ impl DeepSky {
         self.pages().held(keys)
     }
 
+    /// The leaves of a layer (its index in [`super::LAYERS`]) that reach into a circle around a unit vector, and have stars.
+    pub fn leaves_near(&self, layer: usize, axis: DVec3, radius_rad: f64) -> Vec<PageKey> {
+        let order = LAYERS[layer].order;
+        let key = |cell: u64| PageKey::Leaf { layer: layer as u8, cell: cell as u32 };
+        let is_near = |key: PageKey| {
+            let (centre, half_angle_rad) = key.cone();
+            centre.angle_between(axis) <= half_angle_rad + radius_rad
+        };
+        // From cells of the bucket order to those of the layer.
+        let shift = 2 * (order - BUCKET_ORDER);
+        let buckets = (0..BUCKETS).filter(|bucket| is_near(PageKey::Tile { plane: BASE_PLANE, cell: *bucket as u32 }));
+        let leaves = buckets.flat_map(|bucket| (bucket << shift..(bucket + 1) << shift).map(key));
+        leaves.filter(|key| key.stars(self.store()) > 0 && is_near(*key)).collect()
+    }
+
+    /// A page from memory, or read now without being kept.
+    ///
+    /// # Errors
+    /// It is damaged or cannot be read.
+    pub fn read(&self, key: PageKey) -> Result<Arc<Page>, DeepError> {
+        let held = self.pages_of(&[key]).pop().flatten();
+        held.map_or_else(|| self.pages().read(key, &self.epoch).map(Arc::new), Ok)
+    }
+
     /// Asks the readers for pages, the most urgent ones first. The newest requests count.
     pub fn ask(&self, wants: &[(PageKey, f64)]) {
         self.pages().ask(&self.epoch, wants);
@@ -147,7 +173,16 @@ impl DeepSky {
         self.pages().problem()
     }
 
+    /// Delays each page that is read in the background, to test slow disks.
+    #[doc(hidden)]
+    pub fn set_delay(&self, delay: Duration) {
+        self.pages().set_delay(delay);
+    }
+
     fn pages(&self) -> &Pages {
         self.readers.pages()
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -205,6 +205,12 @@ impl Page {
         (self.stars.len() * size_of::<PageStar>()) as u64
     }
 
+    /// Whether a star of the page has a distance.
+    pub fn is_distance_known(&self, star: &PageStar) -> bool {
+        // Half a step of the codes of distances nearer than the farthest one, which stands for infinity.
+        f64::from(star.parallax) * DISTANCES_PC[1] > 1.0 + 3e-3
+    }
+
     /// Direction g of a star minus its displacement by the camera's place (pc from the barycentre), and its illuminance there relative to that at
     /// the barycentre.
     pub fn seen(&self, star: &PageStar, camera_pc: DVec3) -> (DVec3, f64) {

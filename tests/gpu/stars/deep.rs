@@ -1,0 +1,292 @@
+//! Stars of a deep store: composite stars and pages of leaves, compared with the same stars as an ordinary catalogue.
+
+use std::{
+    path::Path,
+    sync::{Arc, LazyLock},
+    thread,
+    time::{Duration, Instant},
+};
+
+use glam::{DQuat, DVec3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use steradian::{
+    catalogue::{
+        StarRecord,
+        chunks::StarSet,
+        deep::build::{Build, BuildOptions, NewStar},
+        epoch::Epoch,
+    },
+    chart::DisplayErrors,
+    memory_size::MemorySize,
+    plan::{
+        DeepReport, Output, PlanError,
+        settings::{ExposureSettings, GlareSettings, RenderSettings, StarMethod},
+    },
+    render::{Frame, FrameRequest, RenderError, Renderer, SkyMapUse, Wanted},
+    scene::{
+        Camera, SceneSnapshot,
+        loader::{LoadError, StarSource, load_stars},
+    },
+    units::PARSEC_M,
+    view::{Rig, ViewKind, projection::FisheyeMapping},
+};
+
+use crate::common::{renderer, rig};
+
+/// Direction of the middle of the stars.
+const TOWARDS: DVec3 = DVec3::new(0.0, -0.6, 0.8);
+/// Number of stars, within 12 degrees; a third of them in a cluster of 2 degrees.
+const STARS: usize = 60_000;
+
+/// Stars of V 11 to 19, ten times as many at each magnitude than at the one three magnitudes brighter.
+fn records() -> Vec<StarRecord> {
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    (0..STARS)
+        .map(|index| {
+            let radius: f64 = if index % 3 == 0 { 0.035 } else { 0.21 };
+            let mut offset = DVec3::ONE;
+            while offset.length() > 1.0 {
+                offset = DVec3::from_array(std::array::from_fn(|_| random.random_range(-1.0..1.0)));
+            }
+            let distance_pc = 10_f64.powf(random.random_range(2.1..3.8));
+            let v_mag = 19.0 + 3.0 * random.random_range(0.005_f64..1.0).log10();
+            StarRecord {
+                position: (TOWARDS + offset * radius).normalize() * distance_pc,
+                magnitude: (v_mag - 5.0 * (distance_pc / 10.0).log10()) as f32,
+                temperature_k: random.random_range(2500.0..12_000.0),
+                distance_known: true,
+            }
+        })
+        .collect()
+}
+
+/// A store of these stars, built once.
+fn store() -> &'static Path {
+    static STORE: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let options = BuildOptions { out: folder.path().join("deep"), memory_bytes: 1 << 28, job: "test".to_owned() };
+        let mut build = Build::open(options).unwrap();
+        records().into_iter().for_each(|star| build.add(star, NewStar::default()).unwrap());
+        println!("{:?}", build.finish(None, "a test".to_owned(), &mut |_| ()).unwrap());
+        folder
+    });
+    STORE.path()
+}
+
+fn scene_of(sources: &[StarSource]) -> SceneSnapshot {
+    let (stars, _) = load_stars(sources, &Epoch::default(), &mut |_| {}).unwrap();
+    looking(Arc::new(stars), DVec3::ZERO)
+}
+
+fn looking(stars: Arc<StarSet>, place_pc: DVec3) -> SceneSnapshot {
+    let camera = Camera {
+        position_m: place_pc * PARSEC_M,
+        world_from_camera: DQuat::from_rotation_arc(DVec3::NEG_Z, TOWARDS.normalize()),
+        ..Camera::default()
+    };
+    SceneSnapshot { revision: 1, stars, objects: Arc::default(), camera }
+}
+
+fn deep_scene() -> SceneSnapshot {
+    scene_of(&[StarSource::File(store().join("deep"))])
+}
+
+fn settings() -> RenderSettings {
+    let mut settings = RenderSettings { glare: GlareSettings::none(), ..RenderSettings::default() };
+    settings.exposure = ExposureSettings::manual(-7.5);
+    settings
+}
+
+fn window(fov_y_deg: f64) -> Rig {
+    let kind = ViewKind::Perspective { size: [480, 360], fov_y_rad: fov_y_deg.to_radians() };
+    rig(vec![("window", kind)])
+}
+
+fn dome() -> Rig {
+    let kind = ViewKind::Fisheye { size: [512; 2], mapping: FisheyeMapping::Equidistant, fov_rad: 1.0 };
+    rig(vec![("dome", kind)])
+}
+
+fn draw(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, settings: &RenderSettings, output: Output) -> Frame {
+    let request = FrameRequest::new(scene, rig).settings(settings).wanted(Wanted::hdr()).sky_map(SkyMapUse::Off);
+    renderer.render(request.drawn_for(output)).unwrap()
+}
+
+fn luminances(frame: &Frame) -> Vec<f64> {
+    frame.images[0].hdr.as_ref().unwrap().iter().map(|pixel| f64::from(pixel[1])).collect()
+}
+
+/// Sum of green light, lx.
+fn light_lx(frame: &Frame) -> f64 {
+    let pixels = frame.images[0].hdr.as_ref().unwrap().iter();
+    pixels.map(|pixel| f64::from(pixel[1]) * f64::from(pixel[3])).sum()
+}
+
+fn every_star(settings: &RenderSettings) -> RenderSettings {
+    let mut settings = settings.clone();
+    settings.stars.every_star = true;
+    settings
+}
+
+/// Pages draw the same picture as the same stars in chunks, from the barycentre and from among the stars.
+#[test]
+fn leaves_draw_the_stars_of_the_catalogue() {
+    let deep = deep_scene();
+    let plain = Arc::new(StarSet::from_records(records()));
+    let mut renderer = renderer();
+    for (place_pc, fov_y_deg) in [(DVec3::ZERO, 20.0), (DVec3::ZERO, 0.8), (DVec3::new(20.0, -30.0, 10.0), 20.0)] {
+        let rig = window(fov_y_deg);
+        let mut settings = every_star(&settings());
+        settings.stars.method = StarMethod::BSpline;
+        let found = draw(&mut renderer, &looking(Arc::clone(&deep.stars), place_pc), &rig, &settings, Output::Hdr);
+        let expected = draw(&mut renderer, &looking(Arc::clone(&plain), place_pc), &rig, &settings, Output::Hdr);
+        assert!(expected.views[0].stars_drawn > 100);
+        println!("{:?} {:?}", found.views[0].stars_drawn, expected.views[0].stars_drawn);
+        // The words of leaves have 0.5 % in light and 6 mas in place.
+        let ratio = light_lx(&found) / light_lx(&expected);
+        assert!((ratio - 1.0).abs() < 2e-5, "{place_pc} {fov_y_deg}: light {ratio}");
+        let (found, expected) = (luminances(&found), luminances(&expected));
+        let brightest = expected.iter().copied().fold(0.0, f64::max);
+        let worst = found.iter().zip(&expected).map(|(found, expected)| (found - expected).abs()).fold(0.0, f64::max);
+        assert!(worst < 0.01 * brightest, "{place_pc} {fov_y_deg}: {worst} of {brightest}");
+    }
+}
+
+/// Means and variances of blocks of 24 x 24 pixels.
+fn blocks(luminances: &[f64], width: usize) -> Vec<[f64; 2]> {
+    let rows = luminances.len() / width;
+    let mut blocks = Vec::new();
+    for y in (0..rows - 23).step_by(24) {
+        for x in (0..width - 23).step_by(24) {
+            let pixels: Vec<f64> = (0..576).map(|i| luminances[(y + i / 24) * width + x + i % 24]).collect();
+            let mean = pixels.iter().sum::<f64>() / 576.0;
+            blocks.push([mean, pixels.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / 576.0]);
+        }
+    }
+    blocks
+}
+
+/// Composite stars keep the light, its distribution and its graininess.
+#[test]
+fn composite_stars_look_like_the_stars() {
+    let scene = deep_scene();
+    let mut renderer = renderer();
+    for (case, rig, width) in [("dome", dome(), 512), ("window", window(25.0), 480)] {
+        let settings = settings();
+        let composites = draw(&mut renderer, &scene, &rig, &settings, Output::Hdr);
+        let stars = draw(&mut renderer, &scene, &rig, &every_star(&settings), Output::Hdr);
+        let report = composites.plan.deep.clone().unwrap();
+        assert!(report.stars < 50_000 && report.missing == 0 && report.residual_codes == 0.0, "{case}: {report:?}");
+        let ratio = light_lx(&composites) / light_lx(&stars);
+        assert!((ratio - 1.0).abs() < 2e-5, "{case}: light {ratio}");
+        let errors = DisplayErrors::between(&stars, &composites, &settings);
+        println!("{case}: 99.9 % {:.3} codes, largest {:.3}", errors.quantile(0.999), errors.quantile(1.0));
+        assert!(errors.quantile(0.999) < 0.5, "{case}");
+        let both = blocks(&luminances(&composites), width).into_iter().zip(blocks(&luminances(&stars), width));
+        let (found, expected) =
+            both.fold((0.0, 0.0), |(found, expected), ([_, a], [_, b])| (found + a, expected + b));
+        println!("{case}: variance {:.4} of that of the stars", found / expected);
+        assert!((found / expected - 1.0).abs() < 0.02, "{case}: variance {found} of {expected}");
+    }
+}
+
+/// While pages are being read, a frame states how far it may be off, and never too little.
+#[test]
+fn the_residual_bounds_the_error_until_all_pages_are_read() {
+    let scene = deep_scene();
+    let deep = scene.stars.deep.as_ref().unwrap();
+    let mut renderer = renderer();
+    let rig = window(9.0);
+    let settings = settings();
+    deep.set_delay(Duration::from_millis(30));
+    let live = |renderer: &mut Renderer| {
+        let request =
+            FrameRequest::new(&scene, &rig).settings(&settings).wanted(Wanted::hdr()).sky_map(SkyMapUse::InTurn);
+        renderer.render(request.drawn_for(Output::Hdr)).unwrap()
+    };
+    let started = Instant::now();
+    let mut frames = Vec::new();
+    loop {
+        let frame = live(&mut renderer);
+        let DeepReport { missing, residual_cd_m2, .. } = frame.plan.deep.clone().unwrap();
+        frames.push((luminances(&frame), residual_cd_m2, missing));
+        if missing == 0 {
+            break;
+        }
+        assert!(started.elapsed() < Duration::from_secs(60), "{missing} pages are missing");
+        thread::sleep(Duration::from_millis(20));
+    }
+    let (last, residual, _) = frames.pop().unwrap();
+    assert_eq!(residual, 0.0);
+    assert!(frames.len() > 2 && frames[0].2 > 10, "{} frames", frames.len());
+    let mut largest: f64 = 0.0;
+    for (luminances, residual, missing) in frames {
+        let error = luminances.iter().zip(&last).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(error <= residual, "{missing} pages missing: {error} of {residual}");
+        largest = largest.max(error / residual);
+    }
+    println!("errors are up to {largest:.3} of the residual");
+    assert!(largest > 0.0);
+}
+
+#[test]
+fn what_cannot_be_drawn_is_refused_with_its_reason() {
+    let mut renderer = renderer();
+    let scene = deep_scene();
+    let rig = window(20.0);
+    let mut refused = |scene: &SceneSnapshot, settings: &RenderSettings| {
+        match renderer.render(FrameRequest::new(scene, &rig).settings(settings)) {
+            Err(RenderError::Plan(error)) => error,
+            other => panic!("{:?}", other.map(|frame| frame.number)),
+        }
+    };
+    let mut packed = settings();
+    packed.stars.method = StarMethod::PackedCas;
+    assert!(matches!(refused(&scene, &packed), PlanError::DeepMethod("packed_cas")));
+    let mut moving = scene.clone();
+    moving.camera.velocity_c = DVec3::X * 0.1;
+    assert!(matches!(refused(&moving, &settings()), PlanError::DeepAtRest));
+    // The least memory is enough for these stars: take less than that.
+    let mut little = every_star(&settings());
+    little.stars.memory = MemorySize { bytes: 1 << 20 };
+    let error = refused(&scene, &little);
+    assert!(matches!(error, PlanError::DeepMemory { memory_mib: 1, .. }), "{error}");
+    // With composite stars it is enough, but they are coarser, and the frame says so.
+    little.stars.every_star = false;
+    little.stars.memory = MemorySize { bytes: 1 << 18 };
+    let frame = draw(&mut renderer, &scene, &window(3.0), &little, Output::Hdr);
+    let cells = frame.plan.certificate.iter().find(|bound| bound.name.contains("composite stars")).unwrap();
+    assert_eq!(cells.within_budget, Some(false), "{cells:?}");
+    // A galaxy would repeat the light of the store.
+    let galaxy = steradian::catalogue::galaxy::GalaxyParameters {
+        stars: 10,
+        seed: 1,
+        fainter_than: None,
+        unresolved_light: false,
+    };
+    let path = store().join("deep");
+    let sources = [StarSource::File(path.clone()), StarSource::Galaxy(galaxy)];
+    let load = |sources: &[StarSource]| load_stars(sources, &Epoch::default(), &mut |_| {}).unwrap_err();
+    assert!(matches!(load(&sources), LoadError::GalaxyBesideDeep { index: 1 }));
+    let twice = [StarSource::File(path.clone()), StarSource::File(path)];
+    assert!(matches!(load(&twice), LoadError::SecondDeep { index: 1, .. }));
+}
+
+/// A magnitude limit selects the stars of leaves one by one.
+#[test]
+fn a_magnitude_limit_leaves_out_what_is_fainter() {
+    let deep = deep_scene();
+    let plain = Arc::new(StarSet::from_records(records()));
+    let mut renderer = renderer();
+    let rig = window(20.0);
+    for limit in [12.5, 14.3, 17.9] {
+        let mut settings = settings();
+        settings.stars.magnitude_limit = limit;
+        let found = draw(&mut renderer, &deep, &rig, &settings, Output::Hdr);
+        let expected = draw(&mut renderer, &looking(Arc::clone(&plain), DVec3::ZERO), &rig, &settings, Output::Hdr);
+        let [found, expected] = [&found, &expected].map(|frame| frame.views[0].stars_drawn as f64);
+        // Stars at the limit may be on either side: 0.5 % of their light is 0.005 mag.
+        assert!(expected > 50.0 && (found - expected).abs() < 0.01 * expected + 3.0, "{limit}: {found} {expected}");
+    }
+}
