@@ -56,8 +56,8 @@ pub use glam;
 
 pub use steradian_render::{gpu, metrics, plan, reference, render, scene, view};
 pub use steradian_sky::{
-    cache, calendar, catalogue, coordinates, ephemeris, memory_size, observer, photometry, ranges, relativity, sky_pictures,
-    solar_system, units,
+    cache, calendar, catalogue, coordinates, ephemeris, memory_size, observer, photometry, ranges, relativity,
+    sky_pictures, solar_system, units,
 };
 
 pub use self::{

@@ -65,7 +65,10 @@ fn describe_plan(images: &str, plan: &FramePlan) -> String {
     if let Some(DeepReport { stars, missing, residual_codes, .. }) = deep {
         let _ = writeln!(text, "  deep      {stars} stars and composite stars drawn");
         if *missing > 0 {
-            let _ = writeln!(text, "  deep      {missing} pages not read yet: a pixel may be off by {residual_codes:.1} codes");
+            let _ = writeln!(
+                text,
+                "  deep      {missing} pages not read yet: a pixel may be off by {residual_codes:.1} codes"
+            );
         }
     }
     if let Some(Audit { images, not_audited }) = audit {

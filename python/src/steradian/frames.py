@@ -122,6 +122,8 @@ class Frame:
         render_time: time at which the renderer finished the frame, by the same clock.
         exposure_ev100: exposure of display images, EV at ISO 100: display white is 1.2 * 2^ev cd/m^2.
         limiting_magnitude: limiting magnitude of stars in the display image; None if unknown.
+        residual_codes: bound of what a pixel of the display image lacks or has in excess because stars of a deep store
+            have not been read yet, codes of 8 bits; None: no stars of a deep store are drawn.
         quality_level: quality level of display images; 0 is as configured.
         given_up: descriptions of the reductions.
         images: the images of the view.
@@ -137,6 +139,7 @@ class Frame:
     render_time: datetime.datetime
     exposure_ev100: float
     limiting_magnitude: float | None
+    residual_codes: float | None
     quality_level: int
     given_up: tuple[str, ...]
     images: tuple[Image, ...]
@@ -162,6 +165,7 @@ class Frame:
             render_time=_protocol.datetime_of(message.render_time),
             exposure_ev100=message.exposure_ev100,
             limiting_magnitude=message.limiting_magnitude if has_limit else None,
+            residual_codes=message.residual_codes if message.HasField("residual_codes") else None,
             quality_level=message.quality_level,
             given_up=tuple(message.given_up),
             images=tuple(images),

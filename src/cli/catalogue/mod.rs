@@ -14,8 +14,8 @@ use crate::cache;
 use crate::catalogue::bright;
 use crate::catalogue::deep::build::DEFAULT_MEMORY;
 use crate::catalogue::deep::slice::Selection;
-use crate::memory_size::MemorySize;
 use crate::catalogue::galaxy::{GalaxyParameters, MOST_STARS, stream::MOST_STREAMED};
+use crate::memory_size::MemorySize;
 use crate::scene::loader::StarSource;
 
 /// Arguments of `catalogue`.

@@ -175,6 +175,9 @@ pub struct ReceivedFrame {
     pub exposure_ev100: f64,
     /// Limiting magnitude of stars in the display image; `None` if unknown.
     pub limiting_magnitude: Option<f64>,
+    /// Deep stores: bound of what a pixel lacks or has in excess because stars have not been read yet, codes of 8 bits; `None`: no stars of a deep store
+    /// are drawn.
+    pub residual_codes: Option<f64>,
     /// Number of frames that this stream has dropped so far.
     pub dropped: u64,
     /// Quality level of its display images; 0: as configured.
@@ -239,6 +242,7 @@ impl TryFrom<proto::Frame> for ReceivedFrame {
             render_time: time(frame.render_time, "render_time")?,
             exposure_ev100: frame.exposure_ev100,
             limiting_magnitude: frame.limiting_magnitude,
+            residual_codes: frame.residual_codes,
             dropped: frame.dropped,
             quality_level: frame.quality_level,
             given_up: frame.given_up,

@@ -102,7 +102,9 @@ pub enum PlanError {
     )]
     DeepMethod(&'static str),
     /// Stars of a deep store cannot be drawn for a moving camera.
-    #[error("the stars of a deep store are drawn for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or remove the store")]
+    #[error(
+        "the stars of a deep store are drawn for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or remove the store"
+    )]
     DeepAtRest,
     /// Stars of a deep store do not fit in memory.
     #[error(

@@ -23,7 +23,9 @@ use super::{
 };
 use crate::{
     gpu::{Gpu, GpuError, GpuTimer, ReadbackBuffer, SUBMISSION_TIMEOUT},
-    plan::{Limits, Output, Plan, PlanError, PlanOutputs, Planner, SkyUse, settings::RenderSettings, smooth_light::SkyFace},
+    plan::{
+        Limits, Output, Plan, PlanError, PlanOutputs, Planner, SkyUse, settings::RenderSettings, smooth_light::SkyFace,
+    },
     scene::{Camera, SceneSnapshot},
     view::projector::ProjectorOutput,
 };

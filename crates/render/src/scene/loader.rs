@@ -185,16 +185,21 @@ pub fn load_stars(
     epoch: &Epoch,
     progress: &mut dyn FnMut(LoadStep),
 ) -> Result<(StarSet, LoadReport), LoadError> {
-    // A single store whose stars are where they are needed is used as it is.
+    // A single store whose stars are where they are needed is used as it is. Of a deep store these are the bright stars.
     if let [StarSource::File(path)] = sources
         && epoch.seen_from.is_none()
-        && is_store(path)?
-        && (epoch.years == 0.0 || store::read_header(path)?.velocities == 0)
+        && let is_deep = is_deep_store(path)
+        && (is_deep || is_store(path)?)
+        && let file = if is_deep { path.join(BRIGHT_FILE) } else { path.clone() }
+        && (epoch.years == 0.0 || store::read_header(&file)?.velocities == 0)
     {
         progress(LoadStep::Catalogue { name: sources[0].to_string(), index: 0, of: 1 });
-        let store = store::read(path)?;
+        let deep = if is_deep { Some(Arc::new(DeepSky::open(path, epoch)?)) } else { None };
+        let store = deep
+            .as_ref()
+            .map_or_else(|| Ok(store::read(path)?), |deep| deep.store().bright().map_err(LoadError::from))?;
         let named = if store.names.is_empty() { Vec::new() } else { store.named(&store.records(epoch.years)) };
-        let stars = store.stars.of_epoch(*epoch).with_names(named);
+        let stars = store.stars.of_epoch(*epoch).with_names(named).with_deep(deep);
         let loaded = LoadedCatalogue { name: sources[0].to_string(), stars: stars.stars.len(), rows: None };
         return Ok((stars, LoadReport { catalogues: vec![loaded], ..LoadReport::default() }));
     }

@@ -96,7 +96,8 @@ impl Exposure {
         let zodiacal = inputs.objects.zodiacal_light().map(|light| light.sky);
         let diffuse_cd_m2: f64 =
             inputs.scene.stars.unresolved.iter().chain(&zodiacal).map(|diffuse| diffuse.mean_cd_m2()).sum();
-        let deep_cd_m2 = inputs.scene.stars.deep.as_ref().map_or(0.0, |deep| deep.total_lx() / (4.0 * std::f64::consts::PI));
+        let deep_cd_m2 =
+            inputs.scene.stars.deep.as_ref().map_or(0.0, |deep| deep.total_lx() / (4.0 * std::f64::consts::PI));
         let total_solid_angle_sr = plan.views.total_solid_angle_sr;
         let air_lx = (air_cd_m2 + diffuse_cd_m2 + deep_cd_m2) * total_solid_angle_sr;
         let (visible, bodies) = (&plan.stars.visible, plan.bodies.as_ref());

@@ -110,7 +110,8 @@ struct PartPages {
 /// # Errors
 /// Stars that cannot be replaced by composite stars do not fit into the memory.
 pub(super) fn select(inputs: &DeepInputs<'_>, sky: &Arc<DeepSky>) -> Result<DeepPlan, PlanError> {
-    let mut plan = DeepPlan { faintest_lx: f64::INFINITY, device_bytes: inputs.memory_bytes / 2, ..DeepPlan::default() };
+    let mut plan =
+        DeepPlan { faintest_lx: f64::INFINITY, device_bytes: inputs.memory_bytes / 2, ..DeepPlan::default() };
     if inputs.magnitude_limit <= RESIDENT_TO_MAGNITUDE {
         return Ok(plan);
     }
@@ -118,7 +119,8 @@ pub(super) fn select(inputs: &DeepInputs<'_>, sky: &Arc<DeepSky>) -> Result<Deep
     sky.set_limit(inputs.memory_bytes / 2);
     let fields: Vec<Field> = inputs.viewports.iter().map(|viewport| Field::new(viewport, &inputs.cull)).collect();
     // The detail of each part of the sky, coarser if that is necessary for the memory.
-    let mut parts: Vec<Part> = (0..BUCKETS).into_par_iter().flat_map_iter(|bucket| parts_of(inputs, &fields, bucket)).collect();
+    let mut parts: Vec<Part> =
+        (0..BUCKETS).into_par_iter().flat_map_iter(|bucket| parts_of(inputs, &fields, bucket)).collect();
     let most_bytes = (SHARE_OF_A_PLAN * inputs.memory_bytes as f64 / 2.0) as u64;
     let mut finest = Detail::Stars;
     let pages = loop {
@@ -320,7 +322,8 @@ fn most_of_leaf_lx(sky: &DeepSky, key: PageKey) -> f64 {
     let PageKey::Leaf { layer, .. } = key else { return 0.0 };
     let layer = usize::from(layer);
     let cell = (key.cell() >> (2 * (LAYERS[layer].order - crate::catalogue::deep::SUM_ORDER))) as usize;
-    let sum = sky.store().index().sums[layer].get(cell).map_or(0.0, |light| crate::photometry::rec709::luminance(*light));
+    let sum =
+        sky.store().index().sums[layer].get(cell).map_or(0.0, |light| crate::photometry::rec709::luminance(*light));
     let brightest = illuminance_lx_from_magnitude(f64::from(LAYERS[layer].magnitude) - 0.01);
     sum.min(brightest * f64::from(key.stars(sky.store())))
 }

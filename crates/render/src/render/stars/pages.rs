@@ -81,7 +81,13 @@ impl PageBuffers {
                 held.used = self.frame;
             }
         }
-        let missing: u64 = plan.visible.iter().map(|visible| &visible.page).filter(|page| !self.held.contains_key(&page.id)).map(|page| page.stars.len() as u64).sum();
+        let missing: u64 = plan
+            .visible
+            .iter()
+            .map(|visible| &visible.page)
+            .filter(|page| !self.held.contains_key(&page.id))
+            .map(|page| page.stars.len() as u64)
+            .sum();
         self.make_room(missing, plan.device_bytes / size_of::<PageStar>() as u64);
         plan.visible.iter().map(|visible| self.place(gpu, &visible.page)).collect()
     }

@@ -12,12 +12,12 @@ use std::time::Duration;
 
 use glam::DVec3;
 
+use self::detail::BASE_PLANE;
+use self::pages::{Pages, Readers};
 pub use self::{
     detail::Detail,
     page::{Page, PageKey, PageStar},
 };
-use self::detail::BASE_PLANE;
-use self::pages::{Pages, Readers};
 use super::super::epoch::Epoch;
 use super::composite::Composite;
 use super::error::DeepError;
@@ -42,10 +42,10 @@ struct Base {
 }
 
 impl Base {
-    fn at_epoch(&self, pages: &Pages, epoch: &Epoch) -> Arc<Self> {
+    fn at_epoch(&self, epoch: &Epoch) -> Arc<Self> {
         let of_tile = |(cell, tile): (usize, &Tile)| {
             let page = Page::of_tile(usize::from(BASE_PLANE), cell as u64, tile, epoch);
-            Arc::new(Page { id: pages.new_id(), ..page })
+            Arc::new(Page { id: pages::new_id(), ..page })
         };
         let pages = self.tiles.iter().enumerate().map(of_tile).collect();
         Arc::new(Self { tiles: Arc::clone(&self.tiles), pages })
@@ -76,7 +76,7 @@ impl DeepSky {
         for bucket in 0..BUCKETS {
             tiles.push(readers.pages().store().tile(usize::from(BASE_PLANE), bucket)?);
         }
-        let base = Base { tiles: Arc::new(tiles), pages: Vec::new() }.at_epoch(readers.pages(), epoch);
+        let base = Base { tiles: Arc::new(tiles), pages: Vec::new() }.at_epoch(epoch);
         Ok(Self { epoch: *epoch, readers, base })
     }
 
@@ -86,7 +86,7 @@ impl DeepSky {
         if *epoch == self.epoch {
             return self.clone();
         }
-        Self { base: self.base.at_epoch(self.pages(), epoch), epoch: *epoch, readers: Arc::clone(&self.readers) }
+        Self { base: self.base.at_epoch(epoch), epoch: *epoch, readers: Arc::clone(&self.readers) }
     }
 
     /// The store.

@@ -59,7 +59,6 @@ pub(super) struct Pages {
     store: DeepStore,
     state: Mutex<State>,
     wake: Condvar,
-    next_id: AtomicU64,
     /// Delay before each page is read in the background, to test slow disks.
     delay: Mutex<Duration>,
 }
@@ -68,6 +67,12 @@ pub(super) struct Pages {
 #[derive(Debug)]
 pub(super) struct Readers {
     pages: Arc<Pages>,
+}
+
+/// Identity of a new page, different from those of all stores.
+pub(super) fn new_id() -> u64 {
+    static NEXT: AtomicU64 = AtomicU64::new(1);
+    NEXT.fetch_add(1, Ordering::Relaxed)
 }
 
 impl Readers {
@@ -85,7 +90,6 @@ impl Readers {
             store,
             state: Mutex::new(state),
             wake: Condvar::new(),
-            next_id: AtomicU64::new(1),
             delay: Mutex::new(Duration::ZERO),
         });
         for number in 0..READERS {
@@ -117,12 +121,7 @@ impl Pages {
 
     /// Reads a page without keeping it.
     pub(super) fn read(&self, key: PageKey, epoch: &Epoch) -> Result<Page, DeepError> {
-        Page::read(&self.store, key, epoch, self.new_id())
-    }
-
-    /// Identity of a new page.
-    pub(super) fn new_id(&self) -> u64 {
-        self.next_id.fetch_add(1, Ordering::Relaxed)
+        Page::read(&self.store, key, epoch, new_id())
     }
 
     pub(super) fn held(&self, keys: &[PageKey]) -> Vec<Option<Arc<Page>>> {
