@@ -269,7 +269,7 @@ fn plan_exit_code(error: &PlanError) -> u8 {
         | PlanError::DeepMemory { .. }
         | PlanError::GlareOfCatalogue(_) => BAD_USAGE,
         PlanError::Psf(error) => psf_exit_code(error),
-        PlanError::Deep(error) => deep_exit_code(error),
+        PlanError::DeepDamaged(_) => BAD_DATA,
         PlanError::Glare(error) => match error {
             GlareKernelError::NoFile | GlareKernelError::Inner { .. } => BAD_USAGE,
             GlareKernelError::Read { .. } | GlareKernelError::Row { .. } | GlareKernelError::File { .. } => BAD_DATA,

@@ -278,6 +278,36 @@ fn what_cannot_be_drawn_is_refused_with_its_reason() {
     assert!(matches!(load(&twice), LoadError::SecondDeep { index: 1, .. }));
 }
 
+/// A damaged leaf is not drawn, and its neighbours only if the settings say so.
+#[test]
+fn frames_without_damaged_leaves_are_drawn_on_request_only() {
+    let folder = tempfile::tempdir().unwrap();
+    for file in std::fs::read_dir(store().join("deep")).unwrap() {
+        let file = file.unwrap();
+        std::fs::copy(file.path(), folder.path().join(file.file_name())).unwrap();
+    }
+    let path = folder.path().join("leaves-17");
+    let mut bytes = std::fs::read(&path).unwrap();
+    for byte in bytes.iter_mut().step_by(8 * 64) {
+        *byte ^= 4;
+    }
+    std::fs::write(&path, bytes).unwrap();
+    let scene = scene_of(&[StarSource::File(folder.path().to_owned())]);
+    let (mut renderer, rig) = (renderer(), window(20.0));
+    let mut settings = every_star(&settings());
+    let request = FrameRequest::new(&scene, &rig).settings(&settings);
+    let error = renderer.render(request).err().unwrap().to_string();
+    assert!(error.contains("leaves-17") && error.contains("skip_damaged"), "{error}");
+    settings.stars.skip_damaged = true;
+    let frame = draw(&mut renderer, &scene, &rig, &settings, Output::Hdr);
+    let DeepReport { missing, residual_cd_m2, stars, .. } = frame.plan.deep.clone().unwrap();
+    assert!(missing > 100 && residual_cd_m2 > 0.0 && stars > 1000, "{missing} {residual_cd_m2} {stars}");
+    let whole = draw(&mut renderer, &deep_scene(), &rig, &settings, Output::Hdr);
+    let errors = luminances(&frame).into_iter().zip(luminances(&whole)).map(|(found, expected)| expected - found);
+    let worst = errors.fold(0.0, f64::max);
+    assert!(worst > 0.0 && worst <= residual_cd_m2, "{worst} {residual_cd_m2}");
+}
+
 /// A magnitude limit selects the stars of leaves one by one.
 #[test]
 fn a_magnitude_limit_leaves_out_what_is_fainter() {

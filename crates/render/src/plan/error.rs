@@ -2,7 +2,6 @@
 
 use super::overlay::OverlayPlanError;
 use crate::{
-    catalogue::deep::DeepError,
     photometry::{glare::GlareKernelError, psf::PsfError},
     view::RigError,
 };
@@ -117,9 +116,9 @@ pub enum PlanError {
         /// `stars.memory`, MiB.
         memory_mib: u64,
     },
-    /// Stars of a deep store cannot be read.
-    #[error(transparent)]
-    Deep(#[from] Box<DeepError>),
+    /// A part of a deep store cannot be read.
+    #[error("{0}; stars.skip_damaged = true draws the rest of the store")]
+    DeepDamaged(String),
     /// `sky_cube` scatters the light of the catalogue's stars.
     #[error(
         "glare.method = `sky_cube` reads the catalogue, but stars.method = `{0}` draws none of its stars: set glare.method to auto, view_pyramid, screen_pyramid or none"

@@ -249,7 +249,10 @@ impl Renderer {
         let deep = &plan.stars.deep;
         match &deep.sky {
             Some(sky) if waits && !deep.missing.is_empty() => {
-                sky.load(&deep.missing).map_err(Box::new)?;
+                // The next plan refuses what is damaged, unless the settings skip it.
+                if let Err(error) = sky.load(&deep.missing) {
+                    tracing::debug!("the frame lacks stars: {error}");
+                }
                 make(&mut self.planners[slot], &self.limits)
             }
             _ => Ok(plan),

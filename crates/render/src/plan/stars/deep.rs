@@ -44,6 +44,8 @@ pub(super) struct DeepInputs<'a> {
     pub cell_px: f64,
     pub magnitude_limit: f64,
     pub every_star: bool,
+    /// Whether frames are drawn without leaves and tiles that are damaged.
+    pub skip_damaged: bool,
     /// Memory for pages: half of it on the host, half on the device.
     pub memory_bytes: u64,
 }
@@ -114,6 +116,9 @@ pub(super) fn select(inputs: &DeepInputs<'_>, sky: &Arc<DeepSky>) -> Result<Deep
         DeepPlan { faintest_lx: f64::INFINITY, device_bytes: inputs.memory_bytes / 2, ..DeepPlan::default() };
     if inputs.magnitude_limit <= RESIDENT_TO_MAGNITUDE {
         return Ok(plan);
+    }
+    if let Some(problem) = sky.problem().filter(|_| !inputs.skip_damaged) {
+        return Err(PlanError::DeepDamaged(problem));
     }
     plan.sky = Some(Arc::clone(sky));
     sky.set_limit(inputs.memory_bytes / 2);

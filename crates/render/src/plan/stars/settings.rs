@@ -26,6 +26,8 @@ pub struct StarSettings {
     pub memory: MemorySize,
     /// Deep stores: draw every star instead of composite stars, as far as `memory` holds them.
     pub every_star: bool,
+    /// Deep stores: draw frames without the leaves and tiles that are damaged. Otherwise such a frame is an error.
+    pub skip_damaged: bool,
     /// Parameters of `pixel_gaussian`.
     pub pixel_gaussian: PixelGaussianSettings,
     /// Parameters of billboard methods.
@@ -45,6 +47,7 @@ impl Default for StarSettings {
             magnitude_limit: 99.0,
             memory: MemorySize::gib(1),
             every_star: false,
+            skip_damaged: false,
             pixel_gaussian: PixelGaussianSettings::default(),
             billboard: BillboardSettings::default(),
             gaussian_psf: GaussianPsfSettings::default(),

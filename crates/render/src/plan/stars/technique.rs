@@ -100,6 +100,7 @@ impl Stars {
             cell_px: if matches!(inputs.sky, SkyUse::Face(_)) { MAP_CELL_TEXELS } else { DIRECT_CELL_PX },
             magnitude_limit: settings.magnitude_limit,
             every_star: settings.every_star,
+            skip_damaged: settings.skip_damaged,
             memory_bytes: settings.memory.bytes,
         };
         plan.stars.deep = deep::select(&deep, sky)?;

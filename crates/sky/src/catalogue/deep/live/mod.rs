@@ -150,10 +150,10 @@ impl DeepSky {
         self.pages().ask(&self.epoch, wants);
     }
 
-    /// Reads pages now, on all cores.
+    /// Reads pages now, on all cores. Pages that were found damaged before are not tried again.
     ///
     /// # Errors
-    /// One of them is damaged or cannot be read.
+    /// One of them is damaged or cannot be read; the others are in memory.
     pub fn load(&self, keys: &[PageKey]) -> Result<(), DeepError> {
         self.pages().load(&self.epoch, keys)
     }
@@ -168,7 +168,7 @@ impl DeepSky {
         self.pages().statistics()
     }
 
-    /// Text of the first error of reading in the background, if any.
+    /// Text of the first error of reading a page, if any.
     pub fn problem(&self) -> Option<String> {
         self.pages().problem()
     }

@@ -156,13 +156,23 @@ impl Pages {
         let missing: Vec<PageKey> = {
             let state = self.state();
             let is_held = |key: &&PageKey| state.held.get(key).is_some_and(|held| held.epoch == *epoch);
-            keys.iter().filter(|key| !is_held(key)).copied().collect()
+            keys.iter().filter(|key| !is_held(key) && !state.damaged.contains(key)).copied().collect()
         };
-        let pages: Vec<Page> = missing.par_iter().map(|key| self.read(*key, epoch)).collect::<Result<_, _>>()?;
+        let pages: Vec<(PageKey, Result<Page, DeepError>)> =
+            missing.par_iter().map(|key| (*key, self.read(*key, epoch))).collect();
         let mut state = self.state();
-        pages.into_iter().for_each(|page| state.keep(page, epoch));
+        let mut first = Ok(());
+        for (key, page) in pages {
+            match page {
+                Ok(page) => state.keep(page, epoch),
+                Err(error) => {
+                    state.note(key, &error);
+                    first = first.and(Err(error));
+                }
+            }
+        }
         state.make_room();
-        Ok(())
+        first
     }
 
     pub(super) fn set_limit(&self, bytes: u64) {
@@ -217,11 +227,7 @@ impl Pages {
                         state.keep(page, &want.epoch);
                         state.make_room();
                     }
-                    Err(error) => {
-                        tracing::error!("stars cannot be read: {error}");
-                        state.damaged.insert(key);
-                        state.problem.get_or_insert_with(|| error.to_string());
-                    }
+                    Err(error) => state.note(key, &error),
                 }
             }
         }
@@ -244,6 +250,13 @@ impl State {
         }
         self.statistics.missing = self.wants.len() as u64;
         wants
+    }
+
+    /// Notes a page that cannot be read. It is not tried again.
+    fn note(&mut self, key: PageKey, error: &DeepError) {
+        tracing::error!("stars cannot be read: {error}");
+        self.damaged.insert(key);
+        self.problem.get_or_insert_with(|| error.to_string());
     }
 
     fn keep(&mut self, page: Page, epoch: &Epoch) {
