@@ -170,7 +170,8 @@ impl BucketSums {
                 if cells.is_empty() {
                     cells = own;
                 } else {
-                    cells.iter_mut().zip(&own).for_each(|(cell, own)| cell.merge(own));
+                    let with_stars = cells.iter_mut().zip(&own).filter(|(_, own)| !own.is_empty());
+                    with_stars.for_each(|(cell, own)| cell.merge(own));
                 }
             }
             let of_layer = PLANES.iter().enumerate().filter(|(_, plane)| plane.magnitude == LAYERS[layer].magnitude);

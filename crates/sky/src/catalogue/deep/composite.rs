@@ -116,7 +116,8 @@ pub fn coarser(finer: &[CellSum]) -> Vec<CellSum> {
     let (fours, _) = finer.as_chunks::<4>();
     let merged = |four: &[CellSum; 4]| {
         let mut sum = CellSum::default();
-        for (index, cell) in four.iter().enumerate() {
+        // Most cells of the finest orders have no star.
+        for (index, cell) in four.iter().enumerate().filter(|(_, cell)| !cell.is_empty()) {
             let weight = luminance(cell.light_lx);
             let corner = [index & 1, index >> 1].map(|bit| bit as f64);
             let centroid = [0, 1].map(|axis| 0.5 * (cell.centroid[axis] + corner[axis] * weight));
