@@ -7,9 +7,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Least size, bytes.
-const LEAST: f64 = 67_108_864.0;
+const LEAST_BYTES: f64 = 67_108_864.0;
 /// Sizes from here on are mistakes, bytes.
-const MOST: f64 = 1e18;
+const MOST_BYTES: f64 = 1e18;
 /// Units and their powers of two, the largest last.
 const UNITS: [(&str, i32); 4] = [("KiB", 10), ("MiB", 20), ("GiB", 30), ("TiB", 40)];
 
@@ -41,7 +41,7 @@ impl FromStr for MemorySize {
             .unwrap_or((text, 0));
         let number: f64 = number.trim().parse().map_err(|_| valid())?;
         let bytes = number * f64::from(power).exp2();
-        if (LEAST..MOST).contains(&bytes) { Ok(Self { bytes: bytes as u64 }) } else { Err(valid()) }
+        if (LEAST_BYTES..MOST_BYTES).contains(&bytes) { Ok(Self { bytes: bytes as u64 }) } else { Err(valid()) }
     }
 }
 
