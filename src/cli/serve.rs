@@ -160,7 +160,7 @@ fn access(arguments: &ServeArguments) -> AccessSource {
     })
 }
 
-/// Loads the scene and everything that the first frame needs. A frame that cannot be drawn is logged here and reported
+/// Loads the scene and everything that the first display images need; exact images prepare their glare when they are first requested. A frame that cannot be drawn is logged here and reported
 /// to every client that requests it: the scene may have changed by then.
 fn start(
     config: &Config,
@@ -174,7 +174,7 @@ fn start(
     let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
     let drawn = prepared.and_then(|()| {
         let mut requests = (0..groups.len()).map(|number| FrameRequest::for_group(&scene, groups, number));
-        requests.try_for_each(|request| renderer.render(request.wanted(Wanted::both())).map(drop))
+        requests.try_for_each(|request| renderer.render(request.wanted(Wanted::display())).map(drop))
     });
     if let Err(error) = drawn {
         tracing::warn!("the first frame cannot be drawn: {error}");
