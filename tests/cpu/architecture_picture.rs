@@ -12,7 +12,8 @@ use crate::layering::{CRATES, LAYERS};
 
 const FILE: &str = "docs/images/architecture.svg";
 /// Columns: the folder of the sources, the title and what the crate is for.
-const TITLES: [(&str, &str); 3] = [
+const TITLES: [(&str, &str); CRATES.len()] = [
+    ("steradian-lock", "frame lock of machines"),
     ("steradian-sky", "the sky without a GPU"),
     ("steradian-render", "views, plans, passes"),
     ("steradian", "program, daemon, outputs"),
@@ -55,7 +56,7 @@ fn picture(layers: &[&[&str]]) -> String {
         rows.push(row);
     }
     let height = HEAD + ROW * rows.len() as f64 + 12.0;
-    let mut document = Document::new().set("viewBox", (0, 0, (COLUMN * 3.0) as i32, height as i32));
+    let mut document = Document::new().set("viewBox", (0, 0, (COLUMN * CRATES.len() as f64) as i32, height as i32));
     for (column, (name, purpose)) in TITLES.iter().enumerate() {
         let left = COLUMN * column as f64;
         let frame = Rectangle::new()

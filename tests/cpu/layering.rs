@@ -2,7 +2,7 @@
 //! compiler checks it.
 //!
 //! Every file is split into tokens (without comments, strings and characters), and every path that starts at the
-//! crate's root is followed: `crate::`, `steradian::`, `steradian_sky::`, `steradian_render::`, and as many `super::` as lead there, in groups as well as
+//! crate's root is followed: `crate::`, `steradian::`, `steradian_lock::`, `steradian_sky::`, `steradian_render::`, and as many `super::` as lead there, in groups as well as
 //! separately. The module that such a path names must be before the importer in [`LAYERS`].
 
 pub mod paths;
@@ -14,7 +14,7 @@ use std::sync::LazyLock;
 use paths::{Token, root_paths, tokens};
 
 /// Folders of the crates whose modules form the layers.
-pub const CRATES: [&str; 3] = ["crates/sky/src", "crates/render/src", "src"];
+pub const CRATES: [&str; 4] = ["crates/lock/src", "crates/sky/src", "crates/render/src", "src"];
 
 /// Allowed imports: a module may import every module of the layers above its own, and within a layer only those
 /// listed in [`SIBLINGS`]. A new module must be added here, as far up as its imports permit.
@@ -32,9 +32,11 @@ pub const LAYERS: &[&[&str]] = &[
         "fits",
         "ranges",
         "memory_size",
+        "clock",
+        "messages",
     ],
-    &["photometry", "picture_file"],
-    &["ephemeris", "relativity"],
+    &["photometry", "picture_file", "rules"],
+    &["ephemeris", "relativity", "director", "node"],
     &["catalogue"],
     &["observer"],
     &["scene", "view"],

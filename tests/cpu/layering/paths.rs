@@ -126,7 +126,7 @@ pub fn root_paths(tokens: &[Token], module: &[&str]) -> Vec<Vec<String>> {
             }
             Token::Word(word) if tokens.get(i + 1) == Some(&Token::PathSeparator) => {
                 let start = match word.as_str() {
-                    "crate" | "steradian" | "steradian_sky" | "steradian_render" => Some(Vec::new()),
+                    "crate" | "steradian" | "steradian_lock" | "steradian_sky" | "steradian_render" => Some(Vec::new()),
                     "super" | "self" => {
                         let inline = braces.iter().flatten().map(String::as_str);
                         Some(module.iter().copied().chain(inline).map(str::to_owned).collect())
