@@ -23,7 +23,7 @@ use crate::{
 /// Largest cell of composite stars, the root of its area over that of a pixel. Measured with 749 stars per pixel: an error of 0.18 codes at this size.
 pub const DIRECT_CELL_PX: f64 = 0.8;
 /// The same in the map of faint light, in its texels: its interpolation adds to the error.
-pub const MAP_CELL_TEXELS: f64 = 0.6 / TEXEL_PX;
+pub const MAP_CELL_TEXELS: f64 = 0.66 / TEXEL_PX;
 /// From this magnitude limit on, all stars of a store are drawn: its planes cannot be divided.
 pub const WHOLE_FROM_MAGNITUDE: f64 = 21.0;
 /// Magnitude up to which all stars of a deep store are resident.

@@ -154,7 +154,9 @@ impl Pages {
 
     pub(super) fn load(&self, epoch: &Epoch, keys: &[PageKey]) -> Result<(), DeepError> {
         let missing: Vec<PageKey> = {
-            let state = self.state();
+            let mut state = self.state();
+            // Not twice, here and in the background.
+            state.wants.clear();
             let is_held = |key: &&PageKey| state.held.get(key).is_some_and(|held| held.epoch == *epoch);
             keys.iter().filter(|key| !is_held(key) && !state.damaged.contains(key)).copied().collect()
         };
