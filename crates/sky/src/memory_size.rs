@@ -62,7 +62,7 @@ impl From<MemorySize> for String {
 impl fmt::Display for MemorySize {
     /// The largest unit of which it is a multiple.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let fitting = UNITS.iter().rev().find(|(_, power)| self.bytes % (1_u64 << power) == 0);
+        let fitting = UNITS.iter().rev().find(|(_, power)| self.bytes.is_multiple_of(1_u64 << power));
         match fitting {
             Some((unit, power)) => write!(f, "{}{unit}", self.bytes >> power),
             None => write!(f, "{}", self.bytes),

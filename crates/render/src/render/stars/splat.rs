@@ -105,7 +105,6 @@ impl StarPass {
                 camera: plan.views.camera_pc.as_vec3().to_array(),
                 camera_motion: plan.views.motion.map(encode_motion).unwrap_or_default(),
                 air: AirAbove::from_sky(plan.air.sky.as_deref()),
-                ..Default::default()
             };
             let parameters = gpu.frame_uniform("star parameters", &parameters);
             let colours = [(5, self.colours.as_entire_binding())];
