@@ -223,6 +223,7 @@ impl CliError {
             },
             CliError::Usage(_) | CliError::Config(_) | CliError::Galaxy(_) | CliError::Shaders(_) => BAD_USAGE,
             CliError::Load { source: LoadError::Galaxy { .. }, .. } => BAD_USAGE,
+            CliError::Load { source: LoadError::Deep(error), .. } => deep_exit_code(error),
             CliError::Load { .. } | CliError::ReadStore(_) | CliError::Theatre(_) => BAD_DATA,
             CliError::ReadInput { .. } | CliError::ReadManifest { .. } | CliError::OtherInput { .. } => BAD_DATA,
             CliError::Chart(_) | CliError::Client(_) | CliError::Record(_) => FAILED,
@@ -285,6 +286,9 @@ fn deep_exit_code(error: &DeepError) -> u8 {
         DeepError::Memory { .. }
         | DeepError::Occupied { .. }
         | DeepError::OtherJob { .. }
+        | DeepError::Overlap { .. }
+        | DeepError::Gap { .. }
+        | DeepError::IsPart { .. }
         | DeepError::Galaxy(_)
         | DeepError::Export { .. } => BAD_USAGE,
         DeepError::DiskFull { .. } | DeepError::Busy { .. } => FAILED,

@@ -306,7 +306,7 @@ pub fn deep_store() -> Vec<Vec<u8>> {
     let folder = tempfile::tempdir().unwrap();
     let store = |name: &str, stars: usize| {
         let out = folder.path().join(name);
-        let options = BuildOptions { out: out.clone(), memory_bytes: 64 << 20, job: name.to_owned() };
+        let options = BuildOptions { out: out.clone(), memory_bytes: 64 << 20, job: name.to_owned(), cells: None };
         let mut build = Build::open(options).unwrap();
         for star in bright_stars(0.0).into_iter().take(stars) {
             build.add(star, NewStar { velocity: Some([1e-6; 3]), ..NewStar::default() }).unwrap();

@@ -50,6 +50,7 @@ const NO_FILES: &[(&str, &str)] = &[
     ("index.html", "written by `chart`"),
     ("manifest.json", "written by `render`"),
     ("film.json", "written by `film`"),
+    ("part.json", "written by `catalogue import --cells`"),
     ("timings.json", "written by `render`"),
     ("http", "an address"),
 ];

@@ -13,6 +13,7 @@ use super::CliError;
 use crate::cache;
 use crate::catalogue::bright;
 use crate::catalogue::deep::build::DEFAULT_MEMORY;
+use crate::catalogue::deep::cell_range::CellRange;
 use crate::catalogue::deep::slice::Selection;
 use crate::catalogue::galaxy::{GalaxyParameters, MOST_STARS, stream::MOST_STREAMED};
 use crate::memory_size::MemorySize;
@@ -32,7 +33,8 @@ enum CatalogueCommand {
     #[command(after_help = "Examples:\n  \
         steradian catalogue import hipparcos.vot.gz --out hipparcos.stars\n  \
         steradian catalogue import builtin:bright faint.json --out sky.stars\n  \
-        steradian catalogue import builtin:bright gaia/*.csv.gz --memory 2GiB --out gaia\n\n\
+        steradian catalogue import builtin:bright gaia/*.csv.gz --memory 2GiB --out gaia\n  \
+        steradian catalogue import builtin:bright gaia/*.csv.gz --cells 0..384 --out part-0\n\n\
         A row that cannot be used is reported with its line number; exit code 65 if no row is usable.")]
     Import {
         /// Catalogues, concatenated.
@@ -40,6 +42,19 @@ enum CatalogueCommand {
         files: Vec<PathBuf>,
         #[command(flatten)]
         output: Output,
+        #[command(flatten)]
+        share: Share,
+    },
+    /// Join the parts of a deep store that `--cells` made: the same bytes as a store that was made at once.
+    #[command(after_help = "Example:\n  steradian catalogue merge part-* --out gaia\n\n\
+        Parts must have the same inputs and be made by the same version, and each cell must be in one of them.")]
+    Merge {
+        /// The parts, in any order.
+        #[arg(required = true, value_name = "STORE")]
+        parts: Vec<PathBuf>,
+        /// Folder to write; the parts stay.
+        #[arg(long, value_name = "STORE")]
+        out: PathBuf,
     },
     /// Show the contents of a store.
     #[command(after_help = "Example:\n  steradian catalogue info hipparcos.stars")]
@@ -103,6 +118,8 @@ enum CatalogueCommand {
         fainter_than: Option<f64>,
         #[command(flatten)]
         output: Output,
+        #[command(flatten)]
+        share: Share,
     },
 }
 
@@ -116,6 +133,14 @@ struct Output {
     /// interrupted command continues if it is run again.
     #[arg(long, value_name = "SIZE")]
     memory: Option<MemorySize>,
+}
+
+/// Division of the work among several programs.
+#[derive(Debug, Args)]
+struct Share {
+    /// Write a part of a deep store, with the stars in these cells of HEALPix order 4 (nested, 0..3072); `catalogue merge` joins the parts.
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true)]
+    cells: Option<CellRange>,
 }
 
 impl Output {
@@ -161,26 +186,28 @@ fn star_count(text: &str) -> Result<usize, String> {
 /// Runs the command. Any folder is meant as a deep store, so that one without an index is reported as such.
 pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
     match arguments.command {
-        CatalogueCommand::Import { files, output } => {
+        CatalogueCommand::Import { files, output, share: Share { cells } } => {
             let sources: Vec<StarSource> = files.into_iter().map(source_of).collect();
             // Folders are deep stores or catalogues in HATS, which may not fit in memory.
             let has_folder = sources.iter().any(|source| matches!(source, StarSource::File(path) if path.is_dir()));
-            match output.deep_memory().or(has_folder.then_some(DEFAULT_MEMORY)) {
-                Some(memory_bytes) => deep::import(&sources, &output.out, memory_bytes),
+            match output.deep_memory().or((has_folder || cells.is_some()).then_some(DEFAULT_MEMORY)) {
+                Some(memory_bytes) => deep::import(&sources, &output.out, memory_bytes, cells),
                 None => single::write(&sources, &output.out),
             }
         }
-        CatalogueCommand::Synth { stars, seed, fainter_than, output } => {
+        CatalogueCommand::Synth { stars, seed, fainter_than, output, share: Share { cells } } => {
             let parameters = GalaxyParameters { stars, seed, fainter_than, unresolved_light: false };
             // More stars than this do not fit in a store in one file.
-            let memory = output.deep_memory().or_else(|| (stars > MOST_STARS).then_some(DEFAULT_MEMORY));
+            let is_deep = stars > MOST_STARS || cells.is_some();
+            let memory = output.deep_memory().or_else(|| is_deep.then_some(DEFAULT_MEMORY));
             // The store is kept already.
             cache::set_for_process(None);
             match memory {
-                Some(memory_bytes) => deep::synth(&parameters, &output.out, memory_bytes),
+                Some(memory_bytes) => deep::synth(&parameters, &output.out, memory_bytes, cells),
                 None => single::write(&[StarSource::Galaxy(parameters)], &output.out),
             }
         }
+        CatalogueCommand::Merge { parts, out } => deep::merge(&parts, &out),
         CatalogueCommand::Info { store } if store.is_dir() => deep::info(&store),
         CatalogueCommand::Info { store } => single::info(&store),
         CatalogueCommand::Check { store, light } if store.is_dir() => deep::check(&store, light),

@@ -65,7 +65,12 @@ fn records() -> Vec<StarRecord> {
 fn store() -> &'static Path {
     static STORE: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
         let folder = tempfile::tempdir().unwrap();
-        let options = BuildOptions { out: folder.path().join("deep"), memory_bytes: 1 << 28, job: "test".to_owned() };
+        let options = BuildOptions {
+            out: folder.path().join("deep"),
+            memory_bytes: 1 << 28,
+            job: "test".to_owned(),
+            cells: None,
+        };
         let mut build = Build::open(options).unwrap();
         records().into_iter().for_each(|star| build.add(star, NewStar::default()).unwrap());
         build.finish(None, "a test".to_owned(), &mut |_| ()).unwrap();

@@ -120,6 +120,45 @@ fn an_import_counts_its_rules_and_does_not_overwrite_other_folders() {
     assert!(!folder.path().join("sky.partial").exists() && !folder.path().join("mine.partial").exists());
 }
 
+#[test]
+fn parts_are_shown_refused_by_scenes_and_merged() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("s.csv"), "ra_deg,dec_deg,v_mag\n10,20,14\n200,-70,15\n266,-29,3\n").unwrap();
+    let import = |more: &[&str]| run(folder.path(), &[&["catalogue", "import", "s.csv"][..], more].concat(), 0).0;
+    let whole = import(&["--memory", "64MiB", "--out", "whole"]);
+    let first = import(&["--cells", "0..1000", "--out", "a"]);
+    assert!(first.contains("wrote a: cells 0..1000 of 0..3072, "), "{first}");
+    import(&["--cells", "1000..3072", "--out", "b"]);
+    let (info, _) = run(folder.path(), &["catalogue", "info", "a"], 0);
+    let shown = info.contains("cells             0..1000 of 0..3072") && info.contains("input             s.csv (");
+    assert!(shown, "{info}");
+    run(folder.path(), &["catalogue", "check", "a", "--light"], 0);
+    let configuration =
+        "[scene]\ncatalogues = ['b']\n[[views]]\nname = 'v'\ntype = 'equirectangular'\nsize = [64, 32]\n";
+    fs::write(folder.path().join("c.toml"), configuration).unwrap();
+    for arguments in [
+        &["render", "--config", "c.toml", "--out", "out"][..],
+        &["catalogue", "slice", "b", "--out", "slice"],
+        &["catalogue", "export", "b", "--out", "b.csv"],
+        &["catalogue", "import", "b", "--out", "again"],
+    ] {
+        let (_, err) = run(folder.path(), arguments, 64);
+        assert!(err.contains("b: has only the cells 1000..3072") && err.contains("catalogue merge"), "{err}");
+    }
+    let (_, err) = run(folder.path(), &["catalogue", "merge", "b", "--out", "merged"], 64);
+    assert!(err.contains("the cells 0..1000 of 0..3072 are in none of the parts"), "{err}");
+    let (_, err) = run(folder.path(), &["catalogue", "merge", "whole", "--out", "merged"], 65);
+    assert!(err.contains("whole: it is a whole store"), "{err}");
+    let (merged, _) = run(folder.path(), &["catalogue", "merge", "b", "a", "--out", "merged"], 0);
+    assert_eq!(merged, whole.replace("wrote whole", "wrote merged"));
+    let (_, err) = run(
+        folder.path(),
+        &["catalogue", "synth", "--stars", "9", "--seed", "1", "--out", "x", "--cells", "5..3073"],
+        64,
+    );
+    assert!(err.contains("0 <= A < B <= 3072"), "{err}");
+}
+
 /// Ends the program with SIGKILL after `delay`, unless it has ended.
 fn killed(folder: &Path, arguments: &[&str], delay: Duration) {
     let mut child = command(folder, arguments)

@@ -4,6 +4,8 @@
 //! collected. The second pass reads cell by cell, encodes several at a time on all cores, and appends them in the order of the cells. So the bytes of a
 //! store depend on its stars alone, and not on their order or the number of threads.
 //!
+//! With a range of cells ([`CellRange`]) the store is a part ([`part`](super::part)): it has only the stars of these cells, and the other cells are empty.
+//!
 //! Work is done in a folder next to the destination, `NAME.partial`, with the state of the work and the unfinished store in `store`. Another run with
 //! the same inputs continues there; finished inputs and cells are not done again. At the end `store` is renamed: a reader never sees a part of a store.
 //! The state survives the end of the process at any time. After a power failure checksums show whether it is usable.
@@ -16,18 +18,20 @@ use rayon::prelude::*;
 
 use super::super::StarRecord;
 use super::super::names::StarNames;
-use super::super::store::{self, Store};
 use super::bucket::{BucketLeaves, BucketStar, FAINTEST_MAG};
+use super::cell_range::CellRange;
 use super::cells::SkyPlace;
 use super::error::DeepError;
-use super::index::{self, BrightFile};
+pub use super::finish::{Sources, Tally};
+use super::finish::{complete, ready_bright};
 pub use super::journal::Counts;
 use super::journal::{BrightStars, State};
-use super::resident::{is_resident, keeps_names, listed_again};
+use super::resident::{is_resident, keeps_names};
 use super::spill::{self, Spill};
+pub use super::work::unfinished_folder;
+use super::work::{self, STORE};
 use super::writer::{EncodedBucket, Writer};
-use super::{BRIGHT_FILE, BUCKET_ORDER, BUCKETS, DeepStore, EPOCH_YEAR, LAYERS, is_deep_store};
-use crate::files;
+use super::{BUCKET_ORDER, BUCKETS, EPOCH_YEAR, LAYERS};
 
 /// Smallest limit of memory, bytes.
 pub const LEAST_MEMORY: u64 = 64 << 20;
@@ -59,6 +63,15 @@ pub struct BuildOptions {
     pub memory_bytes: u64,
     /// All that determines the stars: an unfinished store is only continued if it is the same.
     pub job: String,
+    /// Make a part of the store, with the stars of these cells.
+    pub cells: Option<CellRange>,
+}
+
+impl BuildOptions {
+    /// The job of these inputs.
+    pub(super) fn job_of(&self, inputs: &str) -> String {
+        self.cells.map_or_else(|| inputs.to_owned(), |cells| format!("{inputs}, cells {cells}"))
+    }
 }
 
 /// Progress of one part of the work.
@@ -95,25 +108,23 @@ pub struct NewStar {
 pub struct Limit {
     /// V magnitude of the faintest star.
     pub v_mag: f32,
-    /// Number of stars of exactly this magnitude that are kept.
-    pub ties: u64,
+    /// Number of bright stars of exactly this magnitude that are kept, by cell of order 4.
+    pub bright_ties: u64,
+    /// Number of stars in leaves of exactly this magnitude that are kept, by cell of order 4.
+    pub leaf_ties: u64,
 }
 
 /// Result of a build.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BuildReport {
+    /// Cells of a part; `None`: a whole store.
+    pub cells: Option<CellRange>,
     /// Number of bright stars.
     pub bright: u64,
     /// Number of stars in each layer.
     pub layers: [u64; LAYERS.len()],
     /// Stars that needed a rule, and those that were left out.
-    pub counts: Counts,
-    /// Stars in leaves without colour that got the median temperature of their cell.
-    pub median_colour: u64,
-    /// Left out: stars that equal another one in every field.
-    pub repeated: u64,
-    /// Left out: stars within 2" and one magnitude of a star of the built-in table.
-    pub listed_again: u64,
+    pub tally: Tally,
     /// Motions and names of bright stars that are stored.
     pub motions: u64,
     /// See `motions`.
@@ -139,42 +150,16 @@ pub struct Build {
 
 /// Folder of the stars between the passes, in the folder of the work.
 const CELLS: &str = "cells";
-/// Folder of the unfinished store, in the folder of the work.
-const STORE: &str = "store";
-
-/// Folder of the work on a store.
-pub fn unfinished_folder(out: &Path) -> PathBuf {
-    with_suffix(out, ".partial")
-}
-
-fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
-    // Components drop a separator at the end of the path.
-    let mut name: std::ffi::OsString = path.components().collect::<PathBuf>().into_os_string();
-    name.push(suffix);
-    name.into()
-}
-
 impl Build {
     /// Begins a store, or continues an unfinished one with the same job.
     ///
     /// # Errors
     /// The destination is something else than a deep store, an unfinished store has another job or is in use, or I/O fails.
     pub fn open(options: BuildOptions) -> Result<Self, DeepError> {
-        if options.out.exists() && !is_deep_store(&options.out) {
-            return Err(DeepError::Occupied { path: options.out });
-        }
         if options.memory_bytes < LEAST_MEMORY {
             return Err(memory_error("a deep store", LEAST_MEMORY, options.memory_bytes));
         }
-        let folder = unfinished_folder(&options.out);
-        fs::create_dir_all(&folder).map_err(DeepError::io(&folder))?;
-        let lock_path = folder.join("lock");
-        let lock = File::create(&lock_path).map_err(DeepError::io(&lock_path))?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(fs::TryLockError::WouldBlock) => return Err(DeepError::Busy { path: folder }),
-            Err(fs::TryLockError::Error(error)) => return Err(DeepError::io(&lock_path)(error)),
-        }
+        let (folder, lock) = work::begin(&options.out)?;
         let (read, store) = (State::read(&folder)?, folder.join(STORE));
         // A program that was killed after it had renamed the store left the rest behind.
         let read = read.filter(|state| !state.is_read || store.exists());
@@ -197,6 +182,10 @@ impl Build {
         Ok(Self { options, folder, _lock: lock, state, spill, bright, saved: Instant::now() })
     }
 
+    fn cells(&self) -> CellRange {
+        self.options.cells.unwrap_or(CellRange::ALL)
+    }
+
     /// Number of inputs that are finished.
     pub fn steps_done(&self) -> usize {
         self.state.steps
@@ -212,26 +201,33 @@ impl Build {
         &self.state.source
     }
 
-    /// Adds a star at J2000.0.
+    /// Adds a star at J2000.0. A part leaves out those in other cells, except stars of the built-in table: they may be the same as stars in its cells.
     ///
     /// # Errors
     /// Writing fails, or there are too many bright stars for the memory.
     pub fn add(&mut self, record: StarRecord, about: NewStar) -> Result<(), DeepError> {
         let v_mag = record.apparent_magnitude() as f32;
-        self.state.counts.delivered += 1;
-        self.state.counts.prior_distance += u64::from(about.prior_distance);
-        self.state.counts.at_infinity += u64::from(!record.distance_known);
-        if is_resident(&record, v_mag, about.velocity) {
-            self.state.counts.bright_without_colour += u64::from(about.without_colour);
-            let names = about.names.filter(|names| {
-                let keeps = keeps_names(&record, v_mag, names);
-                self.state.counts.names_left_out += u64::from(!keeps);
-                keeps
-            });
-            self.bright.push(record, about.velocity, names, about.is_built_in);
-            return self.check_bright();
+        if !is_resident(&record, v_mag, about.velocity) {
+            return self.add_faint(record, v_mag, &about);
         }
-        self.add_faint(record, v_mag, &about)
+        let is_own = self.cells().contains_direction(record.position);
+        if !is_own && !about.is_built_in {
+            return Ok(());
+        }
+        let mut names_left_out = 0;
+        let names = about.names.filter(|names| {
+            let keeps = keeps_names(&record, v_mag, names);
+            names_left_out += u64::from(!keeps);
+            keeps
+        });
+        if is_own {
+            let counts = &mut self.state.counts;
+            counts.delivered(&record, about.prior_distance);
+            counts.bright_without_colour += u64::from(about.without_colour);
+            counts.names_left_out += names_left_out;
+        }
+        self.bright.push(record, about.velocity, names, about.is_built_in);
+        self.check_bright()
     }
 
     fn check_bright(&self) -> Result<(), DeepError> {
@@ -244,23 +240,30 @@ impl Build {
     }
 
     fn add_faint(&mut self, mut record: StarRecord, v_mag: f32, about: &NewStar) -> Result<(), DeepError> {
-        if f64::from(v_mag) > FAINTEST_MAG {
-            self.state.counts.too_faint += 1;
-            return Ok(());
-        }
-        self.state.counts.names_left_out += u64::from(about.names.is_some());
-        if let Some(velocity) = about.velocity {
-            self.state.counts.motions_left_out += 1;
+        let is_too_faint = f64::from(v_mag) > FAINTEST_MAG;
+        if let Some(velocity) = about.velocity.filter(|_| !is_too_faint) {
             super::super::motion::StarVelocity { star: 0, velocity }.apply(&mut record, YEARS);
         }
         let place = SkyPlace::from_direction(record.position);
+        let cell = place.cell(BUCKET_ORDER);
+        if !self.cells().contains(cell) {
+            return Ok(());
+        }
+        let counts = &mut self.state.counts;
+        counts.delivered(&record, about.prior_distance);
+        if is_too_faint {
+            counts.too_faint += 1;
+            return Ok(());
+        }
+        counts.names_left_out += u64::from(about.names.is_some());
+        counts.motions_left_out += u64::from(about.velocity.is_some());
         let star = BucketStar {
             xy: place.xy,
             v_mag,
             distance_pc: if record.distance_known { record.position.length() as f32 } else { 0.0 },
             temperature_k: if about.without_colour { 0.0 } else { record.temperature_k },
         };
-        self.spill.push(place.cell(BUCKET_ORDER), star)
+        self.spill.push(cell, star)
     }
 
     /// Whether the last checkpoint is so old that it is time for another one.
@@ -286,99 +289,36 @@ impl Build {
     pub fn finish(
         mut self,
         limit: Option<Limit>,
-        description: String,
+        sources: impl Into<Sources>,
         on_step: &mut OnStep<'_>,
     ) -> Result<BuildReport, DeepError> {
         if !self.state.is_read {
             self.state.is_read = true;
             self.checkpoint(self.state.steps, self.state.source.clone())?;
         }
+        let cells = self.cells();
         let Self { options, folder, _lock, state, spill, bright, .. } = self;
         drop((spill, bright));
-        let bright = ready_bright(&folder, &state, limit)?;
-        let writer =
-            encode_all(&folder, &state, &options, limit.map(|limit| (limit.v_mag, bright.ties_left)), on_step)?;
+        let writer = encode_all(&folder, &state, &options, limit.map(|limit| (limit.v_mag, limit.leaf_ties)), on_step)?;
         on_step(BuildStep { work: "sorting bright stars", done: 0, total: 1 });
-        let report = complete(&folder.join(STORE), description, state.counts, &writer, bright)?;
+        let bright = ready_bright(&folder, &state, limit, cells)?;
+        let [repeated, median_colour] = writer.counts();
+        let tally = Tally {
+            counts: state.counts,
+            median_colour,
+            repeated: repeated + bright.repeated,
+            listed_again: bright.listed_again,
+        };
+        let tables = writer.tables()?;
+        let report = complete(&folder.join(STORE), sources.into(), tally, tables, bright.stars, options.cells)?;
         drop((writer, _lock));
-        publish(&folder, &options.out)?;
+        work::publish(&folder, &options.out)?;
         Ok(report)
     }
 }
 
 fn memory_error(what: &str, needed: u64, limit: u64) -> DeepError {
     DeepError::Memory { what: what.to_owned(), needed_mib: needed.div_ceil(1 << 20), limit_mib: limit >> 20 }
-}
-
-/// Bright stars that are kept.
-struct ReadyBright {
-    stars: BrightStars,
-    /// Stars that were left out because another one is equal.
-    repeated: u64,
-    listed_again: u64,
-    /// Stars of the limiting magnitude that may be in leaves.
-    ties_left: u64,
-}
-
-/// Leaves out bright stars beyond the limit, and those that the built-in table has too.
-fn ready_bright(folder: &Path, state: &State, limit: Option<Limit>) -> Result<ReadyBright, DeepError> {
-    let mut stars = BrightStars::read(folder, state.bright)?;
-    let mut ties_left = 0;
-    if let Some(limit) = limit {
-        ties_left = limit.ties;
-        let magnitudes: Vec<f32> = stars.records.par_iter().map(|star| star.apparent_magnitude() as f32).collect();
-        // Among equals those with the smallest coordinates stay.
-        let mut ties: Vec<usize> = (0..magnitudes.len()).filter(|index| magnitudes[*index] == limit.v_mag).collect();
-        ties.sort_by(|a, b| {
-            let [a, b] = [a, b].map(|index| stars.records[*index].position);
-            a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z))
-        });
-        let mut keep: Vec<bool> = magnitudes.iter().map(|v_mag| *v_mag < limit.v_mag).collect();
-        ties.iter().take(limit.ties as usize).for_each(|index| keep[*index] = true);
-        ties_left -= ties_left.min(ties.len() as u64);
-        stars.retain(&keep);
-    }
-    let built_in: Vec<StarRecord> = stars
-        .records
-        .iter()
-        .zip(&stars.is_built_in)
-        .filter(|(_, is_built_in)| **is_built_in)
-        .map(|(star, _)| *star)
-        .collect();
-    let mut again = 0;
-    if !built_in.is_empty() && built_in.len() < stars.records.len() {
-        let listed = listed_again(&built_in, stars.records.iter());
-        let keep: Vec<bool> =
-            listed.iter().zip(&stars.is_built_in).map(|(listed, built_in)| *built_in || !listed).collect();
-        again = keep.iter().filter(|keep| !**keep).count() as u64;
-        stars.retain(&keep);
-    }
-    let keep = first_of_equals(&stars.records);
-    let repeated = keep.iter().filter(|keep| !**keep).count() as u64;
-    if repeated > 0 {
-        stars.retain(&keep);
-    }
-    Ok(ReadyBright { stars, repeated, listed_again: again, ties_left })
-}
-
-/// Whether each star is the first of those that equal it in every field.
-fn first_of_equals(stars: &[StarRecord]) -> Vec<bool> {
-    let content = |index: &u32| {
-        let star = &stars[*index as usize];
-        (
-            star.position.to_array().map(f64::to_bits),
-            star.magnitude.to_bits(),
-            star.temperature_k.to_bits(),
-            star.distance_known,
-        )
-    };
-    let mut order: Vec<u32> = (0..stars.len() as u32).collect();
-    order.par_sort_unstable_by(|a, b| content(a).cmp(&content(b)).then(a.cmp(b)));
-    let mut is_first = vec![true; stars.len()];
-    for pair in order.windows(2).filter(|pair| content(&pair[0]) == content(&pair[1])) {
-        is_first[pair[1] as usize] = false;
-    }
-    is_first
 }
 
 /// Reads the stars of a bucket that are not beyond the limit.
@@ -409,15 +349,9 @@ fn encode_all(
 ) -> Result<Writer, DeepError> {
     let mut writer = Writer::open(&folder.join(STORE), folder)?;
     let cost = |bucket: u64| BYTES_PER_BUCKET + BYTES_PER_STAR * spill::stars_of(&state.spill, bucket);
-    // Bright stars are read again at the end, so that their memory is free now; they are kept if they are few.
-    let bright_bytes = BYTES_PER_BRIGHT_STAR / 2 * state.bright[0];
-    let memory = options.memory_bytes.saturating_sub(BASE_MEMORY + bright_bytes);
+    let memory = options.memory_bytes.saturating_sub(BASE_MEMORY);
     if let Some(largest) = (writer.finished()..BUCKETS).map(cost).max().filter(|largest| *largest > memory) {
-        return Err(memory_error(
-            "the cell with the most stars",
-            largest + BASE_MEMORY + bright_bytes,
-            options.memory_bytes,
-        ));
+        return Err(memory_error("the cell with the most stars", largest + BASE_MEMORY, options.memory_bytes));
     }
     let total: u64 = (0..BUCKETS).map(|bucket| spill::stars_of(&state.spill, bucket)).sum();
     let mut done: u64 = (0..writer.finished()).map(|bucket| spill::stars_of(&state.spill, bucket)).sum();
@@ -447,9 +381,10 @@ fn encode_all(
                 })
                 .collect();
             let encoded = with_ties.into_par_iter().enumerate().map(|(index, (stars, left))| {
-                (EncodedBucket::new(BucketLeaves::encode(first + index as u64, stars)), left)
+                let bucket = first + index as u64;
+                Ok((EncodedBucket::new(bucket, BucketLeaves::encode(bucket, stars))?, left))
             });
-            Ok(encoded.collect())
+            encoded.collect()
         };
         let (written, encoded) =
             rayon::join(|| ready.iter().try_for_each(|(bucket, left)| writer.append(bucket, *left)), encode);
@@ -468,76 +403,11 @@ fn encode_all(
     }
 }
 
-/// Writes bright stars and index.
-fn complete(
-    folder: &Path,
-    description: String,
-    counts: Counts,
-    writer: &Writer,
-    bright: ReadyBright,
-) -> Result<BuildReport, DeepError> {
-    let ReadyBright { stars, repeated: repeated_bright, listed_again, .. } = bright;
-    let (motions, names) = (stars.velocities.len() as u64, stars.names.len() as u64);
-    let count = stars.records.len() as u64;
-    let store = Store::from_records(description.clone(), stars.records, stars.velocities, stars.names);
-    let path = folder.join(BRIGHT_FILE);
-    store::write(&path, &store).map_err(|error| match error {
-        store::StoreError::Io { path, source } => DeepError::io(&path)(source),
-        other => DeepError::Bright(other),
-    })?;
-    drop(store);
-    let header = store::read_header(&path)?;
-    let bytes = fs::metadata(&path).map_err(DeepError::io(&path))?.len();
-    let index = writer.index(EPOCH_YEAR, description, BrightFile { bytes, stars: count, crc32: header.crc32 })?;
-    if index.stars() == 0 {
-        return Err(DeepError::NoStars { path: folder.to_owned() });
-    }
-    let index_path = folder.join(index::NAME);
-    files::write_whole(&index_path, &index.to_bytes().0).map_err(DeepError::io(&index_path))?;
-    let store = DeepStore::open(folder)?;
-    let [repeated, median_colour] = writer.counts();
-    let report = BuildReport {
-        bright: count,
-        layers: std::array::from_fn(|layer| index.leaves[layer].stars()),
-        counts,
-        median_colour,
-        repeated: repeated + repeated_bright,
-        listed_again,
-        motions,
-        names,
-        bytes: store.bytes(),
-        root: store.root(),
-    };
-    Ok(report)
-}
-
-/// Gives the store its name, and removes the folder of the work. An older store is replaced.
-fn publish(folder: &Path, out: &Path) -> Result<(), DeepError> {
-    let old = with_suffix(out, ".old");
-    if out.exists() {
-        fs::rename(out, &old).map_err(DeepError::io(out))?;
-    }
-    fs::rename(folder.join(STORE), out).map_err(DeepError::io(out))?;
-    for rest in [folder, &old] {
-        if rest.exists() {
-            fs::remove_dir_all(rest).map_err(DeepError::io(rest))?;
-        }
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::test_stores::{built, options, stars};
+    use super::super::DeepStore;
+    use super::super::test_stores::{all_files, built, options, stars};
     use super::*;
-
-    fn all_files(folder: &Path) -> Vec<(std::ffi::OsString, Vec<u8>)> {
-        let entries = fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry"));
-        let mut files: Vec<_> =
-            entries.map(|entry| (entry.file_name(), fs::read(entry.path()).expect("read"))).collect();
-        files.sort();
-        files
-    }
 
     #[test]
     fn an_interrupted_store_is_continued_in_both_passes() {
@@ -567,7 +437,8 @@ mod tests {
         let mut writer = Writer::open(&build.folder.join(STORE), &build.folder).expect("opened");
         for bucket in 0..700 {
             let (stars, _) = stars_of_bucket(&build.folder, &build.state, bucket, None).expect("read");
-            writer.append(&EncodedBucket::new(BucketLeaves::encode(bucket, stars)), 0).expect("written");
+            let encoded = EncodedBucket::new(bucket, BucketLeaves::encode(bucket, stars)).expect("encoded");
+            writer.append(&encoded, 0).expect("written");
         }
         let torn = build.folder.join(STORE).join("leaves-13");
         let mut bytes = fs::read(&torn).expect("read");
@@ -613,12 +484,13 @@ mod tests {
             StarRecord { magnitude: 28.0, distance_known: false, position: glam::DVec3::X, temperature_k: 4000.0 };
         twice.push((faint, NewStar::default()));
         let report = built(&out, &twice);
-        assert_eq!((report.repeated, report.counts.too_faint, report.counts.delivered), (50, 1, all.len() as u64 + 51));
+        let Tally { counts, repeated, median_colour, .. } = report.tally;
+        assert_eq!((repeated, counts.too_faint, counts.delivered), (50, 1, all.len() as u64 + 51));
         assert_eq!(report.bright + report.layers.iter().sum::<u64>(), all.len() as u64);
         let store = DeepStore::open(&out).expect("a store");
         let bright = store.bright().expect("valid");
         assert_eq!((bright.velocities.len() as u64, bright.names.len() as u64), (report.motions, report.names));
-        assert!(report.motions > 10 && report.names > 1 && report.median_colour > 50, "{report:?}");
+        assert!(report.motions > 10 && report.names > 1 && median_colour > 50, "{report:?}");
         // A star of a leaf is at the epoch of the leaves.
         let (star, about) =
             all.iter().find(|(star, about)| about.velocity.is_some() && star.apparent_magnitude() > 17.1).expect("one");

@@ -62,6 +62,12 @@ impl Composite {
     }
 }
 
+/// Largest difference per channel between the light of composite stars and that of their cells, if the remainder of rounding was carried from cell to cell:
+/// a step of the brightest one, `brightest_lx` being its largest channel, lx.
+pub fn largest_rest_lx(brightest_lx: f64) -> f64 {
+    brightest_lx / 256.0 + f64::from(UNIT_LOG2).exp2()
+}
+
 /// Sums over the stars of a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CellSum {

@@ -194,3 +194,30 @@ fn light_that_is_not_that_of_the_leaves_is_found() {
         assert!(error.contains(if take_sums { "order 5" } else { "is not the light of its stars" }), "{error}");
     }
 }
+
+/// Composite stars that are each close to their cell, but not in their sum.
+#[test]
+fn light_whose_rounding_was_not_carried_is_found() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("store");
+    built(&path, &stars(6000, 1, 14.9));
+    let store = DeepStore::open(&path).expect("a store");
+    // The plane of order 7 has 64 cells in a bucket: each gets a step more red.
+    let plane = PLANES.iter().position(|plane| *plane == super::Plane { magnitude: 13, order: 7 }).expect("a plane");
+    let mut index = store.index().clone();
+    let (mut words, mut segments) = (Vec::new(), Vec::new());
+    for cell in 0..cell_count(tile_order(7)) {
+        let mut tile = store.tile(plane, cell).expect("valid");
+        tile.bits.iter_mut().filter(|bits| **bits >> 55 < 511).for_each(|bits| *bits += 1 << 55);
+        let of_tile = tile.to_words(7);
+        segments.push(super::index::Segment::new(tile.bits.len() as u32, &of_tile));
+        words.extend(of_tile);
+    }
+    index.tiles[plane].list = segments;
+    fs::write(path.join(PLANES[plane].file()), bytemuck::cast_slice(&words)).expect("written");
+    fs::write(path.join("index"), index.to_bytes().0).expect("written");
+    let store = DeepStore::open(&path).expect("a store");
+    check(&store, false, &mut |_| ()).expect("right checksums");
+    let error = check(&store, true, &mut |_| ()).expect_err("too much light").to_string();
+    assert!(error.contains("plane-13-7") && error.contains("carried rounding"), "{error}");
+}

@@ -36,7 +36,7 @@ pub enum DeepError {
         path: PathBuf,
     },
     /// The store has another version.
-    #[error("{}: version {found} of deep stores, this program reads version {}; import the catalogue again", path.display(), super::index::VERSION)]
+    #[error("{}: version {found} of deep stores, this program reads versions 1 and {}; import the catalogue again", path.display(), super::index::VERSION)]
     Version {
         /// The index.
         path: PathBuf,
@@ -125,6 +125,44 @@ pub enum DeepError {
         path: PathBuf,
         /// Description of the problem.
         problem: String,
+    },
+    /// A part of a store where a whole store is needed.
+    #[error(
+        "{}: has only the cells {cells} of 0..{}: it is a part of a store, and the rest of the sky would be missing; `catalogue merge` joins it with the \
+         other parts",
+        path.display(),
+        super::BUCKETS
+    )]
+    IsPart {
+        /// The part.
+        path: PathBuf,
+        /// Its cells.
+        cells: String,
+    },
+    /// A store cannot be merged with the others.
+    #[error("{}: {problem}", path.display())]
+    OtherPart {
+        /// The store.
+        path: PathBuf,
+        /// Description of the problem.
+        problem: String,
+    },
+    /// Two parts have the same cells.
+    #[error("{} (cells {}) and {} (cells {}) overlap; each cell must be in one part", first.0.display(), first.1, second.0.display(), second.1)]
+    Overlap {
+        /// A part and its cells.
+        first: (PathBuf, String),
+        /// The other part.
+        second: (PathBuf, String),
+    },
+    /// Cells are in none of the parts.
+    #[error(
+        "the cells {missing} of 0..{} are in none of the parts; make a part of them with `--cells`",
+        super::BUCKETS
+    )]
+    Gap {
+        /// Ranges of missing cells.
+        missing: String,
     },
     /// No star is left to be stored.
     #[error("{}: no star is left to be stored", path.display())]

@@ -20,9 +20,13 @@ use super::super::motion::velocity_by_star;
 use super::super::reader::{CatalogueError, CatalogueRead, ReadReport, StreamedStar, stream_file};
 use super::super::store;
 use super::super::{StarRecord, bright, distance_modulus};
-use super::build::{Build, BuildOptions, BuildReport, BuildStep, NewStar, OnStep};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::build::{Build, BuildOptions, BuildReport, BuildStep, NewStar, OnStep, Sources};
 use super::error::DeepError;
 use super::hats::{self, is_hats};
+use super::part::{Input, file_digest};
 use super::prior::prior_distance_pc;
 use super::slice::{Selection, each_bright_star, each_star};
 use super::{DeepStore, is_deep_store};
@@ -54,13 +58,24 @@ impl ImportSource {
     fn identity(&self) -> Result<String, DeepError> {
         let Self::File(path) = self else { return Ok(self.to_string()) };
         if is_deep_store(path) {
-            return Ok(format!("{self} ({})", DeepStore::open(path)?.root()));
+            return Ok(format!("{self} ({})", DeepStore::open_whole(path)?.root()));
         }
         let opened = files::open_regular(path).and_then(|file| file.metadata());
         let metadata =
             opened.map_err(|source| DeepError::Catalogue(CatalogueError::Open { path: path.clone(), source }))?;
         let modified = metadata.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
         Ok(format!("{self} ({} bytes, {} ns)", metadata.len(), modified.map_or(0, |time| time.as_nanos())))
+    }
+}
+
+impl ImportSource {
+    /// Digest of the content; see [`Input`].
+    fn digest(&self) -> Result<String, DeepError> {
+        match self {
+            Self::Bright => Ok(bright::NAME.to_owned()),
+            Self::File(path) if is_deep_store(path) => Ok(DeepStore::open(path)?.root()),
+            Self::File(path) => file_digest(path),
+        }
     }
 }
 
@@ -95,8 +110,9 @@ pub fn import(
         }
         few => few.join(", "),
     };
+    let (job, is_part) = (options.job_of(&job), options.cells.is_some());
     let mut build = Build::open(BuildOptions { job, ..options })?;
-    let mut lines: Vec<Vec<String>> = match build.source() {
+    let mut inputs: Vec<ReadInput> = match build.source() {
         "" => Vec::new(),
         text => serde_json::from_str(text).map_err(|_| {
             DeepError::damaged(
@@ -107,20 +123,25 @@ pub fn import(
     };
     let total = sources.len() as u64;
     let at_once = rayon::current_num_threads();
-    while !build.is_read() && build.steps_done().max(lines.len()) < sources.len() {
-        let first = lines.len();
+    while !build.is_read() && build.steps_done().max(inputs.len()) < sources.len() {
+        let first = inputs.len();
         on_step(BuildStep { work: "reading catalogues", done: first as u64, total });
         let some = &sources[first..(first + at_once).min(sources.len())];
-        lines.extend(read_some(some, &mut build)?);
-        if build.is_checkpoint_due() || lines.len() == sources.len() {
+        inputs.extend(read_some(some, &mut build, is_part)?);
+        if build.is_checkpoint_due() || inputs.len() == sources.len() {
             let source =
-                serde_json::to_string(&lines).map_err(|error| DeepError::io(&first_path(sources))(error.into()))?;
-            build.checkpoint(lines.len(), source)?;
+                serde_json::to_string(&inputs).map_err(|error| DeepError::io(&first_path(sources))(error.into()))?;
+            build.checkpoint(inputs.len(), source)?;
         }
     }
-    let description: Vec<&str> = lines.iter().filter_map(|of_file| of_file.first()).map(String::as_str).collect();
-    let build = build.finish(None, description.join("\n"), on_step)?;
-    Ok(ImportReport { build, catalogues: lines.concat() })
+    let description: Vec<&str> = inputs.iter().filter_map(|input| input.lines.first()).map(String::as_str).collect();
+    let lines: Vec<String> = inputs.iter().flat_map(|input| input.lines.clone()).collect();
+    let description = description.join("\n");
+    let inputs =
+        sources.iter().zip(inputs).map(|(source, input)| Input { name: source.to_string(), digest: input.digest });
+    let sources = Sources { description, lines: lines.clone(), inputs: inputs.collect() };
+    let build = build.finish(None, sources, on_step)?;
+    Ok(ImportReport { build, catalogues: lines })
 }
 
 /// The sources with the files of catalogues in HATS in place of their folders.
@@ -145,8 +166,17 @@ fn first_path(sources: &[ImportSource]) -> PathBuf {
     }
 }
 
-/// Reads some catalogues at the same time; returns the lines of the report for each.
-fn read_some(sources: &[ImportSource], build: &mut Build) -> Result<Vec<Vec<String>>, DeepError> {
+/// An input that was read.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct ReadInput {
+    /// Lines of the report.
+    lines: Vec<String>,
+    /// See [`Input`]; empty for a whole store, which does not need it.
+    digest: String,
+}
+
+/// Reads some catalogues at the same time. Contents are hashed for parts only, because that takes as long as reading the files once more.
+fn read_some(sources: &[ImportSource], build: &mut Build, is_part: bool) -> Result<Vec<ReadInput>, DeepError> {
     let mut lines: Vec<Option<Vec<String>>> = vec![None; sources.len()];
     let mut streamed: Vec<(usize, &PathBuf)> = Vec::new();
     for (index, source) in sources.iter().enumerate() {
@@ -179,7 +209,10 @@ fn read_some(sources: &[ImportSource], build: &mut Build) -> Result<Vec<Vec<Stri
         tracing::info!("{report}");
         lines[*index] = Some(lines_of(&report));
     }
-    Ok(lines.into_iter().flatten().collect())
+    let digests = sources.par_iter().map(|source| if is_part { source.digest() } else { Ok(String::new()) });
+    let digests: Vec<String> = digests.collect::<Result<_, _>>()?;
+    let inputs = lines.into_iter().flatten().zip(digests);
+    Ok(inputs.map(|(lines, digest)| ReadInput { lines, digest }).collect())
 }
 
 /// Lines of a file for the report.
@@ -214,7 +247,7 @@ fn add_whole(source: &ImportSource, build: &mut Build) -> Result<String, DeepErr
             };
             let all = Selection::default();
             if is_deep_store(path) {
-                each_star(&DeepStore::open(path)?, &all, &mut sink, &mut |_| ())?;
+                each_star(&DeepStore::open_whole(path)?, &all, &mut sink, &mut |_| ())?;
             } else {
                 each_bright_star(&store::read(path)?, &all, &mut sink)?;
             }

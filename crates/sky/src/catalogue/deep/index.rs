@@ -12,6 +12,7 @@ use std::path::Path;
 use bytemuck::{Pod, Zeroable};
 use sha2::{Digest, Sha256};
 
+use super::cell_range::CellRange;
 use super::cells::cell_count;
 use super::error::DeepError;
 use super::tile::{tile_order, words_of_bits, words_of_tile};
@@ -19,8 +20,8 @@ use super::{LAYERS, Layer, PLANES, Plane, SUM_ORDER};
 
 /// First bytes of an index.
 pub const MAGIC: [u8; 8] = *b"STERDEEP";
-/// Version of the layout.
-pub const VERSION: u32 = 1;
+/// Version of stores. Version 1 has no parts, and its planes carry the remainder of rounding across all cells; it is still read.
+pub const VERSION: u32 = 2;
 /// Name of the file.
 pub const NAME: &str = "index";
 /// Longest description, bytes.
@@ -41,7 +42,10 @@ struct Header {
     bright_stars: u64,
     bright_crc32: u32,
     planes: u32,
-    reserved: [u64; 5],
+    /// Cells of a part, first and end; 0 and 0: a whole store.
+    cells: [u32; 2],
+    /// SHA-256 of the record of a part.
+    part: [u8; 32],
 }
 
 /// Entry of a layer or plane.
@@ -122,13 +126,26 @@ pub struct BrightFile {
     pub crc32: u32,
 }
 
+/// The entry of a part of a store ([`part`](super::part)).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PartOfIndex {
+    /// Its cells.
+    pub cells: CellRange,
+    /// SHA-256 of its record.
+    pub sha256: [u8; 32],
+}
+
 /// Contents of an index.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Index {
+    /// Version of the store, 1 or [`VERSION`].
+    pub version: u32,
     /// Julian year of the places in leaves and planes. Those in `bright` are at J2000.0.
     pub epoch_year: f64,
     /// Source of the stars, as text for people.
     pub description: String,
+    /// Cells and record of a part; `None`: a whole store.
+    pub part: Option<PartOfIndex>,
     /// The bright stars.
     pub bright: BrightFile,
     /// Leaves of each layer, in the order of [`LAYERS`].
@@ -141,7 +158,7 @@ pub struct Index {
 }
 
 impl Index {
-    /// Segments of leaves and tiles must have the lengths of [`LAYERS`] and [`PLANES`], or be empty. `None` if the counts overflow.
+    /// Index of a whole store. Segments of leaves and tiles must have the lengths of [`LAYERS`] and [`PLANES`], or be empty. `None` if the counts overflow.
     pub fn new(
         (epoch_year, description): (f64, String),
         bright: BrightFile,
@@ -154,7 +171,8 @@ impl Index {
         let leaves = leaves.into_iter().map(|list| Segments::new(list, u64::from)).collect::<Option<_>>()?;
         let tiles = tiles.into_iter().zip(PLANES);
         let tiles = tiles.map(|(list, plane)| Segments::new(list, |count| words_of_tile(plane.order, count)));
-        Some(Self { epoch_year, description, bright, leaves, sums, tiles: tiles.collect::<Option<_>>()? })
+        let tiles = tiles.collect::<Option<_>>()?;
+        Some(Self { version: VERSION, epoch_year, description, part: None, bright, leaves, sums, tiles })
     }
 
     /// Number of stars in `bright` and in all leaves.
@@ -167,7 +185,7 @@ impl Index {
         let mut description = self.description.clone().into_bytes();
         let header = Header {
             magic: MAGIC,
-            version: VERSION,
+            version: self.version,
             layers: LAYERS.len() as u32,
             root: [0; 32],
             epoch_year: self.epoch_year,
@@ -176,7 +194,8 @@ impl Index {
             bright_stars: self.bright.stars,
             bright_crc32: self.bright.crc32,
             planes: PLANES.len() as u32,
-            reserved: [0; 5],
+            cells: self.part.map_or([0; 2], |part| [part.cells.first(), part.cells.end()].map(|cell| cell as u32)),
+            part: self.part.map_or([0; 32], |part| part.sha256),
         };
         description.resize(description.len().next_multiple_of(8), 0);
         let entry = |magnitude: u8, order: u8, segments: &Segments| PartEntry {
@@ -214,7 +233,7 @@ impl Index {
             return Err(damaged("it is shorter than a header"));
         };
         let header: Header = bytemuck::pod_read_unaligned(header);
-        if header.version != VERSION {
+        if ![1, VERSION].contains(&header.version) {
             return Err(DeepError::Version { path: path.to_owned(), found: header.version });
         }
         let root = root_of(bytes);
@@ -227,6 +246,13 @@ impl Index {
         if header.description_bytes > LONGEST_DESCRIPTION || !header.epoch_year.is_finite() {
             return Err(damaged("its description or epoch is not valid"));
         }
+        let part = match header.cells.map(u64::from) {
+            [0, 0] if header.part == [0; 32] => None,
+            [first, end] => {
+                let cells = CellRange::new(first, end).ok_or_else(|| damaged("its range of cells is not valid"))?;
+                Some(PartOfIndex { cells, sha256: header.part })
+            }
+        };
         // Everything is part of `bytes`, so that no count can cause a larger allocation.
         let mut parts = Parts { rest };
         let description = parts.take(header.description_bytes.next_multiple_of(8));
@@ -261,7 +287,8 @@ impl Index {
         let tiles = lists.split_off(LAYERS.len());
         let bright = BrightFile { bytes: header.bright_bytes, stars: header.bright_stars, crc32: header.bright_crc32 };
         let index = Self::new((header.epoch_year, description), bright, lists, sums, tiles);
-        Ok((index.ok_or_else(|| damaged("its counts overflow"))?, root))
+        let index = index.ok_or_else(|| damaged("its counts overflow"))?;
+        Ok((Self { part, version: header.version, ..index }, root))
     }
 
     /// Largest length of an index, bytes.
@@ -322,6 +349,10 @@ mod tests {
     #[test]
     fn an_index_is_read_as_it_was_written() {
         let index = index();
+        let part = PartOfIndex { cells: CellRange::new(5, 3072).expect("a range"), sha256: [9; 32] };
+        let of_part = Index { part: Some(part), ..index.clone() };
+        let (found, _) = Index::from_bytes(Path::new("s/index"), &of_part.to_bytes().0).expect("a valid index");
+        assert!(found == of_part && found != index);
         let (bytes, root) = index.to_bytes();
         assert!(bytes.len() as u64 <= Index::most_bytes());
         let (found, found_root) = Index::from_bytes(Path::new("s/index"), &bytes).expect("a valid index");
@@ -356,7 +387,14 @@ mod tests {
             read(&bytes)
         };
         assert!(altered(&|bytes| bytes[12] = 2).contains("number of layers"));
-        assert!(altered(&|bytes| bytes[8] = 2).contains("version 2"));
+        assert!(altered(&|bytes| bytes[8] = 3).contains("version 3"));
+        let first = Index { version: 1, ..index() };
+        let (found, _) = Index::from_bytes(Path::new("s/index"), &first.to_bytes().0).expect("version 1 is read");
+        assert!(found == first);
+        // A range of cells that begins after its end, or a record without cells.
+        for (place, value) in [(88, 7), (100, 1)] {
+            assert!(altered(&|bytes| bytes[place] = value).contains("range of cells"), "{place}");
+        }
         assert!(altered(&|bytes| bytes[56..64].fill(0xff)).contains("description"));
         assert!(altered(&|bytes| bytes[128] = 0xff).contains("UTF-8"));
         assert!(altered(&|bytes| bytes.push(0)).contains("longer"));

@@ -23,7 +23,7 @@ pub const STARS: &str = "bright-stars";
 /// See [`STARS`].
 pub const NAMES: &str = "bright-names";
 /// Version of the state.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Stars of an import that needed a rule, and those that were left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -42,6 +42,35 @@ pub struct Counts {
     pub motions_left_out: u64,
     /// Stars whose names are not stored: those in leaves, and bright ones beyond the rule of `resident`.
     pub names_left_out: u64,
+}
+
+impl Counts {
+    /// Counts a star that is delivered.
+    pub(super) fn delivered(&mut self, star: &StarRecord, prior_distance: bool) {
+        self.delivered += 1;
+        self.prior_distance += u64::from(prior_distance);
+        self.at_infinity += u64::from(!star.distance_known);
+    }
+
+    /// Adds the counts of other stars.
+    pub(super) fn add(&mut self, other: Self) {
+        let Self {
+            delivered,
+            prior_distance,
+            at_infinity,
+            bright_without_colour,
+            too_faint,
+            motions_left_out,
+            names_left_out,
+        } = other;
+        self.delivered += delivered;
+        self.prior_distance += prior_distance;
+        self.at_infinity += at_infinity;
+        self.bright_without_colour += bright_without_colour;
+        self.too_faint += too_faint;
+        self.motions_left_out += motions_left_out;
+        self.names_left_out += names_left_out;
+    }
 }
 
 /// State of the first pass.
@@ -177,6 +206,22 @@ impl BrightStars {
         let names_bytes = names_bytes + lines.len() as u64;
         self.saved = ([self.records.len(), self.velocities.len(), self.names.len()], names_bytes);
         Ok([self.records.len() as u64, names_bytes])
+    }
+
+    /// Replaces the files in a folder by those of all stars; returns [`State::bright`].
+    pub fn save_all(&mut self, folder: &Path) -> Result<[u64; 2], DeepError> {
+        self.saved = ([0; 3], 0);
+        self.save(folder)
+    }
+
+    /// Adds other stars after these.
+    pub fn append(&mut self, other: Self) {
+        let first = self.records.len() as u32;
+        let Self { records, velocities, names, is_built_in, .. } = other;
+        self.records.extend(records);
+        self.is_built_in.extend(is_built_in);
+        self.velocities.extend(velocities.into_iter().map(|of| StarVelocity { star: first + of.star, ..of }));
+        self.names.extend(names.into_iter().map(|of| NamesOfStar { star: first + of.star, ..of }));
     }
 
     /// Reads the stars of a state.

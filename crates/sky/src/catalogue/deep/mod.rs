@@ -20,20 +20,25 @@
 //! reads into buffers of the caller's size: a mapped file that another program truncates would end the process. Every leaf and tile has a CRC-32 and
 //! is never returned if it is wrong.
 //!
-//! [`live`] reads what views need while they are drawn. [`build`] writes stores in bounded memory, [`import`] and [`synth`] deliver stars to it, [`check`], [`slice`] and [`export`] read whole stores.
+//! [`live`] reads what views need while they are drawn. [`build`] writes stores in bounded memory, [`import`] and [`synth`] deliver stars to it,
+//! [`merge`] joins parts that were made elsewhere, [`check`], [`slice`] and [`export`] read whole stores.
 
 mod bucket;
 pub mod build;
+pub mod cell_range;
 pub mod cells;
 pub mod check;
 pub mod composite;
 mod error;
 pub mod export;
+mod finish;
 pub mod hats;
 pub mod import;
 pub mod index;
 mod journal;
 pub mod live;
+pub mod merge;
+pub mod part;
 pub mod prior;
 mod reader;
 pub mod resident;
@@ -42,6 +47,7 @@ mod spill;
 pub mod synth;
 pub mod tile;
 pub mod word;
+mod work;
 mod writer;
 
 pub use error::DeepError;
@@ -49,6 +55,8 @@ pub use reader::{DeepStar, DeepStore, Leaf, is_deep_store};
 
 #[cfg(test)]
 mod damage_tests;
+#[cfg(test)]
+mod merge_tests;
 #[cfg(test)]
 mod test_stores;
 

@@ -9,6 +9,7 @@ use glam::{DVec3, Vec3};
 
 use super::super::store::{self, Store};
 use super::super::{StarRecord, distance_modulus};
+use super::cell_range::CellRange;
 use super::cells::{CellFrame, cell_count};
 use super::error::DeepError;
 use super::index::{self, Index, Segments};
@@ -133,6 +134,20 @@ impl DeepStore {
         Ok(Self { folder: folder.to_owned(), index, root, leaves, planes })
     }
 
+    /// Opens a store that has all cells, for everything but the work on parts.
+    ///
+    /// # Errors
+    /// Those of [`Self::open`], or it is a part of a store.
+    pub fn open_whole(folder: &Path) -> Result<Self, DeepError> {
+        let store = Self::open(folder)?;
+        match store.index.part {
+            Some(part) if part.cells != CellRange::ALL => {
+                Err(DeepError::IsPart { path: folder.to_owned(), cells: part.cells.to_string() })
+            }
+            _ => Ok(store),
+        }
+    }
+
     /// The index.
     pub fn index(&self) -> &Index {
         &self.index
@@ -143,12 +158,17 @@ impl DeepStore {
         self.root.iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
+    /// Its folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     /// Path of one of its files.
     pub fn part(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }
 
-    /// Length of all files, bytes.
+    /// Length of all files, bytes, without those that only a merge of parts needs.
     pub fn bytes(&self) -> u64 {
         let parts = self.index.leaves.iter().chain(&self.index.tiles).map(Segments::bytes).sum::<u64>();
         parts + self.index.bright.bytes + self.index.to_bytes().0.len() as u64
@@ -192,16 +212,21 @@ impl DeepStore {
     /// # Errors
     /// The plane has no such tile, it cannot be read, or its checksum is wrong.
     pub fn tile(&self, plane: usize, cell: u64) -> Result<Tile, DeepError> {
-        let Self { index, planes, .. } = self;
         let order = PLANES[plane].order;
-        let words = self.words(&planes[plane], &index.tiles[plane], ("tile", cell, tile_order(order)))?;
+        let words = self.tile_words(plane, cell)?;
         Tile::from_words(order, &words).ok_or_else(|| DeepError::DamagedPart {
-            path: planes[plane].0.clone(),
+            path: self.planes[plane].0.clone(),
             part: "tile",
             cell,
             order: tile_order(order),
             problem: "the bits of its cells do not match its composite stars".to_owned(),
         })
+    }
+
+    /// The words of a tile; see [`Self::tile`].
+    pub(super) fn tile_words(&self, plane: usize, cell: u64) -> Result<Vec<u64>, DeepError> {
+        let Self { index, planes, .. } = self;
+        self.words(&planes[plane], &index.tiles[plane], ("tile", cell, tile_order(PLANES[plane].order)))
     }
 
     /// Reads a segment and compares its checksum. Its length is part of the file: [`Self::open`] compared both.

@@ -137,7 +137,7 @@ pub fn slice(
     options: BuildOptions,
     on_step: &mut OnStep<'_>,
 ) -> Result<BuildReport, DeepError> {
-    let job = format!("{selection:?} of the store {}", store.root());
+    let job = options.job_of(&format!("{selection:?} of the store {}", store.root()));
     let mut build = Build::open(BuildOptions { job, ..options })?;
     if !build.is_read() {
         each_star(store, selection, &mut |star, _, about| build.add(star, about), on_step)?;

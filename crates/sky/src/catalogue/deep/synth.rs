@@ -1,16 +1,21 @@
 //! A synthetic Milky Way as a deep store.
 
 use std::collections::BTreeMap;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::super::StarRecord;
-use super::super::galaxy::GalaxyParameters;
 use super::super::galaxy::stream::GalaxyStream;
-use super::build::{Build, BuildOptions, BuildReport, BuildStep, Limit, NewStar, OnStep};
+use super::super::galaxy::{GalaxyError, GalaxyParameters};
+use super::BUCKET_ORDER;
+use super::build::{Build, BuildOptions, BuildReport, BuildStep, Limit, NewStar, OnStep, Sources};
+use super::cell_range::CellRange;
+use super::cells::SkyPlace;
 use super::error::DeepError;
+use super::part::Input;
+use super::resident::is_resident;
 
 /// Blocks that are drawn between two points at which the state may be saved.
 const BLOCKS_AT_ONCE: usize = 8;
@@ -23,7 +28,17 @@ struct Magnitudes {
     /// Stars brighter than those that are counted by magnitude.
     brighter: u64,
     /// Numbers by the bits of the magnitude, which is positive or sorted separately; see [`sortable`].
-    counted: BTreeMap<u32, u64>,
+    counted: BTreeMap<u32, Ties>,
+}
+
+/// Stars of one magnitude.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct Ties {
+    /// All, and those that are bright stars.
+    total: u64,
+    bright: u64,
+    /// Bright stars and stars of leaves in cells before those of the part.
+    before: [u64; 2],
 }
 
 /// A number that sorts like the magnitude.
@@ -38,31 +53,51 @@ fn magnitude(sortable: u32) -> f32 {
 }
 
 impl Magnitudes {
-    fn add(&mut self, v_mag: f32, from: f32) {
+    /// Counts a star; those from the magnitude `from` on by magnitude, and separately in cells of order 4 before `first_cell`.
+    fn add(&mut self, star: &StarRecord, from: f32, first_cell: u64) {
+        let v_mag = star.apparent_magnitude() as f32;
         if v_mag < from {
             self.brighter += 1;
-        } else {
-            *self.counted.entry(sortable(v_mag)).or_default() += 1;
+            return;
+        }
+        let ties = self.counted.entry(sortable(v_mag)).or_default();
+        let is_bright = is_resident(star, v_mag, None);
+        ties.total += 1;
+        ties.bright += u64::from(is_bright);
+        if first_cell > 0 && SkyPlace::from_direction(star.position).cell(BUCKET_ORDER) < first_cell {
+            ties.before[usize::from(!is_bright)] += 1;
         }
     }
 
     fn merge(&mut self, other: Self) {
         self.brighter += other.brighter;
-        other.counted.into_iter().for_each(|(v_mag, count)| *self.counted.entry(v_mag).or_default() += count);
+        for (v_mag, ties) in other.counted {
+            let sum = self.counted.entry(v_mag).or_default();
+            sum.total += ties.total;
+            sum.bright += ties.bright;
+            [0, 1].into_iter().for_each(|kind| sum.before[kind] += ties.before[kind]);
+        }
     }
 
     fn total(&self) -> u64 {
-        self.brighter + self.counted.values().sum::<u64>()
+        self.brighter + self.counted.values().map(|ties| ties.total).sum::<u64>()
     }
 
-    /// The limit that keeps `stars` stars; `None` if there are fewer, or if it is brighter than the counted magnitudes.
+    /// The limit that keeps `stars` stars in all cells; `None` if there are fewer, or if it is brighter than the counted magnitudes.
+    ///
+    /// Of the stars of the limiting magnitude the first ones stay: bright stars before those of leaves, each by cell. A part keeps those that are left after
+    /// the cells before its own.
     fn limit(&self, stars: u64) -> Option<Limit> {
         let mut left = stars.checked_sub(self.brighter)?;
-        for (v_mag, count) in &self.counted {
-            if *count >= left {
-                return Some(Limit { v_mag: magnitude(*v_mag), ties: left });
+        for (v_mag, ties) in &self.counted {
+            if ties.total >= left {
+                return Some(Limit {
+                    v_mag: magnitude(*v_mag),
+                    bright_ties: left.saturating_sub(ties.before[0]),
+                    leaf_ties: left.saturating_sub(ties.bright + ties.before[1]),
+                });
             }
-            left -= count;
+            left -= ties.total;
         }
         None
     }
@@ -79,10 +114,46 @@ pub fn synthesise(
     options: BuildOptions,
     on_step: &mut OnStep<'_>,
 ) -> Result<BuildReport, DeepError> {
+    synthesise_with(|| GalaxyStream::new(parameters).map(Arc::new), parameters, options, on_step)
+}
+
+/// Stars in blocks, as [`GalaxyStream`] delivers them.
+pub(super) trait Blocks: Sync {
+    /// See [`GalaxyStream::blocks`].
+    fn blocks(&self) -> usize;
+    /// See [`GalaxyStream::counted_from`].
+    fn counted_from(&self) -> f32;
+    /// See [`GalaxyStream::draw`].
+    fn draw(&self, block: usize, round: u32, sink: &mut dyn FnMut(StarRecord)) -> Result<(), GalaxyError>;
+}
+
+impl Blocks for GalaxyStream {
+    fn blocks(&self) -> usize {
+        Self::blocks(self)
+    }
+
+    fn counted_from(&self) -> f32 {
+        Self::counted_from(self)
+    }
+
+    fn draw(&self, block: usize, round: u32, sink: &mut dyn FnMut(StarRecord)) -> Result<(), GalaxyError> {
+        Self::draw(self, block, round, sink)
+    }
+}
+
+/// The same; `model` prepares the model, which takes seconds, if stars must be drawn.
+pub(super) fn synthesise_with<B: Blocks>(
+    model: impl FnOnce() -> Result<Arc<B>, GalaxyError>,
+    parameters: &GalaxyParameters,
+    options: BuildOptions,
+    on_step: &mut OnStep<'_>,
+) -> Result<BuildReport, DeepError> {
     let GalaxyParameters { stars, seed, fainter_than, .. } = *parameters;
     let fainter = fainter_than.map(|v| format!(", fainter than V = {v}")).unwrap_or_default();
     let description = format!("synthetic galaxy ({stars} stars, seed {seed}{fainter})");
-    let mut build = Build::open(BuildOptions { job: description.clone(), ..options })?;
+    let job = options.job_of(&description);
+    let first_cell = options.cells.map_or(0, CellRange::first);
+    let mut build = Build::open(BuildOptions { job, ..options })?;
     let unusable = || {
         DeepError::damaged(std::path::Path::new(&description), "its state cannot be used; remove the unfinished store")
     };
@@ -91,28 +162,28 @@ pub fn synthesise(
         text => serde_json::from_str(text).map_err(|_| unusable())?,
     };
     if !build.is_read() {
-        let stream = GalaxyStream::new(parameters)?;
+        let stream = model()?;
         let mut next = build.steps_done();
         // Further rounds are hardly ever needed.
         while next < stream.blocks() || magnitudes.total() < stars as u64 {
             let round = next / stream.blocks();
             let end = (round + 1) * stream.blocks();
-            draw_round(&stream, next..end, &mut build, &mut magnitudes, on_step)?;
+            draw_round(&*stream, next..end, (&mut build, &mut magnitudes, first_cell), on_step)?;
             next = end;
         }
         let source = serde_json::to_string(&magnitudes).map_err(|_| unusable())?;
         build.checkpoint(next, source)?;
     }
     let limit = magnitudes.limit(stars as u64).ok_or_else(unusable)?;
-    build.finish(Some(limit), description, on_step)
+    let input = Input { name: description.clone(), digest: description.clone() };
+    build.finish(Some(limit), Sources { lines: Vec::new(), inputs: vec![input], description }, on_step)
 }
 
 /// Draws steps of one round, eight blocks at a time.
 fn draw_round(
-    stream: &GalaxyStream,
+    stream: &impl Blocks,
     steps: std::ops::Range<usize>,
-    build: &mut Build,
-    magnitudes: &mut Magnitudes,
+    (build, magnitudes, first_cell): (&mut Build, &mut Magnitudes, u64),
     on_step: &mut OnStep<'_>,
 ) -> Result<(), DeepError> {
     let blocks = stream.blocks();
@@ -126,7 +197,7 @@ fn draw_round(
         let drawn: Vec<Magnitudes> = (next..end)
             .into_par_iter()
             .map(|step| {
-                let counts = draw_block(stream, step % blocks, round, counted_from, |batch| {
+                let counts = draw_block(stream, step % blocks, round, (counted_from, first_cell), |batch| {
                     let mut shared = shared.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
                     batch.drain(..).try_for_each(|star| shared.0.add(star, NewStar::default()))
                 })?;
@@ -150,17 +221,17 @@ fn draw_round(
 
 /// Draws a block and hands its stars over in batches.
 fn draw_block(
-    stream: &GalaxyStream,
+    stream: &impl Blocks,
     block: usize,
     round: u32,
-    counted_from: f32,
+    (counted_from, first_cell): (f32, u64),
     mut hand_over: impl FnMut(&mut Vec<StarRecord>) -> Result<(), DeepError>,
 ) -> Result<Magnitudes, DeepError> {
     let mut magnitudes = Magnitudes::default();
     let mut batch = Vec::with_capacity(BATCH);
     let mut result = Ok(());
     stream.draw(block, round, &mut |star| {
-        magnitudes.add(star.apparent_magnitude() as f32, counted_from);
+        magnitudes.add(&star, counted_from, first_cell);
         batch.push(star);
         if batch.len() == BATCH && result.is_ok() {
             result = hand_over(&mut batch);
@@ -183,7 +254,7 @@ mod tests {
     use super::*;
 
     fn options(folder: &std::path::Path, name: &str, memory_bytes: u64) -> BuildOptions {
-        BuildOptions { out: folder.join(name), memory_bytes, job: String::new() }
+        BuildOptions { out: folder.join(name), memory_bytes, job: String::new(), cells: None }
     }
 
     fn parameters(stars: usize) -> GalaxyParameters {
@@ -192,19 +263,39 @@ mod tests {
 
     #[test]
     fn limits_keep_exactly_the_requested_number() {
-        let mut magnitudes = Magnitudes::default();
-        [-2.0, -1.0, 5.0, 5.0, 5.0, 6.0].into_iter().for_each(|v| magnitudes.add(v, -1.5));
-        let limit = |stars| magnitudes.limit(stars).map(|limit| (limit.v_mag, limit.ties));
-        assert_eq!([2, 4, 6, 7].map(limit), [Some((-1.0, 1)), Some((5.0, 2)), Some((6.0, 1)), None]);
+        let star = |index: usize, v: f64| {
+            // Far stars are bright below V = 13.
+            let position = [glam::DVec3::X, -glam::DVec3::Y, glam::DVec3::Z][index % 3] * 1000.0;
+            StarRecord { position, magnitude: (v - 10.0) as f32, temperature_k: 5e3, distance_known: true }
+        };
+        let limits = |stars: &[StarRecord], first_cell: u64, counts: &[u64]| -> Vec<_> {
+            let mut magnitudes = Magnitudes::default();
+            stars.iter().for_each(|star| magnitudes.add(star, -1.5, first_cell));
+            let limit = |stars: &u64| magnitudes.limit(*stars);
+            counts.iter().map(|stars| limit(stars).map(|l| (l.v_mag, l.bright_ties, l.leaf_ties))).collect()
+        };
+        let bright: Vec<_> =
+            [-2.0, -1.0, 5.0, 5.0, 5.0, 6.0].into_iter().enumerate().map(|(i, v)| star(i, v)).collect();
+        let expected = [Some((-1.0, 1, 0)), Some((5.0, 2, 0)), Some((6.0, 1, 0)), None];
+        assert_eq!(limits(&bright, 0, &[2, 4, 6, 7]), expected);
+        // Stars of V = 14 in the cells of +z, +x and -y; a part that begins with the cell of +x leaves out those before it.
+        let leaves: Vec<_> = (0..6).map(|index| star(index, 14.0)).collect();
+        let cell = |star: &StarRecord| SkyPlace::from_direction(star.position).cell(BUCKET_ORDER);
+        assert!(cell(&leaves[2]) < cell(&leaves[0]) && cell(&leaves[0]) < cell(&leaves[1]));
+        assert_eq!(limits(&leaves, 0, &[5]), [Some((14.0, 5, 5))]);
+        assert_eq!(limits(&leaves, cell(&leaves[0]), &[5]), [Some((14.0, 5, 3))]);
+        assert_eq!(limits(&leaves, cell(&leaves[1]), &[3]), [Some((14.0, 3, 0))]);
     }
 
     #[test]
     fn a_store_has_the_stars_of_the_galaxy_whatever_the_threads() {
         let folder = tempfile::tempdir().expect("a folder");
+        let model = Arc::new(GalaxyStream::new(&parameters(150_000)).expect("enough stars"));
         let make = |threads: usize, memory: u64| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
             let options = options(folder.path(), &format!("{threads}"), memory);
-            pool.install(|| synthesise(&parameters(150_000), options, &mut |_| ())).expect("made")
+            let model = || Ok(Arc::clone(&model));
+            pool.install(|| synthesise_with(model, &parameters(150_000), options, &mut |_| ())).expect("made")
         };
         let [one, three] = [make(1, 64 << 20), make(3, 1 << 30)];
         assert_eq!(one, three);

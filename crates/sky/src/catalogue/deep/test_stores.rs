@@ -12,7 +12,7 @@ use super::cells::tests::directions;
 
 /// Options of a store in a folder.
 pub fn options(out: &Path) -> BuildOptions {
-    BuildOptions { out: out.to_owned(), memory_bytes: 1 << 30, job: "test".to_owned() }
+    BuildOptions { out: out.to_owned(), memory_bytes: 1 << 30, job: "test".to_owned(), cells: None }
 }
 
 /// Stars all over the sky with V from 12 to `faintest`. A few move, have names, are at infinity or have no colour.
@@ -42,4 +42,13 @@ pub fn built(out: &Path, stars: &[(StarRecord, NewStar)]) -> BuildReport {
     let mut build = Build::open(options(out)).expect("a new store");
     stars.iter().try_for_each(|(star, about)| build.add(*star, about.clone())).expect("added");
     build.finish(None, "a test".to_owned(), &mut |_| ()).expect("built")
+}
+
+/// Names and contents of all files in a folder.
+pub fn all_files(folder: &Path) -> Vec<(std::ffi::OsString, Vec<u8>)> {
+    let entries = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry"));
+    let mut files: Vec<_> =
+        entries.map(|entry| (entry.file_name(), std::fs::read(entry.path()).expect("read"))).collect();
+    files.sort();
+    files
 }

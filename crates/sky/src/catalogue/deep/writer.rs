@@ -1,6 +1,6 @@
 //! Writes leaves and planes bucket by bucket, and records each finished bucket, so that the work can be continued.
 //!
-//! The record of a bucket ([`BucketRecord`]) has its part of the tables of the index and the state of the writer after it. It is appended to the file
+//! The record of a bucket ([`BucketRecord`]) has its part of the tables of the index. It is appended to the file
 //! `finished` after the bucket's leaves and tiles are written. The lengths of the other files follow from the records: what a killed program wrote
 //! beyond them is cut off.
 
@@ -9,9 +9,10 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::bucket::{BucketLeaves, BucketSums};
-use super::composite::Quantiser;
+use super::composite::{CellSum, Quantiser};
 use super::error::DeepError;
-use super::index::{BrightFile, Index, Segment};
+use super::finish::Tables;
+use super::index::Segment;
 use super::tile::{Tile, cells_per_tile, tile_order, words_of_tile};
 use super::{BUCKET_ORDER, BUCKETS, LAYERS, PLANES};
 use crate::photometry::rec709::luminance;
@@ -35,8 +36,6 @@ pub struct BucketRecord {
     pub tiles: Vec<Segment>,
     /// Light of each layer in its four cells of order 5.
     pub sums: Vec<[f64; 3]>,
-    /// Remainders of all planes after this bucket.
-    pub rests: Vec<[f64; 3]>,
     /// Stars that were left out because another one is equal; stars with a median colour; stars of the limiting magnitude that may follow.
     pub counts: [u64; 3],
 }
@@ -51,7 +50,7 @@ fn tiles_per_bucket() -> usize {
 
 /// Bytes of a record, with its checksum.
 fn record_bytes() -> usize {
-    8 * (leaves_per_bucket() + tiles_per_bucket()) + 24 * (4 * LAYERS.len() + PLANES.len()) + 24 + 4
+    8 * (leaves_per_bucket() + tiles_per_bucket()) + 24 * 4 * LAYERS.len() + 24 + 4
 }
 
 impl BucketRecord {
@@ -60,7 +59,6 @@ impl BucketRecord {
         bytes.extend_from_slice(bytemuck::cast_slice(&self.leaves));
         bytes.extend_from_slice(bytemuck::cast_slice(&self.tiles));
         bytes.extend_from_slice(bytemuck::cast_slice(&self.sums));
-        bytes.extend_from_slice(bytemuck::cast_slice(&self.rests));
         bytes.extend_from_slice(bytemuck::cast_slice(&self.counts));
         bytes.extend_from_slice(&crc32fast::hash(&bytes).to_le_bytes());
         bytes
@@ -82,7 +80,6 @@ impl BucketRecord {
             leaves: list(take(8 * leaves_per_bucket())),
             tiles: list(take(8 * tiles_per_bucket())),
             sums: list(take(24 * 4 * LAYERS.len())),
-            rests: list(take(24 * PLANES.len())),
             counts: bytemuck::pod_read_unaligned(take(24)),
         })
     }
@@ -108,19 +105,60 @@ fn split(mut list: &[Segment], lengths: impl Iterator<Item = usize>) -> Vec<&[Se
     parts
 }
 
-/// A bucket that is ready to be written.
+/// A bucket that is ready to be written. Everything in it depends on its stars alone.
 pub struct EncodedBucket {
     leaves: BucketLeaves,
     segments: [Vec<Segment>; LAYERS.len()],
-    sums: BucketSums,
+    light: [[[f64; 3]; 4]; LAYERS.len()],
+    /// Tiles of all planes, and the words of each plane.
+    tiles: Vec<Segment>,
+    tile_words: Vec<Vec<u64>>,
 }
 
 impl EncodedBucket {
-    /// Adds up the leaves of a bucket, and computes their checksums.
-    pub fn new(leaves: BucketLeaves) -> Self {
-        let (segments, sums) = (leaves.segments(), BucketSums::new(&leaves));
-        Self { leaves, segments, sums }
+    /// Adds up the leaves of a bucket, encodes its planes, and computes checksums.
+    ///
+    /// # Errors
+    /// A cell has more light than a composite star can hold.
+    pub fn new(bucket: u64, leaves: BucketLeaves) -> Result<Self, DeepError> {
+        let (segments, BucketSums { light, planes }) = (leaves.segments(), BucketSums::new(&leaves));
+        let mut tiles = Vec::with_capacity(tiles_per_bucket());
+        let mut tile_words = Vec::with_capacity(PLANES.len());
+        for (plane, cells) in planes.iter().enumerate() {
+            let mut words = Vec::new();
+            tiles.extend(tiles_of(bucket, plane, cells, &mut words)?);
+            tile_words.push(words);
+        }
+        Ok(Self { leaves, segments, light, tiles, tile_words })
     }
+}
+
+/// Encodes the tiles of a plane in a bucket, and adds them to `words`. The remainder of rounding is carried inside of the bucket only.
+fn tiles_of(bucket: u64, plane: usize, cells: &[CellSum], words: &mut Vec<u64>) -> Result<Vec<Segment>, DeepError> {
+    let kind = PLANES[plane];
+    if cells.is_empty() {
+        return Ok(vec![Segment::default(); kind.tiles_per_bucket()]);
+    }
+    let per_tile = cells_per_tile(kind.order);
+    let first = bucket << (2 * (tile_order(kind.order) - BUCKET_ORDER));
+    let mut quantiser = Quantiser::default();
+    let mut segments = Vec::with_capacity(kind.tiles_per_bucket());
+    for (number, cells) in cells.chunks(per_tile).enumerate() {
+        let mut tile = Tile::default();
+        for (index, sum) in cells.iter().enumerate().filter(|(_, sum)| !sum.is_empty()) {
+            let bits = quantiser.encode(sum).map_err(|bright| DeepError::TooBright {
+                cell: (first + number as u64) * per_tile as u64 + index as u64,
+                order: kind.order,
+                magnitude: kind.magnitude,
+                illuminance_lx: luminance(bright.light_lx),
+            })?;
+            tile.push(index as u32, bits);
+        }
+        let of_tile = tile.to_words(kind.order);
+        segments.push(Segment::new(tile.bits.len() as u32, &of_tile));
+        words.extend(of_tile);
+    }
+    Ok(segments)
 }
 
 /// A file that grows.
@@ -155,7 +193,6 @@ pub struct Writer {
     leaves: Vec<Growing>,
     planes: Vec<Growing>,
     finished: Growing,
-    quantisers: Vec<Quantiser>,
     records: Vec<BucketRecord>,
 }
 
@@ -174,7 +211,6 @@ impl Writer {
         }
         let leaves = LAYERS.iter().zip(leaf_words);
         let planes = PLANES.iter().zip(tile_words);
-        let rests = records.last().map_or(vec![[0.0; 3]; PLANES.len()], |last| last.rests.clone());
         Ok(Self {
             leaves: leaves
                 .map(|(layer, words)| Growing::open(folder.join(layer.file()), 8 * words))
@@ -183,7 +219,6 @@ impl Writer {
                 .map(|(plane, words)| Growing::open(folder.join(plane.file()), 8 * words))
                 .collect::<Result<_, _>>()?,
             finished: Growing::open(work.join(FINISHED), (records.len() * record_bytes()) as u64)?,
-            quantisers: rests.into_iter().map(|rest_lx| Quantiser { rest_lx }).collect(),
             records,
         })
     }
@@ -200,22 +235,17 @@ impl Writer {
 
     /// Appends the next bucket.
     pub fn append(&mut self, bucket: &EncodedBucket, ties_left: u64) -> Result<(), DeepError> {
-        let EncodedBucket { leaves, segments, sums } = bucket;
+        let EncodedBucket { leaves, segments, light, tiles, tile_words } = bucket;
         for (file, words) in self.leaves.iter_mut().zip(&leaves.words) {
             file.append(bytemuck::cast_slice(words))?;
         }
-        let number = self.finished();
-        let mut tiles = Vec::with_capacity(tiles_per_bucket());
-        for (plane, cells) in sums.planes.iter().enumerate() {
-            let mut words = Vec::new();
-            tiles.extend(self.tiles_of(number, plane, cells, &mut words)?);
-            self.planes[plane].append(bytemuck::cast_slice(&words))?;
+        for (file, words) in self.planes.iter_mut().zip(tile_words) {
+            file.append(bytemuck::cast_slice(words))?;
         }
         let record = BucketRecord {
             leaves: segments.concat(),
-            tiles,
-            sums: sums.light.concat(),
-            rests: self.quantisers.iter().map(|quantiser| quantiser.rest_lx).collect(),
+            tiles: tiles.clone(),
+            sums: light.concat(),
             counts: [leaves.repeated, leaves.median_colour, ties_left],
         };
         self.finished.append(&record.to_bytes())?;
@@ -223,54 +253,19 @@ impl Writer {
         Ok(())
     }
 
-    /// Encodes the tiles of a plane in a bucket, and adds them to `words`.
-    fn tiles_of(
-        &mut self,
-        bucket: u64,
-        plane: usize,
-        cells: &[super::composite::CellSum],
-        words: &mut Vec<u64>,
-    ) -> Result<Vec<Segment>, DeepError> {
-        let kind = PLANES[plane];
-        if cells.is_empty() {
-            return Ok(vec![Segment::default(); kind.tiles_per_bucket()]);
-        }
-        let per_tile = cells_per_tile(kind.order);
-        let first = bucket << (2 * (tile_order(kind.order) - BUCKET_ORDER));
-        let mut segments = Vec::with_capacity(kind.tiles_per_bucket());
-        for (number, cells) in cells.chunks(per_tile).enumerate() {
-            let mut tile = Tile::default();
-            for (index, sum) in cells.iter().enumerate().filter(|(_, sum)| !sum.is_empty()) {
-                let bits = self.quantisers[plane].encode(sum).map_err(|bright| DeepError::TooBright {
-                    cell: (first + number as u64) * per_tile as u64 + index as u64,
-                    order: kind.order,
-                    magnitude: kind.magnitude,
-                    illuminance_lx: luminance(bright.light_lx),
-                })?;
-                tile.push(index as u32, bits);
-            }
-            let of_tile = tile.to_words(kind.order);
-            segments.push(Segment::new(tile.bits.len() as u32, &of_tile));
-            words.extend(of_tile);
-        }
-        Ok(segments)
-    }
-
     /// Stars that were left out because another one is equal, and stars that got a median colour.
     pub fn counts(&self) -> [u64; 2] {
         [0, 1].map(|count| self.records.iter().map(|record| record.counts[count]).sum())
     }
 
-    /// The index of the finished store.
+    /// The tables of the finished store.
     ///
     /// # Errors
     /// Buckets are missing.
-    pub fn index(&self, epoch_year: f64, description: String, bright: BrightFile) -> Result<Index, DeepError> {
-        let incomplete = || {
-            DeepError::damaged(&self.finished.path, format!("{} of {BUCKETS} cells are finished", self.records.len()))
-        };
+    pub fn tables(&self) -> Result<Tables, DeepError> {
         if self.finished() != BUCKETS {
-            return Err(incomplete());
+            let problem = format!("{} of {BUCKETS} cells are finished", self.records.len());
+            return Err(DeepError::damaged(&self.finished.path, problem));
         }
         // A layer or plane without stars has no table.
         let used = |list: Vec<Segment>| if list.iter().all(|segment| segment.count == 0) { Vec::new() } else { list };
@@ -281,8 +276,7 @@ impl Writer {
         let sums = (0..LAYERS.len()).map(|layer| {
             self.records.iter().flat_map(|record| &record.sums[4 * layer..4 * layer + 4]).copied().collect()
         });
-        let index = Index::new((epoch_year, description), bright, leaves.collect(), sums.collect(), tiles.collect());
-        index.ok_or_else(incomplete)
+        Ok(Tables { leaves: leaves.collect(), sums: sums.collect(), tiles: tiles.collect() })
     }
 }
 

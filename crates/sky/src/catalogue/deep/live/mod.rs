@@ -71,7 +71,7 @@ impl DeepSky {
     /// # Errors
     /// It cannot be opened, or these are damaged.
     pub fn open(folder: &Path, epoch: &Epoch) -> Result<Self, DeepError> {
-        let readers = Arc::new(Readers::new(DeepStore::open(folder)?));
+        let readers = Arc::new(Readers::new(DeepStore::open_whole(folder)?));
         let mut tiles = Vec::new();
         for bucket in 0..BUCKETS {
             tiles.push(readers.pages().store().tile(usize::from(BASE_PLANE), bucket)?);

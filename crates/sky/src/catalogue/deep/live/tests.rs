@@ -77,11 +77,11 @@ fn every_detail_has_the_same_light() {
     let stars = sum(Detail::Stars);
     for order in detail::COARSEST..=detail::FINEST {
         let light = sum(Detail::Composites(order));
-        // The remainder of rounding that no other cell takes over counts more in a small store.
-        assert!((light / stars - 1.0).abs() < 4e-6, "order {order}: {light} {stars}");
+        // The remainder of rounding that no other cell of the same bucket takes over counts more in a small store.
+        assert!((light / stars - 1.0).abs() < 2e-5, "order {order}: {light} {stars}");
     }
     let base: f64 = sky.base_light(DVec3::ZERO).map(|(_, light)| luminance(light)).sum();
-    assert!((base / stars - 1.0).abs() < 4e-6 && (sky.total_lx() / stars - 1.0).abs() < 4e-6);
+    assert!((base / stars - 1.0).abs() < 2e-5 && (sky.total_lx() / stars - 1.0).abs() < 4e-6);
 }
 
 #[test]
