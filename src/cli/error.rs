@@ -217,7 +217,10 @@ impl CliError {
             CliError::Psf(error) => psf_exit_code(error),
             CliError::Deep(error) => deep_exit_code(error),
             CliError::Film(error) => match error {
-                FilmError::Frame { .. } | FilmError::Config(_) | FilmError::OtherFilm { .. } => BAD_USAGE,
+                FilmError::Frame { .. }
+                | FilmError::Config(_)
+                | FilmError::OtherFilm { .. }
+                | FilmError::NotAFilm { .. } => BAD_USAGE,
                 FilmError::NoFfmpeg { .. } => NO_ADAPTER,
                 _ => FAILED,
             },

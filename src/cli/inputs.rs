@@ -56,6 +56,11 @@ fn digest(path: &Path) -> io::Result<(u64, String)> {
     }
 }
 
+/// SHA-256 of a file, hexadecimal.
+pub fn file_sha256(path: &Path) -> io::Result<String> {
+    digest(path).map(|(_, sha256)| sha256)
+}
+
 fn input(path: &Path, folder: &Path) -> Result<InputFile, CliError> {
     let read = |source| CliError::ReadInput { path: path.to_owned(), source };
     let (bytes, sha256) = digest(path).map_err(read)?;
@@ -80,8 +85,18 @@ impl Inputs {
     ///
     /// A file differs from the recorded one, which is checked before it is read; or the configuration is invalid.
     pub fn again(recorded: &Provenance, origin: &str, folder: Option<&Path>) -> Result<Self, CliError> {
-        let start = folder.unwrap_or(&recorded.configuration.folder);
-        for expected in &recorded.files {
+        Self::of_record(&recorded.configuration, &recorded.files, origin, folder)
+    }
+
+    /// The same for a recorded configuration and the files that pictures depend on.
+    pub fn of_record(
+        configuration: &UsedConfiguration,
+        files_then: &[InputFile],
+        origin: &str,
+        folder: Option<&Path>,
+    ) -> Result<Self, CliError> {
+        let start = folder.unwrap_or(&configuration.folder);
+        for expected in files_then {
             let path = start.join(&expected.file);
             let found = input(&path, start)?;
             if (found.bytes, &found.sha256) != (expected.bytes, &expected.sha256) {
@@ -93,9 +108,9 @@ impl Inputs {
                 });
             }
         }
-        let read = || Config::from_text(&recorded.configuration.toml, origin, start, &[]);
+        let read = || Config::from_text(&configuration.toml, origin, start, &[]);
         let (config, opened) = files::reading(read);
-        Ok(Self::new(config?, opened, recorded.configuration.folder.clone()))
+        Ok(Self::new(config?, opened, configuration.folder.clone()))
     }
 
     fn new(config: Config, opened: Vec<PathBuf>, folder: PathBuf) -> Self {
@@ -120,6 +135,12 @@ impl Inputs {
         files.sort();
         files.dedup();
         Ok(files)
+    }
+
+    /// Returns length and hash of a file that is not an input of pictures itself.
+    pub fn source(&self, path: &Path) -> Result<InputFile, CliError> {
+        let read = |source| CliError::ReadInput { path: path.to_owned(), source };
+        input(&path.canonicalize().map_err(read)?, &self.folder)
     }
 
     /// Returns the configuration in effect.

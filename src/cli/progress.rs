@@ -2,6 +2,7 @@
 
 use std::io::{self, IsTerminal};
 use std::sync::LazyLock;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
@@ -139,6 +140,44 @@ impl FilmProgress {
             let left_s = per_frame_s * (self.frames - done) as f64;
             tracing::info!("frame {frame}: {done} of {}, {per_frame_s:.3} s each, {left_s:.0} s left", self.frames);
         }
+    }
+
+    /// Ends the progress.
+    pub fn finish(self) {
+        if let Some(bar) = self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// Progress of reading the files of a film, from several threads.
+pub struct FileProgress {
+    bar: Option<ProgressBar>,
+    last_line: Mutex<Instant>,
+}
+
+impl FileProgress {
+    /// Starts the progress.
+    pub fn new() -> Self {
+        Self {
+            bar: bar_like("{spinner} {wide_bar} {pos}/{len} {msg} [{elapsed}]"),
+            last_line: Mutex::new(Instant::now()),
+        }
+    }
+
+    /// Reports that `done` of `total` files are read.
+    pub fn read(&self, done: usize, total: usize) {
+        let Some(bar) = &self.bar else {
+            let mut last_line = self.last_line.lock().unwrap_or_else(PoisonError::into_inner);
+            if last_line.elapsed() >= FILM_LINES {
+                *last_line = Instant::now();
+                tracing::info!("reading frames: {done} of {total} files");
+            }
+            return;
+        };
+        bar.set_length(total as u64);
+        bar.set_position(done as u64);
+        bar.set_message("reading frames");
     }
 
     /// Ends the progress.

@@ -243,5 +243,9 @@ fn interrupted_film_leaves_complete_frames_and_continues() {
     assert_eq!(found.len() % 3, 0, "only complete frames are written");
     assert!(found.iter().all(|(_, bytes)| bytes.ends_with(b"IEND\xaeB`\x82")));
     let names: Vec<_> = fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-    assert_eq!(names.len(), found.len() + 2, "besides images only film.json and the lock exist: {names:?}");
+    assert_eq!(
+        names.len(),
+        found.len() + 3,
+        "besides images only film.json, film.sha256 and the lock exist: {names:?}"
+    );
 }

@@ -17,6 +17,7 @@ mod film;
 mod film_blur;
 #[cfg(unix)]
 mod film_record;
+mod film_status;
 #[cfg(target_os = "linux")]
 mod local_daemon;
 mod measured;

@@ -1,6 +1,6 @@
 //! Draws the frames of a film.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -100,11 +100,11 @@ pub struct DrawArguments {
 }
 
 /// A film before anything is drawn.
-struct Film {
+pub(super) struct Film {
     camera: Camera,
     path: FilmPath,
     tracks: FilmTracks,
-    inputs: Inputs,
+    pub(super) inputs: Inputs,
     format: FilmFormat,
     /// `None`: every frame shows a single moment.
     shutter: Option<Shutter>,
@@ -115,18 +115,8 @@ pub fn run(arguments: DrawArguments, gpu: &GpuOptions) -> Result<(), CliError> {
     // Check everything that can be refused before loading the stars, which takes longest.
     let inputs = Inputs::load(&arguments.config, &arguments.set)?;
     let path = FilmPath::load(&arguments.path)?;
-    let film = Film {
-        camera: inputs.config.camera()?,
-        tracks: FilmTracks::new(&path),
-        format: arguments.format.into(),
-        shutter: arguments
-            .shutter
-            .zip(arguments.sub_frames)
-            .map(|(open, sub_frames)| Shutter { open, sub_frames })
-            .filter(|shutter| !shutter.is_sharp()),
-        path,
-        inputs,
-    };
+    let shutter = arguments.shutter.zip(arguments.sub_frames).map(|(open, sub_frames)| Shutter { open, sub_frames });
+    let film = Film::new(inputs, path, arguments.format.into(), shutter)?;
     let rig = film.check(arguments.frames)?;
     let video = arguments.video.as_deref().map(|file| {
         film.video_stem(&rig, arguments.video_view.as_deref()).and_then(|stem| {
@@ -139,7 +129,12 @@ pub fn run(arguments: DrawArguments, gpu: &GpuOptions) -> Result<(), CliError> {
     let gpu = Gpu::open(gpu)?;
     let mut renderer = Renderer::new(gpu);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &film.inputs.config.origin))?;
-    let record = film.record(&rig, &renderer)?;
+    let sources = [&arguments.config, &arguments.path].map(|file| film.inputs.source(file));
+    let record = FilmRecord {
+        sources: sources.into_iter().collect::<Result<_, _>>()?,
+        frames: vec![arguments.frames],
+        ..film.record(&rig, &renderer)?
+    };
     let folder = FilmFolder::open(&arguments.out, &record, arguments.overwrite)?;
     let frames: Vec<u32> = arguments.frames.frames(arguments.shard).collect();
     let missing: Vec<u32> = frames.iter().copied().filter(|frame| !folder.has(*frame)).collect();
@@ -162,8 +157,19 @@ pub fn run(arguments: DrawArguments, gpu: &GpuOptions) -> Result<(), CliError> {
 }
 
 impl Film {
+    /// A film of a configuration and a path.
+    pub(super) fn new(
+        inputs: Inputs,
+        path: FilmPath,
+        format: FilmFormat,
+        shutter: Option<Shutter>,
+    ) -> Result<Self, CliError> {
+        let shutter = shutter.filter(|shutter| !shutter.is_sharp());
+        Ok(Self { camera: inputs.config.camera()?, tracks: FilmTracks::new(&path), format, shutter, path, inputs })
+    }
+
     /// Checks whether all frames can be drawn, as far as that is known beforehand; returns the views.
-    fn check(&self, range: FrameRange) -> Result<Rig, CliError> {
+    pub(super) fn check(&self, range: FrameRange) -> Result<Rig, CliError> {
         let Self { inputs: Inputs { config, .. }, path, tracks, format, .. } = self;
         let rig = config.rig()?;
         let usage = |text: String| Err(CliError::Usage(text));
@@ -246,7 +252,7 @@ impl Film {
         Ok(part.name().map_or(chosen.name.clone(), |part| format!("{}.{part}", chosen.name)))
     }
 
-    fn record(&self, rig: &Rig, renderer: &Renderer) -> Result<FilmRecord, CliError> {
+    pub(super) fn record(&self, rig: &Rig, renderer: &Renderer) -> Result<FilmRecord, CliError> {
         let report = renderer.adapter();
         let configuration = sha256(&[&self.inputs.config.pictured]);
         let path = sha256(&[&self.path.document]);
@@ -267,16 +273,19 @@ impl Film {
             extension: self.format.extension().to_owned(),
             adapter,
             blur,
+            shutter: self.shutter,
             fps: self.path.fps,
             images: stems(rig),
             configuration: self.inputs.configuration(),
             path_toml: self.path.document.clone(),
             files,
+            sources: Vec::new(),
+            frames: Vec::new(),
             catalogues: None,
         })
     }
 
-    fn log_cost(&self, rig: &Rig, frames: usize, missing: usize) {
+    pub(super) fn log_cost(&self, rig: &Rig, frames: usize, missing: usize) {
         let pixels_of = |size: [u32; 2]| size.map(u64::from).iter().product::<u64>();
         let pictures = rig.views().iter().flat_map(|view| view.pictures());
         let pixels: u64 = pictures.map(|picture| pixels_of(picture.size)).sum();
@@ -292,7 +301,8 @@ impl Film {
         );
     }
 
-    fn draw(
+    /// Draws frames; those that exist are replaced.
+    pub(super) fn draw(
         &self,
         renderer: &mut Renderer,
         folder: &FilmFolder,
@@ -328,7 +338,9 @@ impl Film {
             }
             Ok(missing.len())
         };
-        let (_, written) = with_writer(self.format, drawing)?;
+        let before = |path: &Path, bytes: &[u8]| folder.record_checksum(path, bytes);
+        let (_, written) = with_writer(self.format, &before, drawing)?;
+        folder.sort_checksums()?;
         progress.finish();
         times.log(begun.elapsed(), &written);
         let left = missing.len() - written.frames;

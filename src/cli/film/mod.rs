@@ -1,7 +1,9 @@
-//! `film`: draws numbered frames along a path into files, and records paths from a daemon.
+//! `film`: draws numbered frames along a path into files, checks and repairs them, and records paths from a daemon.
 
 mod draw;
 mod record;
+mod repair;
+mod status;
 
 use crate::gpu::GpuOptions;
 use clap::{Args, Subcommand};
@@ -18,10 +20,12 @@ use super::CliError;
     steradian film --config configs/dome.toml --path paths/flight.toml --frames 0..240 --out film --shard 2/4 --format exr16\n  \
     steradian film --config configs/dome.toml --path paths/flight.toml --frames 0..240 --out film --shutter 0.5 --sub-frames 16\n  \
     steradian film --config configs/perspective.toml --path path.toml --frames 0..=239 --out film --video film.mp4\n  \
+    steradian film status film\n  \
+    steradian film repair film\n  \
     steradian film record --address 127.0.0.1:7143 --out path.toml --seconds 60\n\n\
     A path is TOML: `fps`, and [[keyframes]] with `frame` and any of position_m, orientation or look, time, fov_y_deg or fov_scale,\n\
     ev100 or compensation_ev, magnitude_limit, velocity_c and easing.\n\n\
-    Writes <view>_00001.png (or .exr; with several images <view>.<part>_00001.png) and film.json. Existing frames are not\n\
+    Writes <view>_00001.png (or .exr; with several images <view>.<part>_00001.png), film.json and film.sha256. Existing frames are not\n\
     drawn again. A frame depends only on its number: shards on several machines with the same adapter make one film."
 )]
 pub struct FilmArguments {
@@ -38,6 +42,10 @@ pub struct FilmArguments {
 enum FilmCommand {
     /// Follow the camera of a daemon and write its path.
     Record(record::RecordArguments),
+    /// List the frames of a folder that are missing, damaged, or of another film.
+    Status(status::StatusArguments),
+    /// Draw the frames again that `film status` lists.
+    Repair(repair::RepairArguments),
 }
 
 /// Parses a number argument and checks its range.
@@ -54,6 +62,8 @@ fn within(text: &str, [least, most]: [f64; 2]) -> Result<f64, String> {
 pub fn run(arguments: FilmArguments, options: &GpuOptions) -> Result<(), CliError> {
     match (arguments.command, arguments.draw) {
         (Some(FilmCommand::Record(arguments)), _) => record::run(&arguments),
+        (Some(FilmCommand::Status(arguments)), _) => status::run(&arguments),
+        (Some(FilmCommand::Repair(arguments)), _) => repair::run(&arguments, options),
         (None, Some(arguments)) => draw::run(arguments, options),
         // The parser requires all of these if there is no subcommand, so it reports their absence first.
         (None, None) => Err(CliError::Usage("film needs --config, --path, --frames and --out".to_owned())),

@@ -5,6 +5,8 @@
 //! deterministic. A sensor accumulates luminance; if the field of view changes, so does the solid angle of
 //! pixels, and its mean is taken too.
 
+use serde::{Deserialize, Serialize};
+
 use rayon::prelude::*;
 
 use super::super::encode::{EncodeError, Encoding, hdr_of};
@@ -16,7 +18,7 @@ use crate::render::FrameImage;
 pub const MOST_SUB_FRAMES: u32 = 64;
 
 /// Duration of the exposure and number of moments.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shutter {
     /// Share of the time between two frames during which the shutter is open, 0 to 1.
     pub open: f64,

@@ -31,6 +31,34 @@ pub enum FilmError {
         /// Differences.
         problem: String,
     },
+    /// The folder is not that of a film.
+    #[error("{}: {problem}; `film` makes such folders", folder.display())]
+    NotAFilm {
+        /// The folder.
+        folder: PathBuf,
+        /// Description of the problem.
+        problem: String,
+    },
+    /// A film cannot be drawn again as it is recorded.
+    #[error("{}: its frames cannot be drawn again: {problem}", folder.display())]
+    Unrepeatable {
+        /// The folder.
+        folder: PathBuf,
+        /// Reason.
+        problem: String,
+    },
+    /// Frames are missing, damaged or foreign.
+    #[error("{}: {missing} files are missing, {damaged} damaged, {foreign} foreign; `film repair` draws their frames again", folder.display())]
+    Faulty {
+        /// The folder.
+        folder: PathBuf,
+        /// Number of missing files.
+        missing: usize,
+        /// Number of damaged files.
+        damaged: usize,
+        /// Number of files of another film.
+        foreign: usize,
+    },
     /// A file cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),

@@ -2,7 +2,8 @@
 //! again.
 //!
 //! Several runs may work in one folder at the same time, each on different frames. They agree on `film.json` one after
-//! the other, under a lock (`.film.lock`); after that each file belongs to one run and is written atomically.
+//! the other, under a lock (`.film.lock`); after that each file belongs to one run and is written atomically, after its
+//! checksum was recorded in `film.sha256`.
 
 use std::collections::HashSet;
 use std::fs::{self, File};
@@ -13,8 +14,10 @@ use serde::{Deserialize, Serialize};
 
 use super::super::OutputError;
 use super::super::provenance::{InputFile, UsedCatalogue, UsedConfiguration};
+use super::blur::Shutter;
+use super::checksums::{self, Checksums};
 use super::error::FilmError;
-use super::frames::{file_name, is_file_of};
+use super::frames::{FrameRange, file_name, is_file_of};
 use crate::files;
 
 /// Maximum size of `film.json`, bytes.
@@ -40,6 +43,9 @@ pub struct FilmRecord {
     pub adapter: String,
     /// Motion blur.
     pub blur: String,
+    /// Motion blur as numbers; `None` without it.
+    #[serde(default)]
+    pub shutter: Option<Shutter>,
     /// Frames per second.
     pub fps: f64,
     /// Beginnings of the file names.
@@ -50,13 +56,19 @@ pub struct FilmRecord {
     pub path_toml: String,
     /// Every file that the frames depend on.
     pub files: Vec<InputFile>,
+    /// Files of the configuration and of the path, when the film was begun. `configuration` and `path_toml` have their contents, with overrides.
+    #[serde(default)]
+    pub sources: Vec<InputFile>,
+    /// Ranges of frames of all runs so far; empty in films of earlier versions.
+    #[serde(default)]
+    pub frames: Vec<FrameRange>,
     /// Load results of the catalogues; `None` until one of the runs has loaded them.
     pub catalogues: Option<Vec<UsedCatalogue>>,
 }
 
 impl FilmRecord {
     /// Describes the differences from another film.
-    fn differences(&self, other: &Self) -> String {
+    pub fn differences(&self, other: &Self) -> String {
         let others = other.files.iter().filter(|file| !self.files.contains(file));
         let changed = self.files.iter().filter(|file| !other.files.contains(file)).chain(others);
         let mut changed: Vec<&str> = changed.map(|file| file.file.as_str()).collect();
@@ -85,12 +97,12 @@ pub struct FilmFolder {
     record: FilmRecord,
 }
 
-fn failed(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> FilmError {
+pub(super) fn failed(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> FilmError {
     let path = path.to_owned();
     move |source| FilmError::Folder { action, path, source }
 }
 
-fn names(folder: &Path) -> Result<HashSet<String>, FilmError> {
+pub(super) fn names(folder: &Path) -> Result<HashSet<String>, FilmError> {
     let entries = fs::read_dir(folder).map_err(failed("read", folder))?;
     let name = |entry: io::Result<fs::DirEntry>| entry.map(|entry| entry.file_name().into_string().ok());
     let names = entries.map(name).collect::<io::Result<Vec<_>>>().map_err(failed("read", folder))?;
@@ -105,10 +117,41 @@ fn locked(folder: &Path) -> Result<File, FilmError> {
     Ok(lock)
 }
 
+/// Reads a `film.json`; `None` if there is none, an inner error if it does not describe a film.
+pub(super) fn held_record(path: &Path) -> Result<Option<serde_json::Result<FilmRecord>>, FilmError> {
+    match files::read_bounded(path, MOST_BYTES) {
+        Ok(bytes) => Ok(Some(serde_json::from_slice::<FilmRecord>(&bytes))),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(failed("read", path)(error)),
+    }
+}
+
 fn write_record(path: &Path, record: &FilmRecord) -> Result<(), OutputError> {
     let json = serde_json::to_vec_pretty(record);
     let json = json.map_err(|source| OutputError::Manifest { path: path.to_owned(), source })?;
     files::write_whole_synced(path, &json).map_err(|source| OutputError::Write { path: path.to_owned(), source })
+}
+
+fn checksums_file(folder: &Path) -> PathBuf {
+    folder.join(checksums::NAME)
+}
+
+/// Prepares the file of checksums. The folder is locked. Those of another film are dropped with its frames.
+fn begin_checksums(folder: &Path, record: &FilmRecord, is_new: bool) -> Result<(), FilmError> {
+    let path = checksums_file(folder);
+    let new = || Checksums { film: record.digest.clone(), ..Checksums::default() };
+    let write = |checksums: &Checksums| checksums.write(folder).map_err(failed("write", &path));
+    if is_new {
+        return write(&new());
+    }
+    match Checksums::read(folder).map_err(failed("read", &path))? {
+        None => write(&new()),
+        Some(held) if held.film == record.digest => checksums::repair_end(folder).map_err(failed("write", &path)),
+        Some(held) => {
+            let problem = format!("its {} is that of the film {:.12}", checksums::NAME, held.film);
+            Err(FilmError::OtherFilm { folder: folder.to_owned(), problem })
+        }
+    }
 }
 
 impl FilmFolder {
@@ -122,11 +165,7 @@ impl FilmFolder {
         fs::create_dir_all(folder).map_err(failed("make", folder))?;
         let _lock = locked(folder)?;
         let path = folder.join("film.json");
-        let held = match files::read_bounded(&path, MOST_BYTES) {
-            Ok(bytes) => Some(serde_json::from_slice::<FilmRecord>(&bytes)),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => None,
-            Err(error) => return Err(failed("read", &path)(error)),
-        };
+        let held = held_record(&path)?;
         let mut existing = names(folder)?;
         let is_ours = |name: &str| record.images.iter().any(|stem| is_file_of(name, stem, &record.extension));
         let problem = match &held {
@@ -153,14 +192,45 @@ impl FilmFolder {
             }
             existing.clear();
         }
-        let is_told = matches!(&held, Some(Ok(held)) if held.digest == record.digest);
-        if !is_told {
-            write_record(&path, record)?;
+        // The same film keeps what earlier runs have recorded; its ranges of frames grow.
+        let held = held.and_then(Result::ok).filter(|held| held.digest == record.digest);
+        let joined = |held: &FilmRecord| {
+            let frames = record.frames.iter().fold(held.frames.clone(), |all, range| range.joined_with(&all));
+            FilmRecord { frames, ..held.clone() }
+        };
+        let current = held.as_ref().map_or_else(|| record.clone(), joined);
+        if held.as_ref() != Some(&current) {
+            write_record(&path, &current)?;
         }
         if overwrite {
             existing.clear();
         }
-        Ok(Self { folder: folder.to_owned(), existing, record: record.clone() })
+        begin_checksums(folder, record, held.is_none())?;
+        Ok(Self { folder: folder.to_owned(), existing, record: current })
+    }
+
+    /// Records the checksum of a file that is about to appear.
+    ///
+    /// # Errors
+    ///
+    /// The checksums cannot be written.
+    pub fn record_checksum(&self, path: &Path, bytes: &[u8]) -> Result<(), FilmError> {
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let _lock = locked(&self.folder)?;
+        checksums::append(&self.folder, name, &files::sha256(bytes))
+            .map_err(failed("write", &checksums_file(&self.folder)))
+    }
+
+    /// Sorts the checksums, at the end of a run.
+    ///
+    /// # Errors
+    ///
+    /// They cannot be read or written.
+    pub fn sort_checksums(&self) -> Result<(), FilmError> {
+        let _lock = locked(&self.folder)?;
+        let path = checksums_file(&self.folder);
+        let sorted = Checksums::read(&self.folder).map_err(failed("read", &path))?;
+        sorted.map_or(Ok(()), |sorted| sorted.write(&self.folder)).map_err(failed("write", &path))
     }
 
     /// Records the load results of the catalogues, unless another run has done so.
@@ -171,12 +241,11 @@ impl FilmFolder {
     pub fn record_catalogues(&self, catalogues: Vec<UsedCatalogue>) -> Result<(), FilmError> {
         let _lock = locked(&self.folder)?;
         let path = self.folder.join("film.json");
-        let bytes = files::read_bounded(&path, MOST_BYTES).map_err(failed("read", &path))?;
         // If another run has replaced the record since, recording is up to that run.
-        let is_unrecorded = serde_json::from_slice::<FilmRecord>(&bytes)
-            .is_ok_and(|held| held.digest == self.record.digest && held.catalogues.is_none());
-        if is_unrecorded {
-            write_record(&path, &FilmRecord { catalogues: Some(catalogues), ..self.record.clone() })?;
+        let held = held_record(&path)?.and_then(Result::ok);
+        let held = held.filter(|held| held.digest == self.record.digest && held.catalogues.is_none());
+        if let Some(held) = held {
+            write_record(&path, &FilmRecord { catalogues: Some(catalogues), ..held })?;
         }
         Ok(())
     }
@@ -208,11 +277,14 @@ mod tests {
             extension: "png".to_owned(),
             adapter: "a".to_owned(),
             blur: "none".to_owned(),
+            shutter: None,
             fps: 30.0,
             images: vec!["eyes.left".to_owned(), "eyes.right".to_owned()],
             configuration: UsedConfiguration { folder: "/skies".into(), toml: String::new() },
             path_toml: String::new(),
             files: vec![InputFile { file: "a.csv".to_owned(), bytes: 3, sha256: digest.to_owned() }],
+            sources: Vec::new(),
+            frames: Vec::new(),
             catalogues: None,
         }
     }
@@ -231,6 +303,20 @@ mod tests {
         assert_eq!([0, 1, 2].map(|frame| held.has(frame)), [true, false, false]);
         assert!(!open("one", true).unwrap().has(0), "all frames are drawn again");
         assert!(folder.join("eyes.left_00000.png").exists());
+
+        // Ranges of frames grow, and checksums are kept and sorted.
+        let range = |text: &str| FilmRecord { frames: vec![text.parse().unwrap()], ..record("one") };
+        let opened = |text: &str| FilmFolder::open(&folder, &range(text), false).unwrap();
+        for name in ["b.png", "a.png"] {
+            opened("6..9").record_checksum(&folder.join(name), b"x").unwrap();
+        }
+        assert_eq!(opened("0..3").record.frames, ["0..3", "6..9"].map(|text| text.parse().unwrap()));
+        held.sort_checksums().unwrap();
+        let checksums = Checksums::read(&folder).unwrap().unwrap();
+        assert_eq!((checksums.film.as_str(), checksums.by_name.len()), ("one", 2));
+        Checksums { film: "two".to_owned(), ..checksums.clone() }.write(&folder).unwrap();
+        assert!(open("one", false).unwrap_err().to_string().contains("is that of the film two"));
+        checksums.write(&folder).unwrap();
 
         let message = open("two", false).unwrap_err().to_string();
         assert!(message.contains("configuration") && message.contains("--overwrite"), "{message}");

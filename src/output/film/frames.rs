@@ -1,6 +1,9 @@
 //! Ranges of frames and names of their files.
 
+use std::fmt;
 use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
 
 use crate::view::Rig;
 
@@ -8,12 +11,18 @@ use crate::view::Rig;
 pub const MOST_FRAMES: u32 = 1_000_000;
 
 /// Range of frame numbers, without its end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct FrameRange {
     /// First frame.
     pub first: u32,
     /// Frame after the last one.
     pub end: u32,
+}
+
+impl fmt::Display for FrameRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}..{}", self.first, self.end)
+    }
 }
 
 impl FromStr for FrameRange {
@@ -63,6 +72,31 @@ impl FromStr for Shard {
 }
 
 impl FrameRange {
+    /// A range; `None` if it has no frames.
+    pub fn new(first: u32, end: u32) -> Option<Self> {
+        (first < end).then_some(Self { first, end })
+    }
+
+    /// Whether it has this frame.
+    pub fn contains(self, frame: u32) -> bool {
+        (self.first..self.end).contains(&frame)
+    }
+
+    /// Ranges with the frames of `ranges` and of this one, in order and without overlaps.
+    pub fn joined_with(self, ranges: &[Self]) -> Vec<Self> {
+        let mut all = ranges.to_vec();
+        all.push(self);
+        all.sort_unstable();
+        let mut joined: Vec<Self> = Vec::new();
+        for range in all {
+            match joined.last_mut() {
+                Some(last) if range.first <= last.end => last.end = last.end.max(range.end),
+                _ => joined.push(range),
+            }
+        }
+        joined
+    }
+
     /// Number of frames.
     pub fn count(self) -> u32 {
         self.end - self.first
@@ -93,12 +127,23 @@ pub fn file_name(stem: &str, frame: u32, extension: &str) -> String {
 
 /// Whether a name has the form of such a file name.
 pub(super) fn is_file_of(name: &str, stem: &str, extension: &str) -> bool {
+    digits_of(name, stem, extension).is_some()
+}
+
+/// Frame number of such a file name; `None` if it is not one, or if its number is not that of a frame.
+pub(super) fn number_of(name: &str, stem: &str, extension: &str) -> Option<u32> {
+    let number = digits_of(name, stem, extension)?.parse().ok()?;
+    (file_name(stem, number, extension) == name).then_some(number)
+}
+
+/// Digits of such a file name.
+fn digits_of<'a>(name: &'a str, stem: &str, extension: &str) -> Option<&'a str> {
     let number = name
         .strip_prefix(stem)
         .and_then(|rest| rest.strip_prefix('_'))
         .and_then(|rest| rest.strip_suffix(extension))
         .and_then(|rest| rest.strip_suffix('.'));
-    number.is_some_and(|number| number.len() >= 5 && number.bytes().all(|byte| byte.is_ascii_digit()))
+    number.filter(|number| number.len() >= 5 && number.bytes().all(|byte| byte.is_ascii_digit()))
 }
 
 #[cfg(test)]
@@ -118,6 +163,14 @@ mod tests {
             assert!(text.parse::<FrameRange>().is_err(), "{text}");
         }
         assert_eq!("0..1000000".parse::<FrameRange>().unwrap().count(), MOST_FRAMES);
+        let joined = |ranges: &[&str], more: &str| {
+            let parsed = |text: &str| text.parse::<FrameRange>().unwrap();
+            let ranges: Vec<FrameRange> = ranges.iter().map(|text| parsed(text)).collect();
+            parsed(more).joined_with(&ranges).iter().map(ToString::to_string).collect::<Vec<_>>()
+        };
+        assert_eq!(joined(&["0..6", "12..18"], "6..9"), ["0..9", "12..18"]);
+        assert_eq!(joined(&["0..6", "12..18"], "5..13"), ["0..18"]);
+        assert_eq!(joined(&[], "5..13"), ["5..13"]);
         for text in ["", "0/2", "3/2", "1", "1/0", "a/b", "-1/2"] {
             assert!(text.parse::<Shard>().is_err(), "{text}");
         }
@@ -125,6 +178,8 @@ mod tests {
 
     #[test]
     fn frame_file_names_are_recognised() {
+        assert_eq!(number_of("dome_00007.png", "dome", "png"), Some(7));
+        assert_eq!(number_of("dome_000007.png", "dome", "png"), None);
         assert_eq!(file_name("cube.up", 7, "exr"), "cube.up_00007.exr");
         assert_eq!(file_name("dome", 1_234_567, "png"), "dome_1234567.png");
         assert!(is_file_of("dome_1234567.png", "dome", "png") && is_file_of("cube.up_00007.exr", "cube.up", "exr"));

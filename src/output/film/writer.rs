@@ -1,7 +1,7 @@
 //! Encodes and writes in the background: frames go through a bounded channel to a few threads, and drawing blocks while
 //! these are slower.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Mutex, PoisonError};
@@ -31,7 +31,7 @@ pub struct FrameFile {
 /// Handle that receives frames.
 pub struct FilmWriter<'a> {
     frames: SyncSender<Vec<FrameFile>>,
-    error: &'a Mutex<Option<OutputError>>,
+    error: &'a Mutex<Option<FilmError>>,
     written: &'a AtomicUsize,
 }
 
@@ -43,7 +43,7 @@ impl FilmWriter<'_> {
     /// The error of an earlier frame.
     pub fn write(&self, frame: Vec<FrameFile>) -> Result<(), FilmError> {
         if let Some(error) = self.error.lock().unwrap_or_else(PoisonError::into_inner).take() {
-            return Err(error.into());
+            return Err(error);
         }
         self.frames.send(frame).map_err(|_| FilmError::Writers)
     }
@@ -77,7 +77,15 @@ struct Sums {
     writing_us: AtomicU64,
 }
 
-fn write_frame(format: FilmFormat, frame: Vec<FrameFile>, sums: &Sums) -> Result<(), OutputError> {
+/// Receives the path and the bytes of each file before it appears.
+pub type BeforeFile<'a> = dyn Fn(&Path, &[u8]) -> Result<(), FilmError> + Sync + 'a;
+
+fn write_frame(
+    format: FilmFormat,
+    frame: Vec<FrameFile>,
+    before: &BeforeFile<'_>,
+    sums: &Sums,
+) -> Result<(), FilmError> {
     let add = |sum: &AtomicU64, since: Instant| {
         sum.fetch_add(u64::try_from(since.elapsed().as_micros()).unwrap_or(u64::MAX), Ordering::Relaxed);
     };
@@ -87,11 +95,12 @@ fn write_frame(format: FilmFormat, frame: Vec<FrameFile>, sums: &Sums) -> Result
             Ok(bytes) => {
                 add(&sums.encoding_us, begun);
                 let begun = Instant::now();
+                before(&path, &bytes)?;
                 files::write_whole_synced(&path, &bytes).map_err(|source| OutputError::Write { path, source })?;
                 add(&sums.writing_us, begun);
                 sums.bytes.fetch_add(bytes.len() as u64, Ordering::Relaxed);
             }
-            Err(source) => return Err(OutputError::Encode { path, source }),
+            Err(source) => return Err(OutputError::Encode { path, source }.into()),
         }
     }
     Ok(())
@@ -102,13 +111,14 @@ fn next(frames: &Mutex<Receiver<Vec<FrameFile>>>) -> Option<Vec<FrameFile>> {
 }
 
 /// Runs `draw` with a writer and waits until all queued frames are written; returns the result of `draw`, and the
-/// totals.
+/// totals. `before` receives each file before it appears.
 ///
 /// # Errors
 ///
 /// The error of `draw`, or of a file that cannot be written.
 pub fn with_writer<T, E: From<FilmError>>(
     format: FilmFormat,
+    before: &BeforeFile<'_>,
     draw: impl FnOnce(&FilmWriter<'_>) -> Result<T, E>,
 ) -> Result<(T, Written), E> {
     let threads = thread::available_parallelism().map_or(1, usize::from).min(MOST_WRITERS);
@@ -121,7 +131,7 @@ pub fn with_writer<T, E: From<FilmError>>(
         for _ in 0..threads {
             scope.spawn(|| {
                 while let Some(frame) = next(&receiver) {
-                    match write_frame(format, frame, &sums) {
+                    match write_frame(format, frame, before, &sums) {
                         Ok(()) => {
                             written.fetch_add(1, Ordering::Relaxed);
                         }
@@ -140,7 +150,7 @@ pub fn with_writer<T, E: From<FilmError>>(
         drawn
     })?;
     match error.into_inner().unwrap_or_else(PoisonError::into_inner) {
-        Some(problem) => Err(FilmError::from(problem).into()),
+        Some(problem) => Err(problem.into()),
         None => {
             let written = Written {
                 frames: written.into_inner(),
@@ -170,7 +180,7 @@ mod tests {
     fn all_frames_are_written_and_a_failure_leaves_no_partial_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = |number: usize| folder.path().join(format!("{number}.png"));
-        let written = with_writer::<_, FilmError>(FilmFormat::Png8, |writer| {
+        let written = with_writer::<_, FilmError>(FilmFormat::Png8, &|_, _| Ok(()), |writer| {
             (0..20).try_for_each(|number| writer.write(frame(path(number))))
         });
         let (_, written) = written.unwrap();
@@ -178,7 +188,7 @@ mod tests {
         assert_eq!((written.frames, written.bytes), (20, 20 * bytes));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 20, "no other file is left");
         std::fs::create_dir(path(30)).unwrap();
-        let failed = with_writer::<_, FilmError>(FilmFormat::Png8, |writer| {
+        let failed = with_writer::<_, FilmError>(FilmFormat::Png8, &|_, _| Ok(()), |writer| {
             (29..50).try_for_each(|number| writer.write(frame(path(number))))
         });
         assert!(failed.unwrap_err().to_string().contains("30.png"));
