@@ -1,8 +1,10 @@
 #!/usr/bin/env bash
-# Ensures that the tests of the Python package can run: installs a Python with grpcio, protobuf, numpy, pytest and mypy with apt if it is missing. Building and
-# running Steradian does not need it.
+# Ensures that the tests of the Python package and of the job templates can run. Building and running Steradian does not need it. Installs, if it is missing:
+# - with apt, a Python with grpcio, protobuf, numpy, pytest and mypy,
+# - with pip, openjd-cli and kubernetes-validate in a virtual environment in ~/.cache/steradian/farm (130 MB).
 #
-# Usage: scripts/ensure-python.sh. STERADIAN_PYTHON names the Python for the tests. Exit code 69: a missing package cannot be installed.
+# Usage: scripts/ensure-python.sh. STERADIAN_PYTHON names the Python for the tests, STERADIAN_FARM_PYTHON the one for the job templates. Exit code 69: a missing
+# package cannot be installed.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source scripts/lib/apt.sh
@@ -16,10 +18,35 @@ has_modules() {
     return 1
 }
 
-if has_modules; then exit 0; fi
-reason='the tests of the Python package need grpcio, protobuf, numpy, pytest and mypy'
-if [[ -n ${STERADIAN_PYTHON-} ]]; then fail "$reason: install them for $STERADIAN_PYTHON"; fi
-has_apt || fail "$reason: install them"
-apt_install "$reason" '' python3 python3-grpcio python3-protobuf python3-numpy python3-pytest mypy ||
-    fail "$reason, and apt could not install them (see above)"
-has_modules || fail "$reason, and the packages of this system do not contain all of them"
+ensure_modules() {
+    if has_modules; then return; fi
+    local reason='the tests of the Python package need grpcio, protobuf, numpy, pytest and mypy'
+    if [[ -n ${STERADIAN_PYTHON-} ]]; then fail "$reason: install them for $STERADIAN_PYTHON"; fi
+    has_apt || fail "$reason: install them"
+    apt_install "$reason" '' python3 python3-grpcio python3-protobuf python3-numpy python3-pytest mypy ||
+        fail "$reason, and apt could not install them (see above)"
+    has_modules || fail "$reason, and the packages of this system do not contain all of them"
+}
+
+farm=${XDG_CACHE_HOME:-$HOME/.cache}/steradian/farm
+
+has_farm_modules() { "${STERADIAN_FARM_PYTHON:-$farm/bin/python}" -c 'import kubernetes_validate, openjd.cli' 2>/dev/null; }
+
+ensure_farm_modules() {
+    if has_farm_modules; then return; fi
+    local reason='the tests of the job templates need openjd-cli and kubernetes-validate'
+    if [[ -n ${STERADIAN_FARM_PYTHON-} ]]; then fail "$reason: install them for $STERADIAN_FARM_PYTHON"; fi
+    say "$reason: installing them with pip in $farm"
+    if ! python3 -m venv --clear "$farm" >/dev/null 2>&1; then
+        has_apt || fail "$reason, and python3 cannot make a virtual environment"
+        apt_install "$reason" '' python3 python3-venv && python3 -m venv --clear "$farm" >&2 ||
+            fail "$reason, and python3 cannot make a virtual environment"
+    fi
+    # Versions are fixed, because a new one may refuse what an old one accepts.
+    "$farm/bin/pip" install --quiet --disable-pip-version-check openjd-cli==0.8.0 kubernetes-validate==1.37.0 >&2 ||
+        fail "$reason, and pip could not install them (see above)"
+    has_farm_modules || fail "$reason, and they do not run"
+}
+
+ensure_modules
+ensure_farm_modules

@@ -12,6 +12,8 @@ mod configuration_reference;
 mod daemon;
 mod documentation;
 mod dome;
+#[cfg(unix)]
+mod farm;
 mod features;
 mod film;
 mod film_blur;

@@ -1,10 +1,12 @@
 //! Tests of the Python package in `python/` with the built program: its tests by pytest, its types by mypy. Without
 //! Python or a required package, they are shown as ignored, with the reason; with `STERADIAN_REQUIRE_PYTHON=1` they
-//! fail. The protocol description is compared with `proto/` without Python. The arguments are those of libtest.
+//! fail. The protocol description is compared with `proto/` without Python. The job templates in `scripts/farm/` are run by
+//! Python programs, too. The arguments are those of libtest.
 #![allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
 
 use testkit::trials;
 
+mod farm;
 mod protocol;
 mod suites;
 
@@ -13,5 +15,5 @@ use std::process::ExitCode;
 pub use trials::Test;
 
 fn main() -> ExitCode {
-    trials::main("STERADIAN_REQUIRE_PYTHON", &[protocol::TESTS, suites::TESTS])
+    trials::main("STERADIAN_REQUIRE_PYTHON", &[protocol::TESTS, suites::TESTS, farm::TESTS])
 }
