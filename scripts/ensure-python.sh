@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
-# Ensures that the tests of the Python package and of the job templates can run. Building and running Steradian does not need it. Installs, if it is missing:
+# Ensures that the tests of the Python package, or with `farm` those of the job templates, can run. Building and running Steradian does not need it. Installs, if it
+# is missing:
 # - with apt, a Python with grpcio, protobuf, numpy, pytest and mypy,
-# - with pip, openjd-cli and kubernetes-validate in a virtual environment in ~/.cache/steradian/farm (130 MB).
+# - `farm`: with pip, openjd-cli and kubernetes-validate in a virtual environment in ~/.cache/steradian/farm (130 MB).
 #
-# Usage: scripts/ensure-python.sh. STERADIAN_PYTHON names the Python for the tests, STERADIAN_FARM_PYTHON the one for the job templates. Exit code 69: a missing
+# Usage: scripts/ensure-python.sh [farm]. STERADIAN_PYTHON names the Python for the tests, STERADIAN_FARM_PYTHON the one for the job templates. Exit code 69: a missing
 # package cannot be installed.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -48,5 +49,8 @@ ensure_farm_modules() {
     has_farm_modules || fail "$reason, and they do not run"
 }
 
-ensure_modules
-ensure_farm_modules
+case ${1-} in
+    '') ensure_modules ;;
+    farm) ensure_farm_modules ;;
+    *) fail "unknown argument $1: must be farm, or none" ;;
+esac

@@ -1,5 +1,5 @@
 //! The job templates of `scripts/farm/`: `openjd-cli` runs the film as a studio manager does, and the Kubernetes job fits its schema. Both programs are in a
-//! virtual environment that `scripts/ensure-python.sh` makes; `STERADIAN_FARM_PYTHON` names another Python that has them.
+//! virtual environment that `scripts/ensure-python.sh farm` makes; `STERADIAN_FARM_PYTHON` names another Python that has them.
 
 use std::{
     fs,
@@ -38,7 +38,7 @@ fn python(module: &str) -> Result<PathBuf, String> {
     let found = Command::new(&python).args(["-c", &format!("import {module}")]).output();
     match found {
         Ok(output) if output.status.success() => Ok(python),
-        _ => Err(format!("{} does not have {module}: scripts/ensure-python.sh installs it", python.display())),
+        _ => Err(format!("{} does not have {module}: `scripts/ensure-python.sh farm` installs it", python.display())),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Tests of the Python package in `python/` with the built program: its tests by pytest, its types by mypy. Without
 //! Python or a required package, they are shown as ignored, with the reason; with `STERADIAN_REQUIRE_PYTHON=1` they
 //! fail. The protocol description is compared with `proto/` without Python. The job templates in `scripts/farm/` are run by
-//! Python programs, too. The arguments are those of libtest.
+//! Python programs, too; `STERADIAN_REQUIRE_FARM=1` requires these. The arguments are those of libtest.
 #![allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
 
 use testkit::trials;
@@ -15,5 +15,6 @@ use std::process::ExitCode;
 pub use trials::Test;
 
 fn main() -> ExitCode {
-    trials::main("STERADIAN_REQUIRE_PYTHON", &[protocol::TESTS, suites::TESTS, farm::TESTS])
+    let python = "STERADIAN_REQUIRE_PYTHON";
+    trials::main_of(&[(python, protocol::TESTS), (python, suites::TESTS), ("STERADIAN_REQUIRE_FARM", farm::TESTS)])
 }

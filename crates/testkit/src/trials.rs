@@ -20,9 +20,15 @@ fn complete(run: fn() -> Result<(), String>, variable: &str) -> Result<Completio
 /// Runs the tests one after the other, because each draws with a software driver that uses all cores. The arguments are
 /// those of libtest. If `variable` is set and neither empty nor 0, a test that cannot run fails.
 pub fn main(variable: &'static str, tests: &[&[Test]]) -> ExitCode {
+    let groups: Vec<(&'static str, &[Test])> = tests.iter().map(|tests| (variable, *tests)).collect();
+    main_of(&groups)
+}
+
+/// The same with a variable for each group of tests.
+pub fn main_of(groups: &[(&'static str, &[Test])]) -> ExitCode {
     let mut arguments = Arguments::from_args();
     arguments.test_threads = Some(1);
-    let tests = tests.concat().into_iter();
-    let trials = tests.map(|(name, run)| Trial::ignorable_test(name, move || complete(run, variable)));
+    let tests = groups.iter().flat_map(|(variable, tests)| tests.iter().map(|test| (*variable, *test)));
+    let trials = tests.map(|(variable, (name, run))| Trial::ignorable_test(name, move || complete(run, variable)));
     libtest_mimic::run(&arguments, trials.collect()).exit_code()
 }

@@ -133,7 +133,8 @@ impl EncodedBucket {
     }
 }
 
-/// Encodes the tiles of a plane in a bucket, and adds them to `words`. The remainder of rounding is carried inside of the bucket only.
+/// Encodes the tiles of a plane in a bucket, and adds them to `words`. The remainder of rounding is carried inside of the bucket only, from bright cells to
+/// faint ones, whose steps are smaller: what is left at the end is half a step of the faintest.
 fn tiles_of(bucket: u64, plane: usize, cells: &[CellSum], words: &mut Vec<u64>) -> Result<Vec<Segment>, DeepError> {
     let kind = PLANES[plane];
     if cells.is_empty() {
@@ -141,19 +142,24 @@ fn tiles_of(bucket: u64, plane: usize, cells: &[CellSum], words: &mut Vec<u64>) 
     }
     let per_tile = cells_per_tile(kind.order);
     let first = bucket << (2 * (tile_order(kind.order) - BUCKET_ORDER));
+    let brightest_lx = |index: &usize| cells[*index].light_lx.into_iter().fold(0.0, f64::max);
+    let mut with_stars: Vec<usize> = (0..cells.len()).filter(|index| !cells[*index].is_empty()).collect();
+    with_stars.sort_by(|a, b| brightest_lx(b).total_cmp(&brightest_lx(a)).then(a.cmp(b)));
     let mut quantiser = Quantiser::default();
+    let mut codes = vec![0; cells.len()];
+    for index in with_stars {
+        codes[index] = quantiser.encode(&cells[index]).map_err(|bright| DeepError::TooBright {
+            cell: first * per_tile as u64 + index as u64,
+            order: kind.order,
+            magnitude: kind.magnitude,
+            illuminance_lx: luminance(bright.light_lx),
+        })?;
+    }
     let mut segments = Vec::with_capacity(kind.tiles_per_bucket());
-    for (number, cells) in cells.chunks(per_tile).enumerate() {
+    for (cells, codes) in cells.chunks(per_tile).zip(codes.chunks(per_tile)) {
         let mut tile = Tile::default();
-        for (index, sum) in cells.iter().enumerate().filter(|(_, sum)| !sum.is_empty()) {
-            let bits = quantiser.encode(sum).map_err(|bright| DeepError::TooBright {
-                cell: (first + number as u64) * per_tile as u64 + index as u64,
-                order: kind.order,
-                magnitude: kind.magnitude,
-                illuminance_lx: luminance(bright.light_lx),
-            })?;
-            tile.push(index as u32, bits);
-        }
+        let with_stars = codes.iter().enumerate().filter(|(index, _)| !cells[*index].is_empty());
+        with_stars.for_each(|(index, bits)| tile.push(index as u32, *bits));
         let of_tile = tile.to_words(kind.order);
         segments.push(Segment::new(tile.bits.len() as u32, &of_tile));
         words.extend(of_tile);
