@@ -1,6 +1,6 @@
 //! Inputs of pictures: the effective configuration, and every file that it names with its SHA-256.
 
-use std::io::{self, Read};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
@@ -32,38 +32,17 @@ pub fn sha256(parts: &[&str]) -> String {
         hash.update((part.len() as u64).to_le_bytes());
         hash.update(part.as_bytes());
     }
-    hexadecimal(hash)
-}
-
-fn hexadecimal(hash: Sha256) -> String {
-    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
-/// Length and SHA-256 of a file.
-fn digest(path: &Path) -> io::Result<(u64, String)> {
-    let mut file = files::open_regular(path)?;
-    let mut hash = Sha256::new();
-    let mut block = vec![0; 1 << 20];
-    let mut bytes = 0;
-    loop {
-        match file.read(&mut block)? {
-            0 => return Ok((bytes, hexadecimal(hash))),
-            count => {
-                hash.update(&block[..count]);
-                bytes += count as u64;
-            }
-        }
-    }
+    files::hexadecimal(&hash.finalize())
 }
 
 /// SHA-256 of a file, hexadecimal.
 pub fn file_sha256(path: &Path) -> io::Result<String> {
-    digest(path).map(|(_, sha256)| sha256)
+    files::sha256_of_file(path).map(|(_, sha256)| sha256)
 }
 
 fn input(path: &Path, folder: &Path) -> Result<InputFile, CliError> {
     let read = |source| CliError::ReadInput { path: path.to_owned(), source };
-    let (bytes, sha256) = digest(path).map_err(read)?;
+    let (bytes, sha256) = files::sha256_of_file(path).map_err(read)?;
     Ok(InputFile { file: recorded_path(path, folder), bytes, sha256 })
 }
 

@@ -14,6 +14,7 @@ use exr::{
     prelude::{AnyChannels, FlatSamples, Image, Layer, ReadChannels, ReadLayers},
 };
 use flate2::read::MultiGzDecoder;
+use sha2::{Digest, Sha256};
 use tempfile::NamedTempFile;
 
 use crate::platform;
@@ -105,10 +106,29 @@ pub fn read_exr<E>(
         .map_err(unreadable)
 }
 
+/// Bytes in hexadecimal.
+pub fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
 /// SHA-256, hexadecimal.
 pub fn sha256(bytes: &[u8]) -> String {
-    use sha2::{Digest, Sha256};
-    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+    hexadecimal(&Sha256::digest(bytes))
+}
+
+/// Length of a file and the SHA-256 of its content, hexadecimal.
+pub fn sha256_of_file(path: &Path) -> io::Result<(u64, String)> {
+    let mut file = open_regular(path)?;
+    let (mut hash, mut block, mut bytes) = (Sha256::new(), vec![0; 1 << 20], 0);
+    loop {
+        match file.read(&mut block)? {
+            0 => return Ok((bytes, hexadecimal(&hash.finalize()))),
+            count => {
+                hash.update(&block[..count]);
+                bytes += count as u64;
+            }
+        }
+    }
 }
 
 /// The folder that contains a file, or will contain it.

@@ -40,6 +40,14 @@ pub enum StarSource {
 }
 
 impl StarSource {
+    /// Folder of a deep store.
+    fn deep_store(&self) -> Option<&Path> {
+        match self {
+            Self::File(path) if is_deep_store(path) => Some(path),
+            _ => None,
+        }
+    }
+
     /// Whether its stars may have proper motion.
     pub fn may_move(&self) -> bool {
         match self {
@@ -244,12 +252,8 @@ pub fn import_stars(
     sources: &[StarSource],
     progress: &mut dyn FnMut(LoadStep),
 ) -> Result<(Store, LoadReport), LoadError> {
-    for source in sources {
-        if let StarSource::File(path) = source
-            && is_deep_store(path)
-        {
-            return Err(LoadError::DeepInStore { path: path.clone() });
-        }
+    if let Some(path) = sources.iter().find_map(StarSource::deep_store) {
+        return Err(LoadError::DeepInStore { path: path.to_owned() });
     }
     let (parts, report) = read_all(sources, &Epoch::default(), progress)?;
     let (mut records, mut velocities, mut names) = (Vec::new(), Vec::new(), Vec::new());
@@ -374,15 +378,13 @@ fn read_deep(path: &Path, epoch: &Epoch) -> Result<Read, LoadError> {
 
 /// Refuses a second deep store, and a synthetic galaxy beside one.
 fn check_deep(sources: &[StarSource]) -> Result<(), LoadError> {
-    let is_deep = |source: &StarSource| matches!(source, StarSource::File(path) if is_deep_store(path));
-    let Some(first) = sources.iter().position(is_deep) else { return Ok(()) };
+    let Some(first) = sources.iter().position(|source| source.deep_store().is_some()) else { return Ok(()) };
     for (index, source) in sources.iter().enumerate() {
-        match source {
-            StarSource::Galaxy(_) => return Err(LoadError::GalaxyBesideDeep { index }),
-            StarSource::File(path) if index > first && is_deep(source) => {
-                return Err(LoadError::SecondDeep { index, path: path.clone() });
-            }
-            _ => {}
+        if matches!(source, StarSource::Galaxy(_)) {
+            return Err(LoadError::GalaxyBesideDeep { index });
+        }
+        if let Some(path) = source.deep_store().filter(|_| index > first) {
+            return Err(LoadError::SecondDeep { index, path: path.to_owned() });
         }
     }
     Ok(())

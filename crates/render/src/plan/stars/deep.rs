@@ -12,9 +12,10 @@ use rayon::prelude::*;
 use super::cull::{CullSettings, Field};
 use crate::{
     catalogue::deep::{
-        BUCKETS, LAYERS,
+        BUCKET_ORDER, BUCKETS, LAYERS, SUM_ORDER,
         live::{DeepSky, Detail, Page, PageKey, PageStar, page::MOST_PARALLAX},
     },
+    photometry::rec709::luminance,
     plan::{PlanError, smooth_light::TEXEL_PX},
     units::illuminance_lx_from_magnitude,
     view::{Viewport, projection::BoundingCone},
@@ -36,7 +37,7 @@ const SHARE_OF_A_PLAN: f64 = 0.9;
 /// Parameters of the selection.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DeepInputs<'a> {
-    pub sky: &'a DeepSky,
+    pub sky: &'a Arc<DeepSky>,
     pub camera_pc: DVec3,
     pub viewports: &'a [Viewport],
     pub cull: CullSettings,
@@ -111,7 +112,8 @@ struct PartPages {
 ///
 /// # Errors
 /// Stars that cannot be replaced by composite stars do not fit into the memory.
-pub(super) fn select(inputs: &DeepInputs<'_>, sky: &Arc<DeepSky>) -> Result<DeepPlan, PlanError> {
+pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
+    let sky = inputs.sky;
     let mut plan =
         DeepPlan { faintest_lx: f64::INFINITY, device_bytes: inputs.memory_bytes / 2, ..DeepPlan::default() };
     if inputs.magnitude_limit <= RESIDENT_TO_MAGNITUDE {
@@ -225,7 +227,7 @@ fn visible_pages(inputs: &DeepInputs<'_>, fields: &[Field], part: Part) -> PartP
         if key.stars(inputs.sky.store()) == 0 {
             return;
         }
-        let viewports = if key.order() == crate::catalogue::deep::BUCKET_ORDER {
+        let viewports = if key.order() == BUCKET_ORDER {
             part.viewports
         } else {
             let (axis, half_angle_rad) = key.cone();
@@ -261,16 +263,13 @@ impl DeepPlan {
             self.add_pages(&wanted.pages, held);
             return;
         }
-        // Coarser pages, down to those that are always in memory.
-        let mut detail = if is_divisible(inputs) { wanted.part.detail.coarser() } else { None };
+        // Coarser pages, down to the base, which is always in memory and also stands in for what is coarser than itself.
+        let mut detail = is_divisible(inputs).then(|| wanted.part.detail.coarser().unwrap_or(Detail::BASE));
         let mut stand_in = None;
         while let Some(coarser) = detail {
             let part = visible_pages(inputs, fields, Part { detail: coarser, ..wanted.part });
             let keys: Vec<PageKey> = part.pages.iter().map(|(key, _)| *key).collect();
-            let mut held = inputs.sky.pages_of(&keys);
-            if coarser == Detail::BASE {
-                held = part.pages.iter().map(|_| Some(Arc::clone(inputs.sky.base_page(part.part.bucket)))).collect();
-            }
+            let held = inputs.sky.pages_of(&keys);
             if held.iter().all(Option::is_some) {
                 stand_in = Some((part, held));
                 break;
@@ -326,9 +325,8 @@ fn most_in_a_pixel_lx(page: &Page, cell_px: f64) -> f64 {
 fn most_of_leaf_lx(sky: &DeepSky, key: PageKey) -> f64 {
     let PageKey::Leaf { layer, .. } = key else { return 0.0 };
     let layer = usize::from(layer);
-    let cell = (key.cell() >> (2 * (LAYERS[layer].order - crate::catalogue::deep::SUM_ORDER))) as usize;
-    let sum =
-        sky.store().index().sums[layer].get(cell).map_or(0.0, |light| crate::photometry::rec709::luminance(*light));
-    let brightest = illuminance_lx_from_magnitude(f64::from(LAYERS[layer].magnitude) - 0.01);
+    let cell = (key.cell() >> (2 * (LAYERS[layer].order - SUM_ORDER))) as usize;
+    let sum = sky.store().index().sums[layer].get(cell).map_or(0.0, |light| luminance(*light));
+    let brightest = illuminance_lx_from_magnitude(LAYERS[layer].brightest_mag());
     sum.min(brightest * f64::from(key.stars(sky.store())))
 }

@@ -24,8 +24,6 @@ pub const MOST_RADIUS_RAD: f64 = 0.2;
 
 /// Widening of the circle for leaves: the air and the place of the camera turn directions by less.
 const CIRCLE_MARGIN_RAD: f64 = 1e-3;
-/// The light that is carried from star to star may make a star of a layer brighter than its limit by this.
-const LAYER_MARGIN_MAG: f64 = 0.01;
 
 /// A star as a camera sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,7 +95,7 @@ pub fn stars_near(
     // Layer by layer: a fainter one is read only if it can still contribute, so that few leaves are read however wide the circle is.
     let arriving = refraction.map_or(direction, |refraction| refraction.arriving(direction));
     for (layer, of_layer) in LAYERS.iter().enumerate() {
-        let brightest_lx = illuminance_lx_from_magnitude(f64::from(of_layer.magnitude) - LAYER_MARGIN_MAG);
+        let brightest_lx = illuminance_lx_from_magnitude(of_layer.brightest_mag());
         let is_full = found.len() == most && found.last().is_some_and(|star| star.illuminance_lx >= brightest_lx);
         if is_full || brightest_lx < faintest_lx {
             break;
@@ -106,7 +104,7 @@ pub fn stars_near(
             let page = deep.read(key)?;
             found.extend(page.stars.iter().filter_map(|star| {
                 let (towards, factor) = page.seen(star, camera_pc);
-                let packed = PackedStar { offset_pc: [0.0; 3], light: star.light };
+                let packed = star.packed();
                 let illuminance_lx = packed.illuminance_at_1_pc_lx() * factor;
                 let seen = towards.try_normalize()?;
                 let seen = refraction.map_or(seen, |refraction| refraction.seen(seen));

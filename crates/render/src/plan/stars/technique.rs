@@ -103,7 +103,7 @@ impl Stars {
             skip_damaged: settings.skip_damaged,
             memory_bytes: settings.memory.bytes,
         };
-        plan.stars.deep = deep::select(&deep, sky)?;
+        plan.stars.deep = deep::select(&deep)?;
         plan.stars.cull_ms += start.elapsed().as_secs_f64() * 1e3;
         Ok(())
     }

@@ -54,8 +54,12 @@ fn encode_motion(motion: Motion) -> layout::CameraMotion {
 /// Creates the pipeline with or without the occlusion test, for stars of chunks or of pages.
 fn star_pipeline(gpu: &Gpu, has_geometry: bool, from_pages: bool) -> wgpu::ComputePipeline {
     let flag = |name: &'static str, value: bool| (name, f64::from(u8::from(value)));
-    let flags = [flag("HAS_GEOMETRY", has_geometry), flag("FROM_PAGES", from_pages)];
-    let constants = [workgroup_constant(gpu), flags[0], flags[1], rolled_loops(gpu)];
+    let constants = [
+        workgroup_constant(gpu),
+        flag("HAS_GEOMETRY", has_geometry),
+        flag("FROM_PAGES", from_pages),
+        rolled_loops(gpu),
+    ];
     gpu.compute_pipeline_with(&splatting(gpu, "stars/splat"), &constants)
 }
 

@@ -138,6 +138,13 @@ impl CellFrame {
         DVec3::new(sine * cos, sine * sin, z)
     }
 
+    /// Half-angle of a cone around the centre that contains the cell, rad.
+    pub fn radius_rad(&self) -> f64 {
+        // The farthest points are the corners; a tenth more for the curvature of the sides.
+        let corners = [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]];
+        1.1 * corners.map(|corner| self.direction(corner).angle_between(self.centre)).into_iter().fold(0.0, f64::max)
+    }
+
     /// Direction minus [`CellFrame::centre`], ICRS axes. In cells of order 6 and finer its f32 numbers have steps below 0.2 mas, those of a
     /// unit vector 12 mas.
     pub fn offset(&self, inside: [f64; 2]) -> Vec3 {

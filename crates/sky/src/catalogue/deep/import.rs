@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 use super::build::{Build, BuildOptions, BuildReport, BuildStep, NewStar, OnStep, Sources};
 use super::error::DeepError;
 use super::hats::{self, is_hats};
-use super::part::{Input, file_digest};
+use super::part::Input;
 use super::prior::prior_distance_pc;
 use super::slice::{Selection, each_bright_star, each_star};
 use super::{DeepStore, is_deep_store};
@@ -74,7 +74,7 @@ impl ImportSource {
         match self {
             Self::Bright => Ok(bright::NAME.to_owned()),
             Self::File(path) if is_deep_store(path) => Ok(DeepStore::open(path)?.root()),
-            Self::File(path) => file_digest(path),
+            Self::File(path) => Ok(files::sha256_of_file(path).map_err(DeepError::io(path))?.1),
         }
     }
 }

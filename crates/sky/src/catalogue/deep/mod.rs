@@ -120,6 +120,11 @@ pub const EPOCH_YEAR: f64 = 2016.0;
 pub const BRIGHT_FILE: &str = "bright";
 
 impl Layer {
+    /// V magnitude that no star of the layer exceeds in brightness: the light that is carried from star to star may move a star by half a step.
+    pub fn brightest_mag(self) -> f64 {
+        f64::from(self.magnitude) - 0.01
+    }
+
     /// Name of its file.
     pub fn file(self) -> String {
         format!("leaves-{}", self.magnitude)

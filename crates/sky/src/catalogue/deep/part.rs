@@ -141,15 +141,3 @@ fn bright_crc32(folder: &Path) -> Result<[u32; 2], DeepError> {
     };
     Ok([of_file(STARS)?, of_file(NAMES)?])
 }
-
-/// SHA-256 of the content of a file, hexadecimal.
-pub fn file_digest(path: &Path) -> Result<String, DeepError> {
-    let mut file = files::open_regular(path).map_err(DeepError::io(path))?;
-    let (mut hash, mut block) = (Sha256::new(), vec![0; 1 << 20]);
-    loop {
-        match file.read(&mut block).map_err(DeepError::io(path))? {
-            0 => return Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()),
-            bytes => hash.update(&block[..bytes]),
-        }
-    }
-}

@@ -155,7 +155,7 @@ impl DeepStore {
 
     /// The root checksum in hexadecimal: two stores with the same one have the same content.
     pub fn root(&self) -> String {
-        self.root.iter().map(|byte| format!("{byte:02x}")).collect()
+        files::hexadecimal(&self.root)
     }
 
     /// Its folder.

@@ -38,16 +38,12 @@ impl Selection {
     fn may_contain_cell(&self, order: u8, cell: u64) -> bool {
         let Some((axis, half_rad)) = self.cone else { return true };
         let frame = CellFrame::new(order, cell);
-        // The farthest points of a cell are its corners; a tenth more for the curvature of its sides.
-        let corners = [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]];
-        let radius =
-            corners.map(|corner| frame.direction(corner).angle_between(frame.centre)).into_iter().fold(0.0, f64::max);
-        frame.centre.angle_between(axis) <= half_rad + 1.1 * radius
+        frame.centre.angle_between(axis) <= half_rad + frame.radius_rad()
     }
 
-    /// Whether a layer may have stars that meet the conditions. The light that is carried from star to star may move a star by half a step.
+    /// Whether a layer may have stars that meet the conditions.
     fn may_contain_layer(&self, layer: usize) -> bool {
-        self.magnitudes.is_none_or(|[_, faintest]| faintest >= f64::from(LAYERS[layer].magnitude) - 0.01)
+        self.magnitudes.is_none_or(|[_, faintest]| faintest >= LAYERS[layer].brightest_mag())
     }
 }
 

@@ -57,12 +57,8 @@ impl Base {
 pub struct DeepStatistics {
     /// Bytes of the pages in memory.
     pub bytes: u64,
-    /// Pages that views need and that have not been read.
-    pub missing: u64,
     /// Pages read so far.
     pub pages_read: u64,
-    /// Bytes read so far.
-    pub bytes_read: u64,
 }
 
 impl DeepSky {
@@ -94,11 +90,6 @@ impl DeepSky {
         self.pages().store()
     }
 
-    /// The page of the base with the stars of a cell of [`super::BUCKET_ORDER`].
-    pub fn base_page(&self, bucket: u64) -> &Arc<Page> {
-        &self.base.pages[bucket as usize]
-    }
-
     /// Light of all leaves together, lx.
     pub fn total_lx(&self) -> f64 {
         self.base.pages.iter().map(|page| page.total_lx).sum()
@@ -115,10 +106,16 @@ impl DeepSky {
         })
     }
 
-    /// The pages that are in memory, in the order of the keys; `None` for those that are not. Pages of another epoch of the same store are
-    /// returned until they have been read again.
+    /// The pages that are in memory, in the order of the keys; `None` for those that are not. The base always is. Pages of another epoch of the same
+    /// store are returned until they have been read again.
     pub fn pages_of(&self, keys: &[PageKey]) -> Vec<Option<Arc<Page>>> {
-        self.pages().held(keys)
+        let mut held = self.pages().held(keys);
+        for (held, key) in held.iter_mut().zip(keys) {
+            if let PageKey::Tile { plane: BASE_PLANE, cell } = key {
+                *held = Some(Arc::clone(&self.base.pages[*cell as usize]));
+            }
+        }
+        held
     }
 
     /// The leaves of a layer (its index in [`super::LAYERS`]) that reach into a circle around a unit vector, and have stars.

@@ -75,10 +75,7 @@ impl PageKey {
     /// Axis, a unit vector, and half-angle in rad of a cone with all stars of the cell.
     pub fn cone(self) -> (DVec3, f64) {
         let frame = CellFrame::new(self.order(), self.cell());
-        // The farthest points are the corners; a tenth more for the curvature of the sides.
-        let corners = [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]].map(|corner| frame.direction(corner));
-        let radius = corners.into_iter().map(|corner| corner.angle_between(frame.centre)).fold(0.0, f64::max);
-        (frame.centre, 1.1 * radius)
+        (frame.centre, frame.radius_rad())
     }
 }
 
@@ -92,6 +89,13 @@ pub struct PageStar {
     pub parallax: f32,
     /// Its light at the barycentre: of a star that of [`PackedStar`], of a composite star the upper 32 bits of its word.
     pub light: u32,
+}
+
+impl PageStar {
+    /// Light of a star of a leaf, in the form of a star at infinity.
+    pub fn packed(&self) -> PackedStar {
+        PackedStar { offset_pc: [0.0; 3], light: self.light }
+    }
 }
 
 /// The stars of a leaf or tile.

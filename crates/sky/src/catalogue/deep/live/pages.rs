@@ -50,6 +50,8 @@ struct State {
     /// Text of the first error, and the pages that could not be read.
     problem: Option<String>,
     damaged: HashSet<PageKey>,
+    /// Delay before each page is read in the background, to test slow disks.
+    delay: Duration,
     is_closing: bool,
 }
 
@@ -59,8 +61,6 @@ pub(super) struct Pages {
     store: DeepStore,
     state: Mutex<State>,
     wake: Condvar,
-    /// Delay before each page is read in the background, to test slow disks.
-    delay: Mutex<Duration>,
 }
 
 /// Threads that read the pages of a store; they end with the last user.
@@ -84,14 +84,10 @@ impl Readers {
             statistics: DeepStatistics::default(),
             problem: None,
             damaged: HashSet::new(),
+            delay: Duration::ZERO,
             is_closing: false,
         };
-        let pages = Arc::new(Pages {
-            store,
-            state: Mutex::new(state),
-            wake: Condvar::new(),
-            delay: Mutex::new(Duration::ZERO),
-        });
+        let pages = Arc::new(Pages { store, state: Mutex::new(state), wake: Condvar::new() });
         for number in 0..READERS {
             let own = Arc::clone(&pages);
             let started = thread::Builder::new().name(format!("deep stars {number}")).spawn(move || own.serve());
@@ -144,7 +140,6 @@ impl Pages {
                 known.insert(*key, Want { urgency: *urgency, epoch: *epoch, asked: now });
             }
         }
-        state.statistics.missing = state.wants.len() as u64;
         let is_needed = !state.wants.is_empty();
         drop(state);
         if is_needed {
@@ -194,7 +189,7 @@ impl Pages {
     }
 
     pub(super) fn set_delay(&self, delay: Duration) {
-        *self.delay.lock().unwrap_or_else(PoisonError::into_inner) = delay;
+        self.state().delay = delay;
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -218,7 +213,7 @@ impl Pages {
                 }
             };
             for (key, want) in taken {
-                let delay = *self.delay.lock().unwrap_or_else(PoisonError::into_inner);
+                let delay = self.state().delay;
                 if delay > Duration::ZERO {
                     thread::sleep(delay);
                 }
@@ -250,7 +245,6 @@ impl State {
         for (key, _) in &wants {
             self.wants.remove(key);
         }
-        self.statistics.missing = self.wants.len() as u64;
         wants
     }
 
@@ -264,7 +258,6 @@ impl State {
     fn keep(&mut self, page: Page, epoch: &Epoch) {
         let bytes = page.bytes();
         self.statistics.pages_read += 1;
-        self.statistics.bytes_read += bytes / 2;
         let held = Held { epoch: *epoch, used: Instant::now(), page: Arc::new(page) };
         let before = self.held.insert(held.page.key, held);
         self.statistics.bytes = self.statistics.bytes + bytes - before.map_or(0, |held| held.page.bytes());
