@@ -173,8 +173,16 @@ impl Browser {
         self.run("return document.body.innerText").await
     }
 
+    /// Returns the first element of a selector. The page may still be filling its list: waits for it.
     pub async fn find(&self, selector: &str) -> Element {
-        self.client.find(Locator::Css(selector)).await.unwrap_or_else(|error| panic!("{selector}: {error}"))
+        let deadline = Instant::now() + PATIENCE;
+        loop {
+            match self.client.find(Locator::Css(selector)).await {
+                Ok(element) => return element,
+                Err(error) => assert!(Instant::now() < deadline, "{selector}: {error}"),
+            }
+            tokio::time::sleep(POLL).await;
+        }
     }
 
     pub async fn click(&self, selector: &str) {

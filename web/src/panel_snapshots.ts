@@ -13,10 +13,14 @@ export function snapshotsPanel(host: HTMLElement, model: Model): void {
   const form = make("form", {}, make("h3", { text: "Snapshots" }), list, field("Name", name), make("div", { class: "buttons" }, save));
   host.append(form);
 
+  // Answers may overtake one another: only the answer to the last question is shown.
+  let questions = 0;
   const read = async () => {
+    const question = ++questions;
     const role = model.info?.role;
     try {
       const { snapshots } = await scenes.listSnapshots({}, { timeoutMs: PATIENCE_MS });
+      if (question !== questions) return;
       save.disabled = role === "view";
       list.replaceChildren(
         ...snapshots.map(({ name: saved, time }) => {
@@ -33,6 +37,7 @@ export function snapshotsPanel(host: HTMLElement, model: Model): void {
       );
       if (snapshots.length === 0) list.append(make("li", { class: "hint", text: "None." }));
     } catch (error) {
+      if (question !== questions) return;
       // Without a state file there are none.
       save.disabled = true;
       if (failureOf(error) === "refused") list.replaceChildren(make("li", { class: "hint", text: messageOf(error) }));
