@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 
 use super::{
-    About, AsteroidMetric, Axis, GlareMetric, LiveMetric, ProjectorMetric, Row, scores::Metric, summary::Summary,
+    About, AsteroidMetric, Axis, DeepMetric, GlareMetric, LiveMetric, ProjectorMetric, Row, scores::Metric, summary::Summary,
     svg::grouped, timing::TIMING_EV100,
 };
 
@@ -66,6 +66,15 @@ const LIVE: [(LiveMetric, &str); 8] = [
     (LiveMetric::StarsDrawn, "stars drawn"),
 ];
 
+/// Columns of the axis `scale`: figures of deep stores.
+const SCALE: [(DeepMetric, &str); 5] = [
+    (DeepMetric::Error999Codes, "error, 99.9 %, codes"),
+    (DeepMetric::ErrorLargestCodes, "largest error, codes"),
+    (DeepMetric::ReadMib, "read, MiB"),
+    (DeepMetric::MemoryMib, "memory, MiB"),
+    (DeepMetric::Drawn, "drawn one by one"),
+];
+
 /// An error column.
 #[derive(Clone, Copy)]
 struct Column {
@@ -87,7 +96,8 @@ fn columns(axis: Axis) -> Vec<Column> {
             PROJECTORS.map(|(metric, heading)| column((metric.name(), heading, metric.meaning()))).to_vec()
         }
         Axis::Live => LIVE.map(|(metric, heading)| column((metric.name(), heading, metric.meaning()))).to_vec(),
-        Axis::Views | Axis::Scale => Vec::new(),
+        Axis::Scale => SCALE.map(|(metric, heading)| column((metric.name(), heading, metric.meaning()))).to_vec(),
+        Axis::Views => Vec::new(),
     }
 }
 
@@ -158,6 +168,7 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
             continue;
         }
         add(&match axis {
+            Axis::Scale => matrix(&of_axis),
             Axis::Glare => summary(
                 &Summary::glare(rows),
                 "errors are the rms error of the veil, workloads in the same order as the times",
@@ -179,7 +190,7 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
             let of_workload: Vec<&Row> = of_axis.iter().filter(|row| row.workload == workload).copied().collect();
             if of_workload.iter().any(|row| columns.iter().any(|column| column.metric == row.error_metric)) {
                 add(&table(workload, &of_workload, &columns));
-            } else {
+            } else if *axis != Axis::Scale {
                 add(&matrix(&of_workload));
             }
         }

@@ -9,6 +9,7 @@
 //! - `scenes`: small artificial skies whose correct picture is known;
 //! - `scores`: the figures of one method over those scenes, by [`crate::metrics`];
 //! - `stars`, `glare`, `asteroids`, `projectors`, `views`, `scale`, `live`: the axes;
+//! - `deep`: stores that do not fit in memory, for the axis `scale`;
 //! - `display_errors`: errors of display images against exact ones, for the axis `live` and for tests;
 //! - `summary`: one line per method;
 //! - `pareto`: methods that no other method beats in both time and accuracy.
@@ -20,6 +21,7 @@
 
 mod asteroids;
 mod csv;
+mod deep;
 mod display_errors;
 mod glare;
 mod html;
@@ -46,6 +48,7 @@ use self::workloads::Skies;
 pub use self::{
     asteroids::AsteroidExtent,
     csv::{COLUMNS, Row, read_csv, write_csv},
+    deep::DeepMetric,
     display_errors::{DisplayErrors, code_errors},
     live::{LIVE_TURN_DEG_S, LiveDaemon, LiveExtent, LiveMetric, LiveRequest, LiveRound, LiveScene, StartDaemon},
     pareto::{ParetoError, pareto_front},
@@ -56,11 +59,11 @@ pub use self::{
     workloads::{Extent, GlareExtent, Sky, ViewShape},
 };
 use crate::{
-    catalogue::galaxy::GalaxyError,
+    catalogue::{deep::DeepError, galaxy::GalaxyError},
     files,
     gpu::{AdapterReport, GpuError},
     render::Renderer,
-    scene::asteroids::SpecError,
+    scene::{asteroids::SpecError, loader::LoadError},
     view::RigError,
 };
 
@@ -74,6 +77,12 @@ pub enum ChartError {
     /// The stars of a workload cannot be made.
     #[error(transparent)]
     Galaxy(#[from] GalaxyError),
+    /// A deep store of the axis `scale` cannot be made.
+    #[error(transparent)]
+    Deep(#[from] DeepError),
+    /// A deep store of the axis `scale` cannot be loaded.
+    #[error(transparent)]
+    Load(#[from] Box<LoadError>),
     /// The asteroids of a workload cannot be made.
     #[error(transparent)]
     Field(#[from] SpecError),

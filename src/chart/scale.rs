@@ -1,7 +1,8 @@
 //! The axis `scale`: time against the number of stars in the usual flat view. The figure is the time per star of the
-//! catalogue.
+//! catalogue. Deep stores follow ([`deep`]).
 
 use super::{
+    deep,
     Axis, Budget, ChartError, Extent, ReportStep, Row, Score, Sky, Step, ViewShape,
     scores::settings_of,
     timing::{self, Case, TIMING_EV100},
@@ -19,6 +20,8 @@ pub(super) fn run(
     report_step: ReportStep<'_>,
 ) -> Result<Vec<Row>, ChartError> {
     let rig = rig_of(vec![("chart", VIEW.kind())])?;
+    // Deep stores have the same view, and a dome.
+    let of_stores = budget.part(0.5, 1);
     let mut rows = Vec::new();
     for (done, &stars) in extent.scale.iter().enumerate() {
         let sky = Sky::Galaxy(stars);
@@ -34,7 +37,7 @@ pub(super) fn run(
         let workload = sky.name();
         let settings =
             StarMethod::ALL.map(|method| settings_of(method, TIMING_EV100, illuminance_lx_from_magnitude(faintest)));
-        let budget = budget.part(1.0, extent.scale.len() - done);
+        let budget = budget.part(0.5, extent.scale.len() - done);
         let timed = timing::frames(renderer, &scene, &rig, &settings, extent.rounds, budget)?;
         let adapter = renderer.adapter().adapter.clone();
         let case = Case { axis: Axis::Scale, workload, adapter, size: VIEW.size(), items: stars as u64, planes: true };
@@ -43,5 +46,6 @@ pub(super) fn run(
             rows.push(case.row(method, timed, "ns_per_star", &Score { value: per_star, note: String::new() }));
         }
     }
+    rows.extend(deep::run(renderer, (&extent.deep, &extent.stores), extent.rounds, of_stores, report_step)?);
     Ok(rows)
 }

@@ -3,7 +3,7 @@
 //! All views look at the galactic anticentre, where stars are less dense than in the bulge and denser than at the
 //! poles.
 
-use std::{f64::consts::PI, sync::Arc, time::Duration};
+use std::{f64::consts::PI, path::PathBuf, sync::Arc, time::Duration};
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -34,7 +34,7 @@ pub(super) const EYE_HALF_FOV_RAD: f64 = std::f64::consts::FRAC_PI_4;
 /// Distance between the eyes, m.
 const IPD_M: f64 = 0.063;
 /// Seed of the synthetic galaxies.
-const SEED: u64 = 1;
+pub(super) const SEED: u64 = 1;
 
 /// The stars of a workload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -181,6 +181,10 @@ pub struct Extent {
     pub scoring: ScoringSize,
     /// Numbers of stars on the axis `scale`.
     pub scale: Vec<usize>,
+    /// Numbers of stars of the deep stores that the axis `scale` makes.
+    pub deep: Vec<usize>,
+    /// Folders of further deep stores for the axis `scale`.
+    pub stores: Vec<PathBuf>,
     /// Number of stars on the axis `views`.
     pub many_views_stars: usize,
     /// Raster of the axis `projectors`.
@@ -246,6 +250,8 @@ impl Extent {
             budget: Duration::from_secs(140),
             scoring: ScoringSize::default(),
             scale: vec![10_000, 100_000, 1_000_000],
+            deep: vec![100_000],
+            stores: Vec::new(),
             many_views_stars: 30_000,
             projector: [960, 540],
             glare: GlareExtent::new(100_000, [1000, 500], 3, Duration::from_secs(40)),
@@ -284,6 +290,8 @@ impl Extent {
             budget: Duration::from_secs(2300),
             scoring: ScoringSize::default(),
             scale,
+            deep: vec![100_000, 1_000_000, 10_000_000],
+            stores: Vec::new(),
             many_views_stars: 1_000_000,
             projector: [1920, 1080],
             glare: GlareExtent::new(1_000_000, [3000, 2000], 11, Duration::from_secs(300)),

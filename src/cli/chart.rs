@@ -8,6 +8,7 @@ use clap::Args;
 
 pub use self::daemons::Daemons;
 use super::{CliError, progress::Progress, results};
+use crate::catalogue::deep::DeepStore;
 use crate::chart::{self, About, Axis, Extent, Step};
 use crate::gpu::{Gpu, GpuOptions};
 use crate::render::Renderer;
@@ -18,7 +19,8 @@ use crate::render::Renderer;
     steradian chart --out chart --quick\n  \
     steradian chart --out chart --axis stars --adapter llvmpipe\n  \
     steradian chart --out chart --quick --axis glare\n  \
-    steradian chart --out chart --quick --axis live     # frames that reach a client, two minutes\n\n\
+    steradian chart --out chart --quick --axis live     # frames that reach a client, two minutes\n  \
+    steradian chart --out chart --axis scale --store gaia\n\n\
     Writes chart.csv, one SVG per axis and index.html that shows them, and prints one line per method. A quick run ends within four minutes on two cores\n\
     without a GPU; a full run covers all workloads, from 10 thousand to 10 million stars and from 720p to 4K, and takes longer.\n\
     The rows of a method that cannot be drawn have empty figures and the reason in the notes column.")]
@@ -33,6 +35,9 @@ pub struct ChartArguments {
     /// but live, which starts daemons on free ports of this machine and measures the frames that reach a client.
     #[arg(long, value_name = "AXIS", value_parser = Axis::parse)]
     axis: Option<Axis>,
+    /// A deep store to measure on the axis scale, beside those that it makes. May be repeated.
+    #[arg(long = "store", value_name = "DIR")]
+    stores: Vec<PathBuf>,
 }
 
 /// Runs the command.
@@ -40,11 +45,19 @@ pub fn run(arguments: &ChartArguments, options: &GpuOptions, no_cache: bool) -> 
     // Create the folder first: a folder that cannot be created is an error before the long work.
     std::fs::create_dir_all(&arguments.out)
         .map_err(|source| chart::ChartError::Write { path: arguments.out.clone(), source })?;
+    // The same holds for a store that cannot be used.
+    if let (Some(axis), [_, ..]) = (arguments.axis.filter(|axis| *axis != Axis::Scale), &arguments.stores[..]) {
+        return Err(CliError::Usage(format!("--store: the axis {} measures no stores; give --axis scale, or no axis", axis.name())));
+    }
+    for folder in &arguments.stores {
+        DeepStore::open_whole(folder).map_err(CliError::Deep)?;
+    }
     let gpu = Gpu::open(options)?;
     let discrete = gpu.report().device_type == "DiscreteGpu";
     let about = About::now(gpu.report(), &command());
     let mut renderer = Renderer::new(gpu);
     let extent = if arguments.quick { Extent::quick() } else { Extent::full(discrete) };
+    let extent = Extent { stores: arguments.stores.clone(), ..extent };
     let progress = Progress::new();
     let axes = match arguments.axis {
         Some(axis) => vec![axis],

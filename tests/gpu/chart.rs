@@ -2,12 +2,21 @@
 
 mod live;
 
-use std::{collections::BTreeSet, process::Command, time::Duration};
+use std::{
+    collections::BTreeSet,
+    path::{Path, PathBuf},
+    process::Command,
+    time::Duration,
+};
 
 use glam::DVec2;
 use steradian::{
+    catalogue::{
+        deep::{build::BuildOptions, synth::synthesise},
+        galaxy::GalaxyParameters,
+    },
     chart::{
-        self, About, AsteroidExtent, AsteroidMetric, Axis, COLUMNS, Extent, GlareExtent, GlareMetric, LiveDaemon,
+        self, About, AsteroidExtent, AsteroidMetric, Axis, COLUMNS, DeepMetric, Extent, GlareExtent, GlareMetric, LiveDaemon,
         LiveExtent, LiveRequest, Metric, ProjectorMetric, Row, ScoringSize, Sky, ViewShape, read_csv, score_method,
         write_csv,
     },
@@ -28,6 +37,8 @@ fn tiny() -> Extent {
         budget: AMPLE,
         scoring: tiny_scoring(),
         scale: vec![200, 400],
+        deep: vec![2000],
+        stores: Vec::new(),
         many_views_stars: 300,
         projector: [480, 270],
         glare: GlareExtent {
@@ -222,10 +233,37 @@ fn views_and_scale_have_their_figures_over_several_rounds() {
     assert_views_and_scale_have_their_figures(&tiny());
 }
 
-/// Tests the axes without error metrics: times, and one derived figure.
+/// Makes a deep store of faint stars; those of the brightest ones are all resident.
+fn faint_store(folder: &Path) -> PathBuf {
+    let out = folder.join("faint");
+    let parameters = GalaxyParameters { stars: 30_000, seed: 3, fainter_than: Some(13.0), unresolved_light: false };
+    let options = BuildOptions { out: out.clone(), memory_bytes: 1 << 28, job: String::new(), cells: None };
+    synthesise(&parameters, options, &mut |_| ()).unwrap();
+    out
+}
+
+/// Tests the axes of views and numbers of stars: times, one derived figure, and the figures of deep stores.
 fn assert_views_and_scale_have_their_figures(extent: &Extent) {
+    let folder = tempfile::tempdir().unwrap();
+    let extent = &Extent { stores: vec![faint_store(folder.path())], ..extent.clone() };
     let mut renderer = crate::common::renderer();
     let rows = chart::run(&mut renderer, &[Axis::Views, Axis::Scale], extent, &mut no_daemons, &mut |_| {}).unwrap();
+    for series in ["deep_store", "deep_store_dome"] {
+        let value = |items: u64, metric: DeepMetric| {
+            let of_metric = |row: &&Row| {
+                (&*row.method, row.items, &*row.error_metric) == (series, items, metric.name())
+            };
+            rows.iter().find(of_metric).and_then(|row| row.error_value).unwrap_or_else(|| panic!("{series} {metric:?}"))
+        };
+        // The brightest stars are all resident: nothing is read, and nothing stands for them.
+        assert_eq!(value(2000, DeepMetric::ReadMib), 0.0);
+        // 30,000 stars of 8 bytes, or fewer composite stars.
+        let read = value(30_000, DeepMetric::ReadMib);
+        assert!(read > 0.01 && read < 0.5, "{series}: {read} MiB");
+        assert!(value(30_000, DeepMetric::MemoryMib) >= read, "{series}");
+        let [most, largest] = [DeepMetric::Error999Codes, DeepMetric::ErrorLargestCodes].map(|m| value(30_000, m));
+        assert!(most < 0.5 && largest >= most && largest > 0.0, "{series}: {most} {largest}");
+    }
     let figure = |axis: &str, workload: &str, method: &str| {
         let found = rows.iter().find(|row| (&*row.axis, &*row.workload, &*row.method) == (axis, workload, method));
         found.unwrap_or_else(|| panic!("no row {axis}, {workload}, {method}"))
@@ -249,10 +287,10 @@ fn assert_views_and_scale_have_their_figures(extent: &Extent) {
     }
     assert!(figure("scale", "400", "bspline").error_value.is_some());
 
-    let folder = tempfile::tempdir().unwrap();
     let files = chart::write(folder.path(), &rows, &about()).unwrap();
     let names: Vec<&str> = files.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
     assert_eq!(names, ["chart.csv", "views.svg", "scale.svg", "index.html"]);
+    assert!(std::fs::read_to_string(folder.path().join("index.html")).unwrap().contains("read_mib"));
     for picture in ["views.svg", "scale.svg"] {
         let texts = well_formed(&std::fs::read_to_string(folder.path().join(picture)).unwrap());
         assert!(texts.iter().any(|text| text == "bspline") && texts.iter().any(|text| text == "tent"));

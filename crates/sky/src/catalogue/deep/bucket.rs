@@ -154,7 +154,7 @@ pub struct BucketSums {
 const FINER_ORDERS: u32 = 4;
 
 const _: () =
-    assert!(LAYERS[0].order + 4 == PLANES[0].order && LAYERS[2].order + 4 == PLANES[11].order && SUM_ORDER == 5);
+    assert!(LAYERS[0].order + 4 == PLANES[0].order && LAYERS[2].order + 4 == PLANES[9].order && SUM_ORDER == 5);
 
 impl BucketSums {
     /// Adds up the leaves of a bucket.

@@ -36,7 +36,7 @@ pub enum DeepError {
         path: PathBuf,
     },
     /// The store has another version.
-    #[error("{}: version {found} of deep stores, this program reads versions 1 and {}; import the catalogue again", path.display(), super::index::VERSION)]
+    #[error("{}: version {found} of deep stores, this program reads versions 1 to {}; import the catalogue again", path.display(), super::index::VERSION)]
     Version {
         /// The index.
         path: PathBuf,

@@ -16,12 +16,15 @@ use super::cell_range::CellRange;
 use super::cells::cell_count;
 use super::error::DeepError;
 use super::tile::{tile_order, words_of_bits, words_of_tile};
-use super::{LAYERS, Layer, PLANES, Plane, SUM_ORDER};
+use super::{COARSEST_PLANE, LAYERS, Layer, PLANES, Plane, SUM_ORDER};
 
 /// First bytes of an index.
 pub const MAGIC: [u8; 8] = *b"STERDEEP";
-/// Version of stores. Version 1 has no parts, and its planes carry the remainder of rounding across all cells; it is still read.
-pub const VERSION: u32 = 2;
+/// Version of stores. Versions 1 and 2 also have planes of order 6, which are left unread. Version 1 has no parts, and its planes carry the remainder of rounding
+/// across all cells.
+pub const VERSION: u32 = 3;
+/// Order of the coarsest planes of versions 1 and 2.
+const COARSEST_BEFORE: u8 = 6;
 /// Name of the file.
 pub const NAME: &str = "index";
 /// Longest description, bytes.
@@ -138,7 +141,7 @@ pub struct PartOfIndex {
 /// Contents of an index.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Index {
-    /// Version of the store, 1 or [`VERSION`].
+    /// Version of the store, 1 to [`VERSION`].
     pub version: u32,
     /// Julian year of the places in leaves and planes. Those in `bright` are at J2000.0.
     pub epoch_year: f64,
@@ -193,7 +196,7 @@ impl Index {
             bright_bytes: self.bright.bytes,
             bright_stars: self.bright.stars,
             bright_crc32: self.bright.crc32,
-            planes: PLANES.len() as u32,
+            planes: planes_of(self.version).len() as u32,
             cells: self.part.map_or([0; 2], |part| [part.cells.first(), part.cells.end()].map(|cell| cell as u32)),
             part: self.part.map_or([0; 32], |part| part.sha256),
         };
@@ -205,7 +208,10 @@ impl Index {
             segments: segments.list.len() as u64,
         };
         let layers = LAYERS.iter().zip(&self.leaves).map(|(layer, leaves)| entry(layer.magnitude, layer.order, leaves));
-        let planes = PLANES.iter().zip(&self.tiles).map(|(plane, tiles)| entry(plane.magnitude, plane.order, tiles));
+        let unread = Segments::default();
+        let planes = planes_of(self.version).into_iter().map(|(Plane { magnitude, order }, index)| {
+            entry(magnitude, order, index.map_or(&unread, |index| &self.tiles[index]))
+        });
         let entries: Vec<PartEntry> = layers.chain(planes).collect();
 
         let mut bytes = bytemuck::bytes_of(&header).to_vec();
@@ -233,14 +239,15 @@ impl Index {
             return Err(damaged("it is shorter than a header"));
         };
         let header: Header = bytemuck::pod_read_unaligned(header);
-        if ![1, VERSION].contains(&header.version) {
+        if !(1..=VERSION).contains(&header.version) {
             return Err(DeepError::Version { path: path.to_owned(), found: header.version });
         }
         let root = root_of(bytes);
         if root != header.root {
             return Err(damaged("its root checksum is not that of its content"));
         }
-        if (header.layers as usize, header.planes as usize) != (LAYERS.len(), PLANES.len()) {
+        let planes = planes_of(header.version);
+        if (header.layers as usize, header.planes as usize) != (LAYERS.len(), planes.len()) {
             return Err(damaged("it has another number of layers or planes"));
         }
         if header.description_bytes > LONGEST_DESCRIPTION || !header.epoch_year.is_finite() {
@@ -260,7 +267,7 @@ impl Index {
         let description = description.and_then(|text| String::from_utf8(text.to_vec()).ok());
         let description = description.ok_or_else(|| damaged("its description is not UTF-8"))?;
         let short = || damaged("it is shorter than its tables");
-        let entries: Vec<PartEntry> = parts.list((LAYERS.len() + PLANES.len()) as u64).ok_or_else(short)?;
+        let entries: Vec<PartEntry> = parts.list((LAYERS.len() + planes.len()) as u64).ok_or_else(short)?;
         let sums_of = |entry: &PartEntry| if entry.segments == 0 { 0 } else { cell_count(SUM_ORDER) };
         let layers = entries.iter().take(LAYERS.len());
         let sums: Option<Vec<Vec<[f64; 3]>>> = layers.map(|entry| parts.list(sums_of(entry))).collect();
@@ -268,7 +275,7 @@ impl Index {
         let expected = LAYERS
             .iter()
             .map(|&Layer { magnitude, order }| (magnitude, order, cell_count(order)))
-            .chain(PLANES.iter().map(|&Plane { magnitude, order }| (magnitude, order, cell_count(tile_order(order)))));
+            .chain(planes.iter().map(|&(Plane { magnitude, order }, _)| (magnitude, order, cell_count(tile_order(order)))));
         let mut lists = Vec::with_capacity(entries.len());
         for (entry, (magnitude, order, segments)) in entries.iter().zip(expected) {
             let is_known = (entry.magnitude, entry.order) == (u32::from(magnitude), u32::from(order));
@@ -284,7 +291,8 @@ impl Index {
         if !parts.rest.is_empty() {
             return Err(damaged("it is longer than its tables"));
         }
-        let tiles = lists.split_off(LAYERS.len());
+        let tiles = lists.split_off(LAYERS.len()).into_iter().zip(&planes);
+        let tiles = tiles.filter(|(_, (_, index))| index.is_some()).map(|(list, _)| list).collect();
         let bright = BrightFile { bytes: header.bright_bytes, stars: header.bright_stars, crc32: header.bright_crc32 };
         let index = Self::new((header.epoch_year, description), bright, lists, sums, tiles);
         let index = index.ok_or_else(|| damaged("its counts overflow"))?;
@@ -294,11 +302,24 @@ impl Index {
     /// Largest length of an index, bytes.
     pub fn most_bytes() -> u64 {
         let leaves: u64 = LAYERS.iter().map(|layer| cell_count(layer.order)).sum();
-        let tiles: u64 = PLANES.iter().map(|plane| cell_count(tile_order(plane.order))).sum();
-        let entries = size_of::<PartEntry>() as u64 * (LAYERS.len() + PLANES.len()) as u64;
+        let planes = planes_of(1);
+        let tiles: u64 = planes.iter().map(|(plane, _)| cell_count(tile_order(plane.order))).sum();
+        let entries = size_of::<PartEntry>() as u64 * (LAYERS.len() + planes.len()) as u64;
         let sums = 24 * cell_count(SUM_ORDER) * LAYERS.len() as u64;
         size_of::<Header>() as u64 + LONGEST_DESCRIPTION + entries + sums + 8 * (leaves + tiles)
     }
+}
+
+/// The planes of a version in the order of its index, with their places in [`PLANES`]; `None`: not read.
+fn planes_of(version: u32) -> Vec<(Plane, Option<usize>)> {
+    let mut planes = Vec::new();
+    for (index, plane) in PLANES.into_iter().enumerate() {
+        planes.push((plane, Some(index)));
+        if plane.order == COARSEST_PLANE && version < 3 {
+            planes.push((Plane { order: COARSEST_BEFORE, ..plane }, None));
+        }
+    }
+    planes
 }
 
 /// SHA-256 of the bytes of an index with zeros in place of the root checksum.
@@ -340,7 +361,7 @@ mod tests {
         let mut leaves = vec![Vec::new(); LAYERS.len()];
         leaves[0] = (0..cell_count(6) as u32).map(|cell| Segment { count: cell % 3, crc32: cell }).collect();
         let mut tiles = vec![Vec::new(); PLANES.len()];
-        tiles[4] = (0..cell_count(4) as u32).map(|cell| Segment { count: cell % 2, crc32: cell }).collect();
+        tiles[3] = (0..cell_count(tile_order(7)) as u32).map(|cell| Segment { count: cell % 2, crc32: cell }).collect();
         let sums = vec![vec![[0.25, 0.5, 1.0]; cell_count(5) as usize], Vec::new(), Vec::new()];
         let bright = BrightFile { bytes: 1000, stars: 12, crc32: 7 };
         Index::new((2016.0, "a test, öäü".to_owned()), bright, leaves, sums, tiles).expect("small counts")
@@ -361,9 +382,9 @@ mod tests {
         assert_eq!(found.leaves[0].range(5), (1 + 2 + 1, 2));
         assert_eq!(found.leaves[0].bytes(), 8 * cell_count(6));
         assert_eq!(found.leaves[1].bytes(), 0);
-        // Order 6 has one word of bits in a tile.
-        assert_eq!(found.tiles[4].range(1), (0, 2));
-        assert_eq!(found.tiles[4].bytes(), 8 * cell_count(4));
+        // Order 7 has one word of bits in a tile.
+        assert_eq!(found.tiles[3].range(1), (0, 2));
+        assert_eq!(found.tiles[3].bytes(), 8 * cell_count(tile_order(7)));
     }
 
     #[test]
@@ -387,10 +408,15 @@ mod tests {
             read(&bytes)
         };
         assert!(altered(&|bytes| bytes[12] = 2).contains("number of layers"));
-        assert!(altered(&|bytes| bytes[8] = 3).contains("version 3"));
-        let first = Index { version: 1, ..index() };
-        let (found, _) = Index::from_bytes(Path::new("s/index"), &first.to_bytes().0).expect("version 1 is read");
-        assert!(found == first);
+        assert!(altered(&|bytes| bytes[8] = 4).contains("version 4"));
+        for version in [1, 2] {
+            let earlier = Index { version, ..index() };
+            let (bytes, _) = earlier.to_bytes();
+            // Entries of three planes of order 6.
+            assert_eq!(bytes.len(), whole.len() + 3 * size_of::<PartEntry>());
+            let (found, _) = Index::from_bytes(Path::new("s/index"), &bytes).expect("an earlier version is read");
+            assert!(found == earlier);
+        }
         // A range of cells that begins after its end, or a record without cells.
         for (place, value) in [(88, 7), (100, 1)] {
             assert!(altered(&|bytes| bytes[place] = value).contains("range of cells"), "{place}");

@@ -23,7 +23,7 @@ pub const STARS: &str = "bright-stars";
 /// See [`STARS`].
 pub const NAMES: &str = "bright-names";
 /// Version of the state.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// Stars of an import that needed a rule, and those that were left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

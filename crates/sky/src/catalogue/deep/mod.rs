@@ -82,27 +82,27 @@ pub struct Plane {
 pub const LAYERS: [Layer; 3] =
     [Layer { magnitude: 13, order: 6 }, Layer { magnitude: 15, order: 7 }, Layer { magnitude: 17, order: 8 }];
 
-/// The planes: for each layer from four orders finer than its leaves to order 6.
-pub const PLANES: [Plane; 18] = [
+/// The planes: for each layer from four orders finer than its leaves to [`COARSEST_PLANE`].
+pub const PLANES: [Plane; 15] = [
     Plane { magnitude: 13, order: 10 },
     Plane { magnitude: 13, order: 9 },
     Plane { magnitude: 13, order: 8 },
     Plane { magnitude: 13, order: 7 },
-    Plane { magnitude: 13, order: 6 },
     Plane { magnitude: 15, order: 11 },
     Plane { magnitude: 15, order: 10 },
     Plane { magnitude: 15, order: 9 },
     Plane { magnitude: 15, order: 8 },
     Plane { magnitude: 15, order: 7 },
-    Plane { magnitude: 15, order: 6 },
     Plane { magnitude: 17, order: 12 },
     Plane { magnitude: 17, order: 11 },
     Plane { magnitude: 17, order: 10 },
     Plane { magnitude: 17, order: 9 },
     Plane { magnitude: 17, order: 8 },
     Plane { magnitude: 17, order: 7 },
-    Plane { magnitude: 17, order: 6 },
 ];
+
+/// Order of the coarsest planes. A cell of the bucket order has 64 cells of theirs: rounding their light keeps its sum within 1e-6 (3.3e-6 with 16 cells).
+pub const COARSEST_PLANE: u8 = 7;
 
 /// Order of the cells whose sums of light are in the index.
 pub const SUM_ORDER: u8 = 5;

@@ -1,23 +1,23 @@
 //! Degrees of detail in which a part of the sky can be drawn, from composite stars in wide cells to every star.
 
-use super::super::{BUCKET_ORDER, LAYERS, PLANES};
+use super::super::{BUCKET_ORDER, COARSEST_PLANE, LAYERS, PLANES};
 use super::page::PageKey;
 
 /// Detail in which the stars of a cell of [`BUCKET_ORDER`] are drawn. Each has all the light of the leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Detail {
-    /// Composite stars in cells of this order, 6 to 12. From order 11 on, the brighter layers are drawn star by star.
+    /// Composite stars in cells of this order, 7 to 12. From order 11 on, the brighter layers are drawn star by star.
     Composites(u8),
     /// Every star.
     Stars,
 }
 
 /// Coarsest order of composite stars.
-pub const COARSEST: u8 = 6;
+pub const COARSEST: u8 = COARSEST_PLANE;
 /// Finest order.
 pub const FINEST: u8 = 12;
 /// Order of the composite stars that are always in memory.
-pub const BASE: u8 = 7;
+pub const BASE: u8 = COARSEST;
 /// Index of their plane in [`PLANES`].
 pub(super) const BASE_PLANE: u8 = plane(13, BASE);
 
@@ -43,7 +43,7 @@ fn parts(order: u8) -> (usize, u8) {
 }
 
 fn plane_of(order: u8) -> u8 {
-    const PLANE_13: [u8; 5] = [plane(13, 6), plane(13, 7), plane(13, 8), plane(13, 9), plane(13, 10)];
+    const PLANE_13: [u8; 4] = [plane(13, 7), plane(13, 8), plane(13, 9), plane(13, 10)];
     PLANE_13[usize::from(order.clamp(COARSEST, 10) - COARSEST)]
 }
 
@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn every_detail_has_the_light_of_all_layers_once() {
-        let all = [6, 7, 8, 9, 10, 11, 12].map(Detail::Composites).into_iter().chain([Detail::Stars]);
+        let all = [7, 8, 9, 10, 11, 12].map(Detail::Composites).into_iter().chain([Detail::Stars]);
         for detail in all {
             let mut layers = [0_u64; 3];
             let mut area = 0.0;
@@ -137,7 +137,7 @@ mod tests {
             assert_eq!(Detail::for_cells(cell_rad_of(order)), Detail::Composites(order));
             let finer = if order == FINEST { Detail::Stars } else { Detail::Composites(order + 1) };
             assert_eq!(Detail::for_cells(cell_rad_of(order) * 0.99), finer);
-            assert_eq!(finer.coarser(), (order >= BASE).then_some(Detail::Composites(order)));
+            assert_eq!(finer.coarser(), Some(Detail::Composites(order)));
         }
     }
 }

@@ -59,6 +59,8 @@ pub struct DeepStatistics {
     pub bytes: u64,
     /// Pages read so far.
     pub pages_read: u64,
+    /// Bytes read for them.
+    pub bytes_read: u64,
 }
 
 impl DeepSky {

@@ -13,7 +13,7 @@ use super::super::cells::CellFrame;
 use super::super::composite::Composite;
 use super::super::error::DeepError;
 use super::super::reader::{DeepStar, DeepStore, Leaf};
-use super::super::tile::{Tile, cells_per_tile, tile_order};
+use super::super::tile::{Tile, cells_per_tile, tile_order, words_of_tile};
 use super::super::word::DISTANCES_PC;
 use super::super::{LAYERS, PLANES};
 use crate::photometry::rec709::luminance;
@@ -207,6 +207,15 @@ impl Page {
     /// Bytes that its stars take.
     pub fn bytes(&self) -> u64 {
         (self.stars.len() * size_of::<PageStar>()) as u64
+    }
+
+    /// Bytes that it takes in its file.
+    pub fn file_bytes(&self) -> u64 {
+        let stars = self.stars.len() as u32;
+        8 * match self.key {
+            PageKey::Leaf { .. } => u64::from(stars),
+            PageKey::Tile { plane, .. } => words_of_tile(PLANES[usize::from(plane)].order, stars),
+        }
     }
 
     /// Whether a star of the page has a distance.

@@ -258,6 +258,7 @@ impl State {
     fn keep(&mut self, page: Page, epoch: &Epoch) {
         let bytes = page.bytes();
         self.statistics.pages_read += 1;
+        self.statistics.bytes_read += page.file_bytes();
         let held = Held { epoch: *epoch, used: Instant::now(), page: Arc::new(page) };
         let before = self.held.insert(held.page.key, held);
         self.statistics.bytes = self.statistics.bytes + bytes - before.map_or(0, |held| held.page.bytes());
