@@ -30,9 +30,9 @@ use crate::{
 /// Exposure, EV at ISO 100: a dark sky.
 const EV100: f64 = -5.4;
 /// Stores with more stars are not compared with a frame of every star: it takes minutes and many GiB.
-const MOST_COMPARED: u64 = 20_000_000;
+const MOST_COMPARED: u64 = 100_000_000;
 /// Memory for the pages of a frame of every star.
-const EVERY_STAR: MemorySize = MemorySize::gib(3);
+const EVERY_STAR: MemorySize = MemorySize::gib(4);
 /// Memory for making a store.
 const MAKING: MemorySize = MemorySize::gib(1);
 

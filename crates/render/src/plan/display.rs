@@ -9,6 +9,9 @@ use super::{
 };
 use crate::photometry::exposure::white_luminance_cd_m2;
 
+/// Change of a display image that may be seen, codes of 8 bits.
+const SEEN_CODES: f64 = 0.5;
+
 /// Display images of a frame.
 #[derive(Clone, Default)]
 pub struct DisplayPlan {
@@ -18,6 +21,8 @@ pub struct DisplayPlan {
     pub budget: Option<ErrorBudget>,
     /// The least luminance that counts within the budget, cd/m^2.
     pub step_cd_m2: Option<f64>,
+    /// Luminance of [`SEEN_CODES`] where the transform is steepest, cd/m^2, whatever the budget; `None` without an expected exposure.
+    pub seen_cd_m2: Option<f64>,
     /// Whether light is summed in fixed point, for the resolve pass to convert to luminance.
     pub adds_up: bool,
     /// Whether scattered light is added to resolved pictures.
@@ -77,9 +82,10 @@ impl Technique for Display {
                 let all_viewports = &plan.views.all_viewports;
                 let budget = ErrorBudget::of_output(&settings.accuracy, inputs.output)
                     .filter(|_| draws_outputs_apart(settings, inputs.objects, all_viewports));
+                let white_cd_m2 = plan.exposure.expected_ev100.map_or(0.0, white_luminance_cd_m2);
+                let slope = self.slope_of(&settings.tone_map);
+                plan.display.seen_cd_m2 = ErrorBudget::Codes(SEEN_CODES).step_cd_m2(slope, white_cd_m2);
                 if let Some(budget) = budget {
-                    let white_cd_m2 = plan.exposure.expected_ev100.map_or(0.0, white_luminance_cd_m2);
-                    let slope = self.slope_of(&settings.tone_map);
                     plan.display.step_cd_m2 = budget.step_cd_m2(slope, white_cd_m2);
                     plan.display.budget = plan.display.step_cd_m2.map(|_| budget);
                     plan.report.budget = plan.display.budget;

@@ -25,6 +25,9 @@ use crate::{
 pub const DIRECT_CELL_PX: f64 = 0.8;
 /// The same in the map of faint light, in its texels: its interpolation adds to the error.
 pub const MAP_CELL_TEXELS: f64 = 0.66 / TEXEL_PX;
+/// Luminance of the brightest star that a composite star may stand for, if all of it is in one pixel, over the least that may be seen. Measured with
+/// `benches/deep_patches.rs`.
+const MOST_SEEN: f64 = 1.0;
 /// From this magnitude limit on, all stars of a store are drawn: its planes cannot be divided.
 pub const WHOLE_FROM_MAGNITUDE: f64 = 21.0;
 /// Magnitude up to which all stars of a deep store are resident.
@@ -43,6 +46,8 @@ pub(super) struct DeepInputs<'a> {
     pub cull: CullSettings,
     /// Largest cell, pixels.
     pub cell_px: f64,
+    /// The least luminance that may be seen, cd/m^2: a layer whose brightest stars exceed [`MOST_SEEN`] is drawn star by star.
+    pub seen_cd_m2: Option<f64>,
     pub magnitude_limit: f64,
     pub every_star: bool,
     /// Whether frames are drawn without leaves and tiles that are damaged.
@@ -144,7 +149,7 @@ pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
             });
         };
         finest = coarser;
-        parts.iter_mut().for_each(|part| part.detail = part.detail.min(finest));
+        parts.iter_mut().for_each(|part| part.detail = part.detail.at_most(finest));
     };
     // What is in memory, and coarser pages in place of the rest.
     let keys: Vec<PageKey> = pages.iter().flat_map(|part| part.pages.iter().map(|(key, _)| *key)).collect();
@@ -182,7 +187,7 @@ fn parts_of(inputs: &DeepInputs<'_>, fields: &[Field], bucket: u64) -> Vec<Part>
         }
         let pixel_sr = pixel_sr_near(viewport, axis, half_angle_rad);
         let detail = match is_divisible(inputs) {
-            true => Detail::for_cells(inputs.cell_px * pixel_sr.sqrt()),
+            true => Detail::for_cells(inputs.cell_px * pixel_sr.sqrt(), leaves_of(inputs, pixel_sr)),
             false => Detail::Stars,
         };
         match parts.iter_mut().find(|part| part.detail == detail) {
@@ -194,6 +199,13 @@ fn parts_of(inputs: &DeepInputs<'_>, fields: &[Field], bucket: u64) -> Vec<Part>
         }
     }
     parts
+}
+
+/// Number of layers that are too bright for composite stars in pixels of `pixel_sr`.
+fn leaves_of(inputs: &DeepInputs<'_>, pixel_sr: f64) -> u8 {
+    let Some(seen_cd_m2) = inputs.seen_cd_m2 else { return 0 };
+    let most_lx = MOST_SEEN * seen_cd_m2 * pixel_sr;
+    LAYERS.iter().filter(|layer| illuminance_lx_from_magnitude(layer.brightest_mag()) > most_lx).count() as u8
 }
 
 /// Whether a viewport may see stars within a cone around an axis, seen from the barycentre.

@@ -92,12 +92,15 @@ impl Stars {
         };
         let start = Instant::now();
         let settings = &inputs.settings.stars;
+        let in_map = matches!(inputs.sky, SkyUse::Face(_));
         let deep = DeepInputs {
             sky,
             camera_pc: plan.views.camera_pc,
             viewports: &plan.views.viewports,
             cull: Self::cull_settings(inputs, plan, plan.stars.faintest_lx),
-            cell_px: if matches!(inputs.sky, SkyUse::Face(_)) { MAP_CELL_TEXELS } else { DIRECT_CELL_PX },
+            cell_px: if in_map { MAP_CELL_TEXELS } else { DIRECT_CELL_PX },
+            // The map has only light that is faint enough for it.
+            seen_cd_m2: plan.display.seen_cd_m2.filter(|_| !in_map),
             magnitude_limit: settings.magnitude_limit,
             every_star: settings.every_star,
             skip_damaged: settings.skip_damaged,

@@ -4,28 +4,31 @@ use super::super::{BUCKET_ORDER, COARSEST_PLANE, LAYERS, PLANES};
 use super::page::PageKey;
 
 /// Detail in which the stars of a cell of [`BUCKET_ORDER`] are drawn. Each has all the light of the leaves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Detail {
-    /// Composite stars in cells of this order, 7 to 12. From order 11 on, the brighter layers are drawn star by star.
-    Composites(u8),
+    /// Composite stars.
+    Composites {
+        /// Number of the brightest layers of [`LAYERS`] that are drawn star by star, less than all.
+        leaves: u8,
+        /// Order of the cells, from [`COARSEST`] to [`finest_of`] these layers.
+        order: u8,
+    },
     /// Every star.
     Stars,
 }
 
 /// Coarsest order of composite stars.
 pub const COARSEST: u8 = COARSEST_PLANE;
-/// Finest order.
-pub const FINEST: u8 = 12;
 /// Order of the composite stars that are always in memory.
 pub const BASE: u8 = COARSEST;
 /// Index of their plane in [`PLANES`].
-pub(super) const BASE_PLANE: u8 = plane(13, BASE);
+pub(super) const BASE_PLANE: u8 = plane(0, BASE);
 
-/// Index of the plane of a magnitude and an order.
-const fn plane(magnitude: u8, order: u8) -> u8 {
+/// Index of the plane with the light that remains without the brightest layers, in cells of an order.
+const fn plane(leaves: u8, order: u8) -> u8 {
     let mut index = 0;
     while index < PLANES.len() {
-        if PLANES[index].magnitude == magnitude && PLANES[index].order == order {
+        if PLANES[index].magnitude == LAYERS[leaves as usize].magnitude && PLANES[index].order == order {
             return index as u8;
         }
         index += 1;
@@ -33,60 +36,79 @@ const fn plane(magnitude: u8, order: u8) -> u8 {
     panic!("there is no such plane")
 }
 
-/// Plane and layers of an order: the number of layers that are drawn star by star, and the plane with the rest of the light.
-fn parts(order: u8) -> (usize, u8) {
-    match order {
-        ..=10 => (0, plane_of(order)),
-        11 => (1, plane(15, 11)),
-        _ => (2, plane(17, 12)),
-    }
-}
-
-fn plane_of(order: u8) -> u8 {
-    const PLANE_13: [u8; 4] = [plane(13, 7), plane(13, 8), plane(13, 9), plane(13, 10)];
-    PLANE_13[usize::from(order.clamp(COARSEST, 10) - COARSEST)]
+/// Finest order of the composite stars that remain without the brightest layers.
+pub const fn finest_of(leaves: u8) -> u8 {
+    LAYERS[leaves as usize].order + 4
 }
 
 impl Detail {
     /// The composite stars that are always in memory.
-    pub const BASE: Self = Self::Composites(BASE);
+    pub const BASE: Self = Self::Composites { leaves: 0, order: BASE };
 
-    /// Detail of the coarsest cells that are not larger than `cell_rad` (the root of their area).
-    pub fn for_cells(cell_rad: f64) -> Self {
-        (COARSEST..=FINEST).find(|order| cell_rad_of(*order) <= cell_rad).map_or(Self::Stars, Self::Composites)
+    /// Detail of the coarsest cells that are not larger than `cell_rad` (the root of their area), with at least `leaves` layers star by star.
+    pub fn for_cells(cell_rad: f64, leaves: u8) -> Self {
+        let composites = |leaves: u8| {
+            let order = (COARSEST..=finest_of(leaves)).find(|order| cell_rad_of(*order) <= cell_rad)?;
+            Some(Self::Composites { leaves, order })
+        };
+        (leaves..LAYERS.len() as u8).find_map(composites).unwrap_or(Self::Stars)
     }
 
-    /// The next coarser detail; `None` below the base.
+    /// The next coarser detail; `None` for the base. Cells grow before stars are given up, except for the finest ones of each plane.
     pub fn coarser(self) -> Option<Self> {
         match self {
-            Self::Stars => Some(Self::Composites(FINEST)),
-            Self::Composites(order) if order > BASE => Some(Self::Composites(order - 1)),
-            Self::Composites(_) => None,
+            Self::Stars => {
+                let leaves = LAYERS.len() as u8 - 1;
+                Some(Self::Composites { leaves, order: finest_of(leaves) })
+            }
+            Self::Composites { leaves: 0, order } => {
+                (order > BASE).then(|| Self::Composites { leaves: 0, order: order - 1 })
+            }
+            Self::Composites { leaves, order } => {
+                Some(Self::Composites { leaves: leaves - 1, order: order.min(finest_of(leaves - 1)) })
+            }
+        }
+    }
+
+    /// The coarser of each part of two details.
+    #[must_use]
+    pub fn at_most(self, most: Self) -> Self {
+        match (self, most) {
+            (detail, Self::Stars) | (Self::Stars, detail) => detail,
+            (Self::Composites { leaves, order }, Self::Composites { leaves: most_leaves, order: most_order }) => {
+                let leaves = leaves.min(most_leaves);
+                Self::Composites { leaves, order: order.min(most_order).min(finest_of(leaves)) }
+            }
         }
     }
 
     /// The root of the area of its cells, rad; 0 for stars.
     pub fn cell_rad(self) -> f64 {
         match self {
-            Self::Composites(order) => cell_rad_of(order),
+            Self::Composites { order, .. } => cell_rad_of(order),
             Self::Stars => 0.0,
+        }
+    }
+
+    /// Number of layers that are drawn star by star.
+    pub fn leaves(self) -> usize {
+        match self {
+            Self::Composites { leaves, .. } => usize::from(leaves),
+            Self::Stars => LAYERS.len(),
         }
     }
 
     /// Calls `add` for each page of a cell of [`BUCKET_ORDER`]; only the first `layers` layers of [`LAYERS`] are drawn star by star, if their stars are.
     pub fn pages(self, bucket: u64, layers: usize, mut add: impl FnMut(PageKey)) {
-        let (leaves, plane) = match self {
-            Self::Composites(order) => {
-                let (leaves, plane) = parts(order);
-                (leaves, Some(plane))
-            }
-            Self::Stars => (LAYERS.len(), None),
+        let plane = match self {
+            Self::Composites { leaves, order } => Some(plane(leaves, order)),
+            Self::Stars => None,
         };
         let inside = |order: u8| {
             let shift = 2 * (order - BUCKET_ORDER);
             (bucket << shift..(bucket + 1) << shift).map(|cell| cell as u32)
         };
-        for (layer, of_layer) in LAYERS.iter().enumerate().take(leaves.min(layers)) {
+        for (layer, of_layer) in LAYERS.iter().enumerate().take(self.leaves().min(layers)) {
             inside(of_layer.order).for_each(|cell| add(PageKey::Leaf { layer: layer as u8, cell }));
         }
         if let Some(plane) = plane {
@@ -105,10 +127,15 @@ pub fn cell_rad_of(order: u8) -> f64 {
 mod tests {
     use super::*;
 
+    /// All details.
+    fn all() -> Vec<Detail> {
+        let of_layer = |leaves: u8| (COARSEST..=finest_of(leaves)).map(move |order| Detail::Composites { leaves, order });
+        (0..3).flat_map(of_layer).chain([Detail::Stars]).collect()
+    }
+
     #[test]
     fn every_detail_has_the_light_of_all_layers_once() {
-        let all = [7, 8, 9, 10, 11, 12].map(Detail::Composites).into_iter().chain([Detail::Stars]);
-        for detail in all {
+        for detail in all() {
             let mut layers = [0_u64; 3];
             let mut area = 0.0;
             detail.pages(77, 3, |key| {
@@ -133,11 +160,34 @@ mod tests {
     fn the_detail_is_the_coarsest_that_is_fine_enough() {
         let degrees = |order: u8| cell_rad_of(order).to_degrees();
         assert!((degrees(9) - 0.114_5).abs() < 1e-4);
-        for order in COARSEST..=FINEST {
-            assert_eq!(Detail::for_cells(cell_rad_of(order)), Detail::Composites(order));
-            let finer = if order == FINEST { Detail::Stars } else { Detail::Composites(order + 1) };
-            assert_eq!(Detail::for_cells(cell_rad_of(order) * 0.99), finer);
-            assert_eq!(finer.coarser(), Some(Detail::Composites(order)));
+        let composites = |leaves: u8, order: u8| Detail::Composites { leaves, order };
+        // Finer cells are those of fainter light.
+        let fitting = [(7, 0), (8, 0), (9, 0), (10, 0), (11, 1), (12, 2)];
+        for (order, leaves) in fitting {
+            assert_eq!(Detail::for_cells(cell_rad_of(order), 0), composites(leaves, order));
+        }
+        assert_eq!(Detail::for_cells(0.99 * cell_rad_of(10), 0), composites(1, 11));
+        assert_eq!(Detail::for_cells(0.99 * cell_rad_of(12), 0), Detail::Stars);
+        // Bright layers are drawn star by star whatever the cells.
+        assert_eq!(Detail::for_cells(cell_rad_of(9), 2), composites(2, 9));
+        assert_eq!(Detail::for_cells(cell_rad_of(9), 3), Detail::Stars);
+    }
+
+    #[test]
+    fn coarser_details_end_at_the_base_and_none_is_finer_than_its_limit() {
+        for detail in all() {
+            let mut coarser = detail;
+            while let Some(next) = coarser.coarser() {
+                assert!(next.leaves() <= coarser.leaves() && next.cell_rad() >= coarser.cell_rad(), "{next:?}");
+                assert_eq!(coarser.at_most(next), next);
+                coarser = next;
+            }
+            assert_eq!(coarser, Detail::BASE);
+            for most in all() {
+                let found = detail.at_most(most);
+                assert!(found.leaves() <= most.leaves() && found.cell_rad() >= most.cell_rad(), "{detail:?} {most:?}");
+                assert_eq!(found, most.at_most(detail));
+            }
         }
     }
 }
