@@ -209,7 +209,7 @@ fn the_residual_bounds_the_error_until_all_pages_are_read() {
     let mut renderer = renderer();
     let rig = window(9.0);
     let settings = settings();
-    deep.set_delay(Duration::from_millis(30));
+    deep.set_delay(Duration::from_millis(3));
     let live = |renderer: &mut Renderer| {
         let request =
             FrameRequest::new(&scene, &rig).settings(&settings).wanted(Wanted::hdr()).sky_map(SkyMapUse::InTurn);

@@ -27,7 +27,7 @@ pub const DIRECT_CELL_PX: f64 = 0.8;
 pub const MAP_CELL_TEXELS: f64 = 0.66 / TEXEL_PX;
 /// Luminance of the brightest star that a composite star may stand for, if all of it is in one pixel, over the least that may be seen. Measured with
 /// `benches/deep_patches.rs`.
-const MOST_SEEN: f64 = 1.0;
+const MOST_SEEN: f64 = 1.5;
 /// From this magnitude limit on, all stars of a store are drawn: its planes cannot be divided.
 pub const WHOLE_FROM_MAGNITUDE: f64 = 21.0;
 /// Magnitude up to which all stars of a deep store are resident.
