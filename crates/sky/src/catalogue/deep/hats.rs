@@ -265,4 +265,33 @@ mod tests {
         assert!(message().contains("HiPSCat"), "{}", message());
         assert!(refuse_other_folder(&folder.path().join("catalog_info.json")).is_ok());
     }
+
+    /// A collection that hats-import 0.11.1 made of `stars.csv`, with a margin catalogue beside the catalogue (without maps of the sky and `_metadata`,
+    /// which are not read).
+    #[test]
+    fn a_collection_of_hats_import_gives_the_store_of_its_table() {
+        let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/hats");
+        let folder = tempfile::tempdir().expect("a folder");
+        let imported = |source: &str, name: &str| {
+            let out = folder.path().join(name);
+            let report =
+                import(&[ImportSource::File(data.join(source))], options(&out), &mut |_| ()).expect("imported");
+            (report, out)
+        };
+        let (table, from_table) = imported("stars.csv", "table");
+        let (collection, from_collection) = imported("", "collection");
+        let stars = collection.build.bright + collection.build.layers.iter().sum::<u64>();
+        assert_eq!((stars, collection.build.tally), (500, table.build.tally), "{:?}", collection.catalogues);
+        assert!(
+            collection.catalogues[0]
+                .contains("(7 files): 500 stars, read as Gaia archive, DR3, 0 of 500 rows rejected")
+        );
+        for name in ["leaves-13", "leaves-15", "leaves-17", "plane-13-10", "plane-17-12"] {
+            let [of_table, of_collection] =
+                [&from_table, &from_collection].map(|out| fs::read(out.join(name)).expect("read"));
+            assert!(of_table == of_collection, "{name}");
+        }
+        let margin = files_of(&data.join("stars_10arcmin")).expect_err("refused").to_string();
+        assert!(margin.contains("is margin; it must be object or source"), "{margin}");
+    }
 }
