@@ -46,7 +46,7 @@ fn hats() -> Result<(), String> {
     let python = named.or_else(|| Some(cache?.join("steradian/hats/bin/python"))).ok_or("HOME is not set")?;
     match Command::new(&python).args(["-c", "import hats_import"]).output() {
         Ok(output) if output.status.success() => {
-            run(&python.into_os_string(), "hats.py");
+            run(&python.into_os_string(), "collection.py");
             Ok(())
         }
         _ => {

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 from stores import angle_arcsec, directions, expect, exported, run, v_of_gaia
 
-folder = pathlib.Path(sys.argv[2])
+folder = pathlib.Path(sys.argv[2]).resolve()
 COLUMNS = "source_id,ref_epoch,ra,dec,parallax,parallax_error,pmra,pmdec,phot_g_mean_mag,bp_rp"
 random = np.random.default_rng(5)
 lines, stars = [], []
@@ -96,7 +96,7 @@ bright = np.array([row["ref_epoch"] for row in rows]) == 2000.0
 true_ra, true_dec, true_g, true_colour = np.array(stars).T
 true_v = v_of_gaia(true_g, true_colour)
 assert bright.sum() == (true_v < 13).sum() == 1
-limit = np.where(true_v < 13, 0.001, np.select([true_v < 15.0001, true_v < 17.0001], [0.026, 0.013], 0.0064)) + 0.0001
+limit = np.where(true_v < 13, 0.0123, np.select([true_v < 15.0001, true_v < 17.0001], [0.026, 0.013], 0.0064)) + 0.0001
 found, true = directions(ra, dec), directions(true_ra, true_dec)
 
 

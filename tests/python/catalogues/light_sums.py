@@ -6,7 +6,7 @@ import sys
 import numpy as np
 from stores import LUMINANCE, exported, leaves, light, run
 
-folder = pathlib.Path(sys.argv[2])
+folder = pathlib.Path(sys.argv[2]).resolve()
 count = int(sys.argv[3]) if len(sys.argv) > 3 else 200_000
 random = np.random.default_rng(11)
 # Stars within 10 degrees, so that leaves are as full as those of a large catalogue; with more than a million all over the sky.

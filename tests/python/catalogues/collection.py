@@ -1,4 +1,4 @@
-"""A collection that hats-import writes in this test, with a margin catalogue beside: python hats.py STERADIAN FOLDER [STARS]"""
+"""A collection that hats-import writes in this test, with a margin catalogue beside: python collection.py STERADIAN FOLDER [STARS]"""
 
 import os
 import pathlib
@@ -12,7 +12,7 @@ from hats_import.collection.run_import import run as run_hats_import
 from scipy.spatial import cKDTree
 from stores import angle_arcsec, directions, expect, exported, run, v_of_gaia
 
-folder = pathlib.Path(sys.argv[2])
+folder = pathlib.Path(sys.argv[2]).resolve()
 count = int(sys.argv[3]) if len(sys.argv) > 3 else 200_000
 
 
@@ -75,7 +75,7 @@ def main():
     at_2000 = at_2016 - 16 * (motion[:, :1] * east + motion[:, 1:] * np.cross(at_2016, east))
     at_2000 /= np.linalg.norm(at_2000, axis=1)[:, None]
     which = np.empty(count, int)
-    limit = np.select([true_v < 13, true_v < 15.0001, true_v < 17.0001], [0.001, 0.026, 0.013], 0.0064) + 0.0001
+    limit = np.select([true_v < 13, true_v < 15.0001, true_v < 17.0001], [0.0123, 0.026, 0.013], 0.0064) + 0.0001
     for kind, places in [(bright, at_2000), (~bright, at_2016)]:
         which[kind] = cKDTree(places).query(found[kind])[1]
         off = angle_arcsec(found[kind], places[which[kind]])
