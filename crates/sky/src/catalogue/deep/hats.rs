@@ -266,8 +266,8 @@ mod tests {
         assert!(refuse_other_folder(&folder.path().join("catalog_info.json")).is_ok());
     }
 
-    /// A collection that hats-import 0.11.1 made of `stars.csv`, with a margin catalogue beside the catalogue (without maps of the sky and `_metadata`,
-    /// which are not read).
+    /// A collection that hats-import 0.11.1 made of `stars.csv`, with a margin catalogue beside the catalogue (without maps of the sky, `_metadata` and
+    /// most files of the margin, which are not read).
     #[test]
     fn a_collection_of_hats_import_gives_the_store_of_its_table() {
         let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/hats");
