@@ -20,7 +20,7 @@ pub fn text(output: &Output) -> String {
 }
 
 /// Finds a Python that has these modules.
-fn python(modules: &[&str]) -> Result<OsString, String> {
+pub fn python(modules: &[&str]) -> Result<OsString, String> {
     let named = std::env::var_os("STERADIAN_PYTHON");
     let candidates = named.map_or_else(|| vec!["/usr/bin/python3".into(), "python3".into()], |named| vec![named]);
     let program = format!("import {}", modules.join(", "));

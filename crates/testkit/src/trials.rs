@@ -8,6 +8,9 @@ use libtest_mimic::{Arguments, Completion, Failed, Trial};
 /// A test, which fails by a panic. It returns an error if it cannot run, which names the missing prerequisite.
 pub type Test = (&'static str, fn() -> Result<(), String>);
 
+/// Part of the names of long tests, which run with `--ignored` only (`make test-long`).
+const LONG: &str = "::long::";
+
 fn complete(run: fn() -> Result<(), String>, variable: &str) -> Result<Completion, Failed> {
     let required = std::env::var_os(variable).is_some_and(|value| !value.is_empty() && value != "0");
     match run() {
@@ -29,6 +32,8 @@ pub fn main_of(groups: &[(&'static str, &[Test])]) -> ExitCode {
     let mut arguments = Arguments::from_args();
     arguments.test_threads = Some(1);
     let tests = groups.iter().flat_map(|(variable, tests)| tests.iter().map(|test| (*variable, *test)));
-    let trials = tests.map(|(variable, (name, run))| Trial::ignorable_test(name, move || complete(run, variable)));
+    let trials = tests.map(|(variable, (name, run))| {
+        Trial::ignorable_test(name, move || complete(run, variable)).with_ignored_flag(name.contains(LONG))
+    });
     libtest_mimic::run(&arguments, trials.collect()).exit_code()
 }

@@ -47,6 +47,11 @@ pub use votable::read_votable_from;
 /// Number of rejected rows that [`ReadReport`] keeps with their reason.
 pub const REJECTED_ROWS_KEPT: usize = 10;
 
+/// Number of kinds of problems that [`ReadReport`] counts one by one.
+const KINDS_KEPT: usize = 20;
+/// Kind of the rows with other problems.
+const OTHER_KINDS: &str = "other reasons";
+
 /// Number of stars of a file whose names are kept.
 pub const NAMED_STARS_KEPT: usize = 300_000;
 
@@ -129,6 +134,8 @@ pub struct ReadReport {
     pub g_taken_as_v: usize,
     /// Rows that could not be used.
     pub rejected: usize,
+    /// Their number by the kind of the problem, in the order of its first row. Those beyond the first few kinds are counted together.
+    pub rejected_kinds: Vec<RejectedKind>,
     /// The first [`REJECTED_ROWS_KEPT`] rejected rows.
     pub first_rejected: Vec<RejectedRow>,
 }
@@ -140,6 +147,17 @@ pub struct RejectedRow {
     pub line: usize,
     /// Reason for the rejection.
     pub reason: String,
+}
+
+/// Rows that could not be used because of the same problem.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RejectedKind {
+    /// The problem, without the values of a row.
+    pub kind: String,
+    /// Number of rows.
+    pub rows: usize,
+    /// The first one.
+    pub first: RejectedRow,
 }
 
 /// A part of a file, for messages.
@@ -173,9 +191,22 @@ impl ReadReport {
         if self.without_lines { RowPlace::Row(line) } else { RowPlace::Line(line) }
     }
 
-    /// Counts an unusable row.
-    fn reject(&mut self, line: usize, reason: String) {
+    /// Counts an unusable row, with the kind of its problem.
+    fn reject(&mut self, line: usize, reason: String, kind: String) {
         self.rejected += 1;
+        let is_known = |kind: &str| self.rejected_kinds.iter().position(|known| known.kind == kind);
+        let is_full = self.rejected_kinds.len() >= KINDS_KEPT;
+        let (kind, known) = match is_known(&kind) {
+            None if is_full => (OTHER_KINDS.to_owned(), is_known(OTHER_KINDS)),
+            known => (kind, known),
+        };
+        match known.and_then(|index| self.rejected_kinds.get_mut(index)) {
+            Some(known) => known.rows += 1,
+            None => {
+                let first = RejectedRow { line, reason: reason.clone() };
+                self.rejected_kinds.push(RejectedKind { kind, rows: 1, first });
+            }
+        }
         if self.first_rejected.len() < REJECTED_ROWS_KEPT {
             self.first_rejected.push(RejectedRow { line, reason });
         }
@@ -213,7 +244,7 @@ impl ReadReport {
 
 impl fmt::Display for ReadReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { file, used, rows, source, .. } = self;
+        let Self { file, used, rows, source, rejected, .. } = self;
         write!(f, "{file}: {used} of {rows} rows used, read as {} ({})", source.name(), source.conventions())?;
         for (count, note) in [
             (self.without_distance, "without distance (at infinity)"),
@@ -235,13 +266,16 @@ impl fmt::Display for ReadReport {
         for note in &self.notes {
             write!(f, "; {note}")?;
         }
-        write!(f, "; {} rejected", self.rejected)?;
+        write!(f, "; {rejected} rejected")?;
         for row in &self.first_rejected {
             write!(f, "\n  {}: {}", self.place(row.line), row.reason)?;
         }
         let more = self.rejected - self.first_rejected.len().min(self.rejected);
         if more > 0 {
-            write!(f, "\n  and {more} more")?;
+            write!(f, "\n  and {more} more; of all {rejected}:")?;
+            for RejectedKind { kind, rows, .. } in &self.rejected_kinds {
+                write!(f, "\n  {rows} rows: {kind}")?;
+            }
         }
         Ok(())
     }

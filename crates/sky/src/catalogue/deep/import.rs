@@ -21,11 +21,11 @@ use super::super::reader::{CatalogueError, CatalogueRead, ReadReport, StreamedSt
 use super::super::store;
 use super::super::{StarRecord, bright, distance_modulus};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use super::build::{Build, BuildOptions, BuildReport, BuildStep, NewStar, OnStep, Sources};
 use super::error::DeepError;
 use super::hats::{self, is_hats};
+use super::import_report::{ReadInput, Rows, input_lines};
 use super::part::Input;
 use super::prior::prior_distance_pc;
 use super::slice::{Selection, each_bright_star, each_star};
@@ -97,7 +97,8 @@ pub fn import(
     options: BuildOptions,
     on_step: &mut OnStep<'_>,
 ) -> Result<ImportReport, DeepError> {
-    let sources = &expanded(sources)?;
+    let groups = groups_of(sources)?;
+    let sources: &Vec<ImportSource> = &groups.iter().flat_map(|group| group.sources.clone()).collect();
     let identities: Vec<String> = sources.iter().map(ImportSource::identity).collect::<Result<_, _>>()?;
     // Thousands of files would make long messages.
     let job = match &identities[..] {
@@ -134,9 +135,16 @@ pub fn import(
             build.checkpoint(inputs.len(), source)?;
         }
     }
-    let description: Vec<&str> = inputs.iter().filter_map(|input| input.lines.first()).map(String::as_str).collect();
-    let lines: Vec<String> = inputs.iter().flat_map(|input| input.lines.clone()).collect();
+    let mut rest = &inputs[..];
+    let reports = groups.iter().filter_map(|group| {
+        let (first, others) = rest.split_at_checked(group.sources.len())?;
+        rest = others;
+        Some(input_lines(&group.name, first))
+    });
+    let reports: Vec<Vec<String>> = reports.collect();
+    let description: Vec<&str> = reports.iter().filter_map(|lines| lines.first()).map(String::as_str).collect();
     let description = description.join("\n");
+    let lines = reports.concat();
     let inputs =
         sources.iter().zip(inputs).map(|(source, input)| Input { name: source.to_string(), digest: input.digest });
     let sources = Sources { description, lines: lines.clone(), inputs: inputs.collect() };
@@ -144,18 +152,39 @@ pub fn import(
     Ok(ImportReport { build, catalogues: lines })
 }
 
-/// The sources with the files of catalogues in HATS in place of their folders.
-fn expanded(sources: &[ImportSource]) -> Result<Vec<ImportSource>, DeepError> {
-    let mut all = Vec::with_capacity(sources.len());
-    for source in sources {
-        match source {
-            ImportSource::File(path) if is_hats(path) => {
-                all.extend(hats::files_of(path)?.into_iter().map(ImportSource::File));
+/// More files than this in a row get one line in the report.
+const FILES_EACH: usize = 8;
+
+/// Sources with a line of the report in common.
+struct Group {
+    name: String,
+    sources: Vec<ImportSource>,
+}
+
+/// The sources, with the files of catalogues in HATS in place of their folders, in groups for the report: a catalogue in HATS is one, and so are many files
+/// in a row.
+fn groups_of(sources: &[ImportSource]) -> Result<Vec<Group>, DeepError> {
+    let mut groups = Vec::new();
+    let is_table = |source: &ImportSource| matches!(source, ImportSource::File(path) if !path.is_dir());
+    for run in sources.chunk_by(|first, second| is_table(first) && is_table(second)) {
+        match run {
+            [ImportSource::File(path)] if is_hats(path) => {
+                let sources: Vec<ImportSource> = hats::files_of(path)?.into_iter().map(ImportSource::File).collect();
+                groups.push(Group { name: format!("{} ({} files)", path.display(), sources.len()), sources });
             }
-            other => all.push(other.clone()),
+            [ImportSource::File(path)] if !is_deep_store(path) => {
+                hats::refuse_other_folder(path)?;
+                groups.push(Group { name: path.display().to_string(), sources: run.to_vec() });
+            }
+            [first, .., last] if run.len() > FILES_EACH => {
+                let name = format!("{first} ... {last} ({} files)", run.len());
+                groups.push(Group { name, sources: run.to_vec() });
+            }
+            few => groups
+                .extend(few.iter().map(|source| Group { name: source.to_string(), sources: vec![source.clone()] })),
         }
     }
-    Ok(all)
+    Ok(groups)
 }
 
 /// Path of the first source, for errors that belong to no single one.
@@ -166,23 +195,14 @@ fn first_path(sources: &[ImportSource]) -> PathBuf {
     }
 }
 
-/// An input that was read.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-struct ReadInput {
-    /// Lines of the report.
-    lines: Vec<String>,
-    /// See [`Input`]; empty for a whole store, which does not need it.
-    digest: String,
-}
-
 /// Reads some catalogues at the same time. Contents are hashed for parts only, because that takes as long as reading the files once more.
 fn read_some(sources: &[ImportSource], build: &mut Build, is_part: bool) -> Result<Vec<ReadInput>, DeepError> {
-    let mut lines: Vec<Option<Vec<String>>> = vec![None; sources.len()];
+    let mut read: Vec<Option<Rows>> = vec![None; sources.len()];
     let mut streamed: Vec<(usize, &PathBuf)> = Vec::new();
     for (index, source) in sources.iter().enumerate() {
         match source {
             ImportSource::File(path) if !is_deep_store(path) && !store::is_store(path)? => streamed.push((index, path)),
-            other => lines[index] = Some(vec![add_whole(other, build)?]),
+            other => read[index] = Some(Rows::of_store(add_whole(other, build)?)),
         }
     }
     let reports = std::thread::scope(|scope| {
@@ -207,28 +227,16 @@ fn read_some(sources: &[ImportSource], build: &mut Build, is_part: bool) -> Resu
     for ((index, _), report) in streamed.iter().zip(reports) {
         let report = report?;
         tracing::info!("{report}");
-        lines[*index] = Some(lines_of(&report));
+        read[*index] = Some(Rows::of_table(report));
     }
     let digests = sources.par_iter().map(|source| if is_part { source.digest() } else { Ok(String::new()) });
     let digests: Vec<String> = digests.collect::<Result<_, _>>()?;
-    let inputs = lines.into_iter().flatten().zip(digests);
-    Ok(inputs.map(|(lines, digest)| ReadInput { lines, digest }).collect())
+    let inputs = read.into_iter().flatten().zip(digests);
+    Ok(inputs.map(|(rows, digest)| ReadInput { rows, digest }).collect())
 }
 
-/// Lines of a file for the report.
-fn lines_of(report: &ReadReport) -> Vec<String> {
-    let ReadReport { file, source, used, rejected, rows, unused, notes, .. } = report;
-    let mut lines =
-        vec![format!("{file}: {used} stars, read as {}, {rejected} of {rows} rows rejected", source.name())];
-    if !unused.is_empty() {
-        lines.push(format!("not stored: the columns {} of {file}", unused.join(", ")));
-    }
-    lines.extend(notes.iter().map(|note| format!("not stored: {note}")));
-    lines
-}
-
-/// Adds the stars of the built-in table or of a store.
-fn add_whole(source: &ImportSource, build: &mut Build) -> Result<String, DeepError> {
+/// Adds the stars of the built-in table or of a store, and returns their number.
+fn add_whole(source: &ImportSource, build: &mut Build) -> Result<u64, DeepError> {
     let mut count: u64 = 0;
     match source {
         ImportSource::Bright => {
@@ -253,7 +261,7 @@ fn add_whole(source: &ImportSource, build: &mut Build) -> Result<String, DeepErr
             }
         }
     }
-    Ok(format!("{source}: {count} stars"))
+    Ok(count)
 }
 
 /// Adds a star of a file.

@@ -34,6 +34,7 @@ pub mod export;
 mod finish;
 pub mod hats;
 pub mod import;
+mod import_report;
 pub mod index;
 mod journal;
 pub mod live;

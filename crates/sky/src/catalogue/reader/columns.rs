@@ -39,8 +39,27 @@ const USEFUL: [&str; 16] = [
     "gmag",
 ];
 /// Parts of names of columns that hold no value of a star itself, such as errors and flags.
-const AUXILIARY: [&str; 14] = [
-    "_error", "_err", "_corr", "_over_", "_src", "e_", "err", "flag", "_lower", "_upper", "num", "count", "nb_", "_msc",
+const AUXILIARY: [&str; 20] = [
+    "_error",
+    "_err",
+    "_corr",
+    "_over_",
+    "_src",
+    "e_",
+    "err",
+    "flag",
+    "_lower",
+    "_upper",
+    "num",
+    "count",
+    "nb_",
+    "_msc",
+    "_method",
+    "_visibility",
+    "_sig_to_noise",
+    "_gof",
+    "_pvalue",
+    "_atm_param",
 ];
 
 /// Unit of a decimal number in the right ascension column.
@@ -179,7 +198,10 @@ impl Finder<'_> {
         let is_useful = |name: &str| {
             USEFUL.iter().any(|start| name.starts_with(start)) && !AUXILIARY.iter().any(|part| name.contains(part))
         };
-        let is_left = move |(index, name): &(usize, &String)| !self.used.contains(index) && is_useful(name);
+        // Gaia's total proper motion adds nothing to its components.
+        let is_total = |name: &str| name == "pm" && self.has("pmra") && self.has("pmdec");
+        let is_left =
+            move |(index, name): &(usize, &String)| !self.used.contains(index) && is_useful(name) && !is_total(name);
         self.names.iter().enumerate().filter(is_left).map(|(_, name)| name.clone())
     }
 }

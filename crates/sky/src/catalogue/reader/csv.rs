@@ -12,9 +12,10 @@
 //! matters only in the columns that are used.
 //!
 //! The head is the first line. Three programs write it in another way. VizieR writes a line of units and a line of dashes below it. numpy
-//! writes it as a comment: if all fields of the first line are numbers, the comment before it is the head. ECSV (astropy) gives the units of
-//! its columns in comments.
+//! writes it as a comment: if all fields of the first line are numbers, the comment before it is the head. ECSV (astropy, Gaia archive) gives the
+//! units of its columns in comments.
 
+use std::collections::HashMap;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 
@@ -25,7 +26,7 @@ use super::rows::{Reading, Rows};
 use super::{CatalogueError, CatalogueRead, RowPlace};
 
 /// Most bytes of comments before the head that are kept, to look for a head, units and the mark of ECSV.
-const COMMENTS_LIMIT: usize = 1 << 16;
+const COMMENTS_LIMIT: usize = 1 << 20;
 
 /// Longest accepted line, bytes.
 const LINE_LIMIT: usize = 1 << 20;
@@ -210,20 +211,35 @@ impl<'f, R: Read> Lines<'f, R> {
         is_head.then(|| comment.to_owned())
     }
 
-    /// Units of these columns in the comments of ECSV, which have a line such as `- {name: ra, unit: deg, datatype: float64}` for each
-    /// column; `None` if there are none.
+    /// Units of these columns in the comments of ECSV; empty for a column without one, `None` if it is not ECSV. A column is an item of a YAML list, in one
+    /// line such as `- {name: ra, unit: deg, datatype: float64}` (astropy) or in lines `-`, `name: ra`, `unit: deg` (bulk files of the Gaia archive).
     fn units(&self, names: &[String]) -> Option<Vec<String>> {
         self.comments.first().filter(|first| first.trim_start().starts_with("%ECSV"))?;
-        let value = |line: &str, key: &str| -> Option<String> {
-            let (_, rest) = line.split_once(&format!("{key}:"))?;
-            let end = rest.find([',', '}']).unwrap_or(rest.len());
-            Some(rest[..end].trim().trim_matches(['\'', '"']).to_owned())
-        };
-        let unit = |name: &String| {
-            let own = |line: &&String| line.contains("{name:") && value(line, "name").as_ref() == Some(name);
-            self.comments.iter().find(own).and_then(|line| value(line, "unit")).unwrap_or_default()
-        };
-        Some(names.iter().map(unit).collect())
+        let mut items: Vec<[Option<String>; 2]> = Vec::new();
+        for line in self.comments.iter().map(|line| line.trim()) {
+            // A rule of YAML documents is no item.
+            let begin = line.strip_prefix('-').filter(|rest| !rest.starts_with('-'));
+            if begin.is_some() {
+                items.push([None, None]);
+            }
+            let text = begin.unwrap_or(line).trim_start();
+            let flow = text.strip_prefix('{');
+            let Some(item) = items.last_mut() else { continue };
+            for (key, value) in ["name:", "unit:"].into_iter().zip(item) {
+                let found = match flow {
+                    Some(flow) => {
+                        flow.split_once(key).map(|(_, rest)| &rest[..rest.find([',', '}']).unwrap_or(rest.len())])
+                    }
+                    None => text.strip_prefix(key),
+                };
+                if let Some(found) = found {
+                    *value = Some(found.trim().trim_matches(['\'', '"']).to_owned());
+                }
+            }
+        }
+        let mut items: HashMap<String, String> =
+            items.into_iter().filter_map(|[name, unit]| Some((name?, unit.unwrap_or_default()))).collect();
+        Some(names.iter().map(|name| items.remove(name).unwrap_or_default()).collect())
     }
 
     /// Advances to the next line that is neither blank nor a comment; false after the last.
@@ -333,5 +349,24 @@ mod tests {
         assert_eq!(next(&mut lines), "\"c\n");
         assert_eq!(lines.end_row(), (5, true));
         assert_eq!(next(&mut lines), "");
+    }
+
+    /// The form of astropy, and that of the bulk files of the Gaia archive.
+    #[test]
+    fn units_of_both_forms_of_ecsv_are_read() {
+        let flow = "# %ECSV 1.0\n# ---\n# datatype:\n# - {name: ra, unit: deg, datatype: float64}\n\
+                    # - {name: pmra, unit: mas / yr, datatype: float64}\n# - {name: b, datatype: int64, description: no unit}\n";
+        let block = "# %ECSV 1.0\n# ---\n# delimiter: ','\n# datatype:\n# -\n#   name: ra\n#   datatype: float64\n#   unit: deg\n\
+                     #   description: Right ascension\n# -\n#   name: pmra\n#   unit: mas / yr\n# - name: b\n#   datatype: int64\n";
+        for comments in [flow, block] {
+            let text = format!("{comments}pmra,b,ra\n1,2,3\n");
+            let mut lines = Lines::new(text.as_bytes(), "test.ecsv");
+            assert!(lines.advance().unwrap());
+            let units = lines.units(&["pmra", "b", "ra"].map(str::to_owned));
+            assert_eq!(units.unwrap(), ["mas / yr", "", "deg"], "{comments}");
+        }
+        let mut lines = Lines::new(&b"# %CSV\n# - {name: ra, unit: deg}\nra\n"[..], "test.csv");
+        assert!(lines.advance().unwrap());
+        assert_eq!(lines.units(&["ra".to_owned()]), None);
     }
 }

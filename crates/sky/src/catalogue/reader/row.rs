@@ -77,9 +77,37 @@ pub struct MeasuredParallax {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Refusal {
     /// This row is unusable.
-    Row(String),
+    Row(Reason),
     /// The whole file is unusable: its columns do not define the meaning of this row.
     File(String),
+}
+
+/// Reason why a row is unusable.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Reason {
+    /// With the values of the row.
+    pub text: String,
+    /// Without them: the same for all rows with this problem.
+    pub kind: String,
+}
+
+impl<T: Into<String>> From<T> for Reason {
+    fn from(text: T) -> Self {
+        let text = text.into();
+        Self { kind: text.clone(), text }
+    }
+}
+
+impl Refusal {
+    /// Refusal of a row with a reason without values.
+    pub fn row(reason: impl Into<Reason>) -> Self {
+        Self::Row(reason.into())
+    }
+
+    /// Refusal of a row with a text that has values, and the kind of the problem.
+    fn of_kind(kind: &str, text: String) -> Self {
+        Self::Row(Reason { text, kind: kind.to_owned() })
+    }
 }
 
 /// Converts one row to a star, placed `years` Julian years after J2000.0. `field(i)` is the text of column i; an
@@ -116,11 +144,11 @@ pub(super) fn star<'a>(
         (Some(v), _, Some(d)) => v - distance_modulus(d),
         (Some(v), _, None) => v,
         (None, Some(absolute), Some(_)) => absolute,
-        (None, Some(_), None) => return Err(Refusal::Row("an absolute magnitude needs a distance".into())),
+        (None, Some(_), None) => return Err(Refusal::row("an absolute magnitude needs a distance")),
         (None, None, _) => {
             let given = [columns.v_mag, columns.g_mag, columns.hp_mag].into_iter().find_map(|column| row.text(column));
             return Err(given.map_or_else(
-                || Refusal::Row("no brightness".into()),
+                || Refusal::row("no brightness"),
                 |(column, text)| row.refuse(column, text, "is no magnitude: no brightness"),
             ));
         }
@@ -128,19 +156,23 @@ pub(super) fn star<'a>(
     if let Some(distance_pc) = distance_pc.filter(|distance| *distance < SUN_WITHIN_PC)
         && (magnitude - SUN_ABSOLUTE_MAG).abs() < SUN_TOLERANCE_MAG
     {
-        return Err(Refusal::Row(format!(
-            "it is the Sun, at {distance_pc:e} pc: the Sun is a body of the scene, not a star of a catalogue"
-        )));
+        return Err(Refusal::of_kind(
+            "it is the Sun",
+            format!("it is the Sun, at {distance_pc:e} pc: the Sun is a body of the scene, not a star of a catalogue"),
+        ));
     }
     // As the renderer stores it, from the rounded magnitude; a star at infinity is treated as if at 1 pc.
     let magnitude_at_1_pc = f64::from(magnitude as f32) - if distance_pc.is_some() { 5.0 } else { 0.0 };
     let illuminance_lx = illuminance_lx_from_magnitude(magnitude_at_1_pc);
     if !ILLUMINANCE_RANGE_LX.contains(&illuminance_lx) {
         let (least, most) = ILLUMINANCE_RANGE_LX.into_inner();
-        return Err(Refusal::Row(format!(
-            "{illuminance_lx:.1e} lx at 1 pc is outside the range that can be stored ({least:.1e} to {most:.1e} lx): \
+        return Err(Refusal::of_kind(
+            "magnitude and distance do not match",
+            format!(
+                "{illuminance_lx:.1e} lx at 1 pc is outside the range that can be stored ({least:.1e} to {most:.1e} lx): \
              magnitude and distance do not match"
-        )));
+            ),
+        ));
     }
     notes.without_distance = distance_pc.is_none();
     notes.parallax = row.measured_parallax()?;
@@ -169,7 +201,13 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
     }
 
     fn refuse(&self, column: usize, text: &str, problem: &str) -> Refusal {
-        Refusal::Row(format!("{} = \"{}\" {problem}", self.columns.name(column), excerpt(text)))
+        self.refuse_as(column, text, problem, problem)
+    }
+
+    /// The same with a problem that has values of the row; `kind` has none.
+    fn refuse_as(&self, column: usize, text: &str, problem: &str, kind: &str) -> Refusal {
+        let name = self.columns.name(column);
+        Refusal::of_kind(&format!("{name} {kind}"), format!("{name} = \"{}\" {problem}", excerpt(text)))
     }
 
     /// Number in a column; infinities are accepted.
@@ -237,19 +275,19 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
                 let mut position = DVec3::ZERO;
                 for (axis, column) in axes.into_iter().enumerate() {
                     let Some(value) = self.finite(Some(column))? else {
-                        return Err(Refusal::Row(format!("{} is missing", self.columns.name(column))));
+                        return Err(Refusal::row(format!("{} is missing", self.columns.name(column))));
                     };
                     position[axis] = value;
                 }
                 let distance_pc = position.length();
                 if !distance_pc.is_finite() {
-                    return Err(Refusal::Row("the position overflows".into()));
+                    return Err(Refusal::row("the position overflows"));
                 }
                 if distance_pc == 0.0 {
-                    return Err(Refusal::Row("the distance is 0: the star is at the origin".into()));
+                    return Err(Refusal::row("the distance is 0: the star is at the origin"));
                 }
                 if distance_pc < NEAREST_PC {
-                    return Err(Refusal::Row(too_near(distance_pc)));
+                    return Err(Refusal::of_kind(TOO_NEAR, too_near(distance_pc)));
                 }
                 (position / distance_pc, Some(distance_pc))
             }
@@ -262,9 +300,11 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
     fn equatorial(&self, ra: usize, dec: usize, unit: RaUnit) -> Result<DVec3, Refusal> {
         let angle = |column: usize| {
             let Some((_, text)) = self.text(Some(column)) else {
-                return Err(Refusal::Row(format!("{} is missing", self.columns.name(column))));
+                return Err(Refusal::row(format!("{} is missing", self.columns.name(column))));
             };
-            sexagesimal::parse(text).map(|angle| (angle, text)).map_err(|problem| self.refuse(column, text, &problem))
+            sexagesimal::parse(text)
+                .map(|angle| (angle, text))
+                .map_err(|problem| self.refuse_as(column, text, &problem, "is no angle"))
         };
         let (ra_angle, ra_text) = angle(ra)?;
         let (ra_deg, range) = match (ra_angle, unit) {
@@ -315,7 +355,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
                 return Err(self.refuse(column, text, "is below 0"));
             }
             if d < NEAREST_PC {
-                return Err(self.refuse(column, text, &format!("is too near: {}", too_near(d))));
+                return Err(self.refuse_as(column, text, &format!("is too near: {}", too_near(d)), "is too near"));
             }
             if d.is_finite() && d < self.columns.unknown_from_pc {
                 return Ok(Some(d));
@@ -325,7 +365,12 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
             (Some(p), Some((column, text))) if p.is_finite() && p > 0.0 => {
                 let d = 1000.0 / p;
                 if d < NEAREST_PC {
-                    return Err(self.refuse(column, text, &format!("is too large: {}", too_near(d))));
+                    return Err(self.refuse_as(
+                        column,
+                        text,
+                        &format!("is too large: {}", too_near(d)),
+                        "is too large",
+                    ));
                 }
                 Ok(Some(d))
             }
@@ -377,7 +422,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         };
         let place = motion.after(direction, distance_pc, years + columns::J2000_EPOCH - from_year);
         if place.length() < NEAREST_PC {
-            return Err(Refusal::Row(too_near(place.length())));
+            return Err(Refusal::of_kind(TOO_NEAR, too_near(place.length())));
         }
         let mut velocity = motion.velocity(direction, distance_pc);
         if distance_pc.is_none() {
@@ -460,6 +505,9 @@ fn is_nines(text: &str) -> bool {
     let digits = text.chars().filter(char::is_ascii_digit);
     digits.clone().count() >= 2 && digits.clone().all(|digit| digit == '9')
 }
+
+/// Kind of a refusal for a distance below [`NEAREST_PC`].
+const TOO_NEAR: &str = "the distance is too small";
 
 /// Describes a distance below [`NEAREST_PC`].
 fn too_near(distance_pc: f64) -> String {

@@ -90,7 +90,7 @@ impl Rows {
         if self.reading.stream.is_some() {
             return self.stream(columns, fields, (line, place));
         }
-        let star = fields.map_err(Refusal::Row).and_then(|field| {
+        let star = fields.map_err(Refusal::row).and_then(|field| {
             let (star, notes) = row::star(columns, &field, self.reading.years)?;
             let mut hasher = DefaultHasher::new();
             (0..columns.len()).for_each(|column| field(column).trim().hash(&mut hasher));
@@ -119,7 +119,7 @@ impl Rows {
     fn refuse(&mut self, refusal: Refusal, (line, place): (usize, &str)) -> Result<(), CatalogueError> {
         match refusal {
             Refusal::Row(reason) => {
-                self.report.reject(line, format!("{place}{reason}"));
+                self.report.reject(line, format!("{place}{}", reason.text), reason.kind);
                 Ok(())
             }
             Refusal::File(reason) => {
@@ -137,7 +137,7 @@ impl Rows {
         fields: Result<impl Fn(usize) -> &'a str, String>,
         place: (usize, &str),
     ) -> Result<(), CatalogueError> {
-        let star = fields.map_err(Refusal::Row).and_then(|field| {
+        let star = fields.map_err(Refusal::row).and_then(|field| {
             let (star, notes) = row::star(columns, &field, self.reading.years)?;
             Ok((star, notes, row::names(columns, &field)))
         });

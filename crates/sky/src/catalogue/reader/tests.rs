@@ -495,3 +495,32 @@ fn a_source_that_breaks_off_is_an_error() {
     let error = read_json_from((&b"[1"[..]).chain(Broken), "half.json", 0.0).unwrap_err();
     assert!(matches!(error, CatalogueError::Io { .. }));
 }
+
+#[test]
+fn refused_rows_are_counted_by_reason() {
+    let mut text = String::from("ra_deg,dec_deg,v_mag,parallax_mas\n10,20,3,\n");
+    for row in 0..12 {
+        text += &format!("10,{},3,\n{},20,3,\n10,20,,\n10,20,3,{}e9\n", 91 + row, 361 + row, 9 + row);
+    }
+    let CatalogueRead { report, .. } = read_csv_from(text.as_bytes(), "test.csv", 0.0).unwrap();
+    let found: Vec<_> = report.rejected_kinds.iter().map(|of| (of.kind.as_str(), of.rows, of.first.line)).collect();
+    assert_eq!(
+        found,
+        [
+            ("dec_deg is outside -90 to 90 degrees", 12, 3),
+            ("ra_deg is outside -180 to 360 degrees", 12, 4),
+            ("no brightness", 12, 5),
+            ("parallax_mas is too large", 12, 6),
+        ],
+        "{report}"
+    );
+    assert_eq!(report.rejected_kinds.iter().map(|of| of.rows).sum::<usize>(), report.rejected);
+    assert!(report.to_string().contains("and 38 more; of all 48:\n  12 rows: dec_deg is outside"), "{report}");
+    // Kinds beyond the first 20 are counted together, so that the report stays short.
+    let fields = |count: usize| ",".repeat(count);
+    let text: String = (10..50).map(|count| format!("10,20,3{}\n", fields(count))).collect();
+    let text = format!("ra_deg,dec_deg,v_mag\n10,20,3\n{text}");
+    let CatalogueRead { report, .. } = read_csv_from(text.as_bytes(), "test.csv", 0.0).unwrap();
+    let [.., last] = &report.rejected_kinds[..] else { panic!("{report}") };
+    assert_eq!((report.rejected_kinds.len(), last.kind.as_str(), last.rows), (21, "other reasons", 20), "{report}");
+}
