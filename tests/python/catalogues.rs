@@ -31,7 +31,6 @@ fn run(python: &OsString, script: &str) {
     command.arg(&script).arg(env!("CARGO_BIN_EXE_steradian")).arg(folder.path());
     let output = command.env("PYTHONDONTWRITEBYTECODE", "1").output().unwrap();
     assert!(output.status.success(), "{} fails with {}:\n{}", script.display(), output.status, text(&output));
-    print!("{}", text(&output));
 }
 
 fn checked(script: &str) -> Result<(), String> {
