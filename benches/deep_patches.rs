@@ -46,9 +46,12 @@ fn main() {
     let stars = Arc::new(stars);
     let mut renderer = testkit::new_renderer();
     println!("{}", renderer.adapter().adapter);
-    println!("view     towards  EV100   drawn      stars      light      99.9 %  patches  largest  variance: mean   least    most");
+    println!(
+        "view     towards  EV100   drawn      stars      light      99.9 %  patches  largest  variance: mean   least    most"
+    );
     for (view, kind) in views() {
-        let rig = Rig::new(vec![View::new("view", kind, DQuat::IDENTITY, DVec3::ZERO).expect("a view")]).expect("a rig");
+        let rig =
+            Rig::new(vec![View::new("view", kind, DQuat::IDENTITY, DVec3::ZERO).expect("a view")]).expect("a rig");
         for (direction, [ra, dec]) in DIRECTIONS {
             let towards = direction_from_lon_lat(ra.to_radians(), dec.to_radians());
             let camera =
@@ -60,7 +63,8 @@ fn main() {
                 let mut every_star = settings.clone();
                 every_star.stars.every_star = true;
                 every_star.stars.memory = memory;
-                let mut draw = |settings: &RenderSettings, output: Output| draw(&mut renderer, &scene, &rig, settings, output);
+                let mut draw =
+                    |settings: &RenderSettings, output: Output| draw(&mut renderer, &scene, &rig, settings, output);
                 let exact = draw(&every_star, Output::Hdr);
                 let drawn = draw(&settings, Output::Display);
                 println!("{view:8} {direction:8} {ev100:5.1} {}", compared(&exact, &drawn, &settings));

@@ -113,12 +113,7 @@ fn make(stars: usize, out: &Path) -> Result<(), ChartError> {
 }
 
 /// The rows of a store.
-fn of_store(
-    renderer: &mut Renderer,
-    folder: &Path,
-    rounds: usize,
-    budget: Budget,
-) -> Result<Vec<Row>, ChartError> {
+fn of_store(renderer: &mut Renderer, folder: &Path, rounds: usize, budget: Budget) -> Result<Vec<Row>, ChartError> {
     let mut rows = Vec::new();
     for (index, (series, view)) in VIEWS.into_iter().enumerate() {
         // Loaded again for each view, so that nothing has been read before.
@@ -188,7 +183,8 @@ fn measure(
     let mut drawn = None;
     let timed = timing::rounds(1, rounds, budget, |_| {
         let start = std::time::Instant::now();
-        match draw(renderer, (scene, &rig), &settings, Output::Display, Wanted { hdr_stays: true, ..Wanted::default() }) {
+        match draw(renderer, (scene, &rig), &settings, Output::Display, Wanted { hdr_stays: true, ..Wanted::default() })
+        {
             Ok(frame) => {
                 read.get_or_insert_with(|| statistics().bytes_read);
                 drawn = Some(frame.views.iter().map(|view| view.stars_drawn as f64).sum());

@@ -4,8 +4,8 @@
 use std::fmt::Write as _;
 
 use super::{
-    About, AsteroidMetric, Axis, DeepMetric, GlareMetric, LiveMetric, ProjectorMetric, Row, scores::Metric, summary::Summary,
-    svg::grouped, timing::TIMING_EV100,
+    About, AsteroidMetric, Axis, DeepMetric, GlareMetric, LiveMetric, ProjectorMetric, Row, scores::Metric,
+    summary::Summary, svg::grouped, timing::TIMING_EV100,
 };
 
 /// Columns of the table of the axis `stars`, with their headings.

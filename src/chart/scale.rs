@@ -2,8 +2,7 @@
 //! catalogue. Deep stores follow ([`deep`]).
 
 use super::{
-    deep,
-    Axis, Budget, ChartError, Extent, ReportStep, Row, Score, Sky, Step, ViewShape,
+    Axis, Budget, ChartError, Extent, ReportStep, Row, Score, Sky, Step, ViewShape, deep,
     scores::settings_of,
     timing::{self, Case, TIMING_EV100},
     workloads::{Skies, rig_of, snapshot},
@@ -20,8 +19,6 @@ pub(super) fn run(
     report_step: ReportStep<'_>,
 ) -> Result<Vec<Row>, ChartError> {
     let rig = rig_of(vec![("chart", VIEW.kind())])?;
-    // Deep stores have the same view, and a dome.
-    let of_stores = budget.part(0.5, 1);
     let mut rows = Vec::new();
     for (done, &stars) in extent.scale.iter().enumerate() {
         let sky = Sky::Galaxy(stars);
@@ -37,6 +34,7 @@ pub(super) fn run(
         let workload = sky.name();
         let settings =
             StarMethod::ALL.map(|method| settings_of(method, TIMING_EV100, illuminance_lx_from_magnitude(faintest)));
+        // Half of the time is for deep stores.
         let budget = budget.part(0.5, extent.scale.len() - done);
         let timed = timing::frames(renderer, &scene, &rig, &settings, extent.rounds, budget)?;
         let adapter = renderer.adapter().adapter.clone();
@@ -46,6 +44,6 @@ pub(super) fn run(
             rows.push(case.row(method, timed, "ns_per_star", &Score { value: per_star, note: String::new() }));
         }
     }
-    rows.extend(deep::run(renderer, (&extent.deep, &extent.stores), extent.rounds, of_stores, report_step)?);
+    rows.extend(deep::run(renderer, (&extent.deep, &extent.stores), extent.rounds, budget, report_step)?);
     Ok(rows)
 }

@@ -47,7 +47,10 @@ pub fn run(arguments: &ChartArguments, options: &GpuOptions, no_cache: bool) -> 
         .map_err(|source| chart::ChartError::Write { path: arguments.out.clone(), source })?;
     // The same holds for a store that cannot be used.
     if let (Some(axis), [_, ..]) = (arguments.axis.filter(|axis| *axis != Axis::Scale), &arguments.stores[..]) {
-        return Err(CliError::Usage(format!("--store: the axis {} measures no stores; give --axis scale, or no axis", axis.name())));
+        return Err(CliError::Usage(format!(
+            "--store: the axis {} measures no stores; give --axis scale, or no axis",
+            axis.name()
+        )));
     }
     for folder in &arguments.stores {
         DeepStore::open_whole(folder).map_err(CliError::Deep)?;

@@ -16,9 +16,9 @@ use steradian::{
         galaxy::GalaxyParameters,
     },
     chart::{
-        self, About, AsteroidExtent, AsteroidMetric, Axis, COLUMNS, DeepMetric, Extent, GlareExtent, GlareMetric, LiveDaemon,
-        LiveExtent, LiveRequest, Metric, ProjectorMetric, Row, ScoringSize, Sky, ViewShape, read_csv, score_method,
-        write_csv,
+        self, About, AsteroidExtent, AsteroidMetric, Axis, COLUMNS, DeepMetric, Extent, GlareExtent, GlareMetric,
+        LiveDaemon, LiveExtent, LiveRequest, Metric, ProjectorMetric, Row, ScoringSize, Sky, ViewShape, read_csv,
+        score_method, write_csv,
     },
     plan::settings::{GlareMethod, StarMethod},
 };
@@ -250,9 +250,8 @@ fn assert_views_and_scale_have_their_figures(extent: &Extent) {
     let rows = chart::run(&mut renderer, &[Axis::Views, Axis::Scale], extent, &mut no_daemons, &mut |_| {}).unwrap();
     for series in ["deep_store", "deep_store_dome"] {
         let value = |items: u64, metric: DeepMetric| {
-            let of_metric = |row: &&Row| {
-                (&*row.method, row.items, &*row.error_metric) == (series, items, metric.name())
-            };
+            let of_metric =
+                |row: &&Row| (&*row.method, row.items, &*row.error_metric) == (series, items, metric.name());
             rows.iter().find(of_metric).and_then(|row| row.error_value).unwrap_or_else(|| panic!("{series} {metric:?}"))
         };
         // The brightest stars are all resident: nothing is read, and nothing stands for them.

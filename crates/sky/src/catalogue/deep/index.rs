@@ -272,10 +272,9 @@ impl Index {
         let layers = entries.iter().take(LAYERS.len());
         let sums: Option<Vec<Vec<[f64; 3]>>> = layers.map(|entry| parts.list(sums_of(entry))).collect();
         let sums = sums.ok_or_else(short)?;
-        let expected = LAYERS
-            .iter()
-            .map(|&Layer { magnitude, order }| (magnitude, order, cell_count(order)))
-            .chain(planes.iter().map(|&(Plane { magnitude, order }, _)| (magnitude, order, cell_count(tile_order(order)))));
+        let expected = LAYERS.iter().map(|&Layer { magnitude, order }| (magnitude, order, cell_count(order))).chain(
+            planes.iter().map(|&(Plane { magnitude, order }, _)| (magnitude, order, cell_count(tile_order(order)))),
+        );
         let mut lists = Vec::with_capacity(entries.len());
         for (entry, (magnitude, order, segments)) in entries.iter().zip(expected) {
             let is_known = (entry.magnitude, entry.order) == (u32::from(magnitude), u32::from(order));

@@ -129,7 +129,8 @@ mod tests {
 
     /// All details.
     fn all() -> Vec<Detail> {
-        let of_layer = |leaves: u8| (COARSEST..=finest_of(leaves)).map(move |order| Detail::Composites { leaves, order });
+        let of_layer =
+            |leaves: u8| (COARSEST..=finest_of(leaves)).map(move |order| Detail::Composites { leaves, order });
         (0..3).flat_map(of_layer).chain([Detail::Stars]).collect()
     }
 
