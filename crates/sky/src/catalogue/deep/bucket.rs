@@ -11,7 +11,7 @@ use super::cells::{SkyPlace, spread};
 use super::composite::{CellSum, coarser};
 use super::index::Segment;
 use super::reader::light_scale;
-use super::word::{LightCarry, MAGNITUDES, PLACE_BITS, Word, colours, distance_code, distance_pc, temperature_code};
+use super::word::{ColourCarry, LightCarry, MAGNITUDES, PLACE_BITS, Word, colours, distance_code, distance_pc};
 use super::{BUCKET_ORDER, LAYERS, PLANES, SUM_ORDER};
 use crate::units::{SOLAR_TEMPERATURE_K, illuminance_lx_from_magnitude};
 
@@ -92,7 +92,7 @@ impl BucketLeaves {
         leaves.counts = LAYERS.map(|layer| vec![0; layer.leaves_per_bucket()]);
 
         let median_of_bucket = median_temperature_k(&stars);
-        let mut carries = [LightCarry::default(); LAYERS.len()];
+        let mut carries = [(LightCarry::default(), ColourCarry::default()); LAYERS.len()];
         for run in stars.chunk_by(|a, b| leaf_of(a) == leaf_of(b)) {
             let (layer, leaf) = leaf_of(&run[0]);
             leaves.counts[layer][leaf] = run.len() as u32;
@@ -105,10 +105,11 @@ impl BucketLeaves {
                 let temperature = if star.temperature_k == 0.0 { median } else { star.temperature_k };
                 let distance = (star.distance_pc > 0.0).then_some(f64::from(star.distance_pc));
                 let light = illuminance_lx_from_magnitude(f64::from(star.v_mag));
+                let (of_light, of_colour) = &mut carries[layer];
                 let word = Word {
                     place: SkyPlace { face, xy: star.xy }.in_cell(order, PLACE_BITS),
-                    light: carries[layer].code(light_scale(layer), light),
-                    temperature: temperature_code(f64::from(temperature)),
+                    light: of_light.code(light_scale(layer), light),
+                    temperature: of_colour.code(f64::from(temperature), light),
                     distance: distance_code(distance),
                 };
                 word.bits()

@@ -74,11 +74,16 @@ impl Word {
     }
 }
 
-/// Code of a temperature in kelvin; outside [`TEMPERATURES_K`] that of the nearest end.
-pub fn temperature_code(temperature_k: f64) -> u32 {
+/// Place of a temperature in kelvin between codes; outside [`TEMPERATURES_K`] that of the nearest end.
+fn temperature_position(temperature_k: f64) -> f64 {
     let [cool, hot] = TEMPERATURES_K.map(f64::recip);
     let position = (temperature_k.recip() - hot) / (cool - hot);
-    (position.clamp(0.0, 1.0) * f64::from(TEMPERATURE_STEPS)).round() as u32
+    position.clamp(0.0, 1.0) * f64::from(TEMPERATURE_STEPS)
+}
+
+/// Code of a temperature in kelvin; outside [`TEMPERATURES_K`] that of the nearest end.
+pub fn temperature_code(temperature_k: f64) -> u32 {
+    temperature_position(temperature_k).round() as u32
 }
 
 /// Temperature of a code, K.
@@ -166,6 +171,38 @@ impl LightCarry {
     }
 }
 
+/// Carries the remainder of rounding temperatures from star to star, so that the colour of their sum is kept: blue less red light, because luminance is kept by
+/// [`LightCarry`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ColourCarry {
+    rest_lx: f64,
+}
+
+/// Blue less red of a place between codes, for luminance 1: the cubic through four codes.
+fn blueness(position: f64) -> f64 {
+    let at = |code: i64| {
+        let [red, _, blue] = colours()[code.clamp(0, i64::from(TEMPERATURE_STEPS)) as usize];
+        blue - red
+    };
+    let first = position.floor() as i64;
+    let t = position - first as f64;
+    let [a, b, c, d] = [-1, 0, 1, 2].map(|step| at(first + step));
+    b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)))
+}
+
+impl ColourCarry {
+    /// The code of a temperature in kelvin for a star of `illuminance_lx`: the code below or above it that leaves the smaller remainder.
+    pub fn code(&mut self, temperature_k: f64, illuminance_lx: f64) -> u32 {
+        let position = temperature_position(temperature_k);
+        let exact = blueness(position);
+        let rest = |code: f64| self.rest_lx + illuminance_lx * (exact - blueness(code));
+        let [below, above] = [position.floor(), position.ceil()];
+        let code = if rest(above).abs() < rest(below).abs() { above } else { below };
+        self.rest_lx = rest(code);
+        code as u32
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::cells::{CellFrame, SkyPlace, tests::directions};
@@ -216,6 +253,26 @@ mod tests {
         assert_eq!(distance_code(Some(1e9)), 0);
         assert_eq!(distance_pc(0), None);
         assert_eq!(distance_code(Some(3.0)), 1);
+    }
+
+    #[test]
+    fn the_colour_of_a_sum_is_kept_and_no_star_is_off_by_more_than_a_step() {
+        let (mut carry, mut exact, mut found, mut rounded) = (ColourCarry::default(), [0.0; 3], [0.0; 3], [0.0; 3]);
+        for i in 0..5000_u32 {
+            let temperature = 3000.0 + f64::from(i * 7919 % 5003);
+            let lx = illuminance_lx_from_magnitude(13.0 + 7.0 * f64::from(i) / 5000.0);
+            let code = carry.code(temperature, lx);
+            assert!((f64::from(code) - temperature_position(temperature)).abs() < 1.0);
+            let of_codes = [code, temperature_code(temperature)].map(|code| colours()[code as usize]);
+            let colours = [rec709_in_gamut(temperature), of_codes[0], of_codes[1]];
+            for (sum, colour) in [&mut exact, &mut found, &mut rounded].into_iter().zip(colours) {
+                (0..3).for_each(|channel| sum[channel] += lx * colour[channel]);
+            }
+        }
+        let worst = |sum: [f64; 3]| (0..3).map(|i| (sum[i] / exact[i] - 1.0).abs()).fold(0.0, f64::max);
+        assert!(worst(found) < 5e-5 && worst(rounded) > 2.5 * worst(found), "{:e} {:e}", worst(found), worst(rounded));
+        // Ends of the scale have one code.
+        assert_eq!([1.0, 1e9].map(|t| ColourCarry::default().code(t, 1.0)), [1.0, 1e9].map(temperature_code));
     }
 
     #[test]
