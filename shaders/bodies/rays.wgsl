@@ -57,6 +57,11 @@ const CROSSED_PARTS: u32 = 12u;
 // Width of the parts of a corona pixel, relative to the distance from the sun's centre. With it, the steepest part of
 // the light is accurate to 2 %.
 const CORONA_STEP: f32 = 0.04;
+// Distance from the sun's centre, in its radii, up to which the corona is so steep that its light behind a limb is not that of its mean, and
+// size of a pixel, relative to the distance, from which on this is so farther out. The pixel is then divided into parts of one ray
+// each, which would miss most of a thin crescent.
+const STEEP_CORONA: f32 = 4.0;
+const COARSE_CORONA: f32 = 0.25;
 // Maximum number of these parts along a side.
 const MOST_CORONA_PARTS: f32 = 24.0;
 // Maximum number of bodies that one pixel can show.
@@ -472,6 +477,7 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
     // A corona hides nothing; bodies nearer than its sun hide it.
     var corona = vec3(0.0);
     var corona_m = 3e38;
+    var is_corona_steep = false;
     let unit = normalize(ray);
     let end = run.x + run.y;
     for (var b = next_near(run.x, end, unit); b < end; b = next_near(b + 1u, end, unit)) {
@@ -496,6 +502,9 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
         }
         if body.around == AROUND_CORONA {
             corona += corona_in_pixel(viewport, body, corner, ray, extent);
+            let reach = extent * body.distance_m * body.inverse_smallest;
+            let s = passage_of(body, ray).s;
+            is_corona_steep = is_corona_steep || s < STEEP_CORONA || 2.0 * reach > COARSE_CORONA * s;
             corona_m = min(corona_m, body.distance_m * length(body.centre) - 1.0 / body.inverse_smallest);
         }
         if rings.coverage > 0.0 {
@@ -522,7 +531,7 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
     let partly = count > 0u && !hits[0].rings && hits[0].coverage > 0.0 && hits[0].coverage < 1.0;
     let crossed = count > 1u && !hits[1].rings && hits[1].coverage > 0.0;
     // The same applies to a body in front of a corona, which is brightest at the limb of its sun.
-    if partly && (crossed || (before_corona < 1.0 && any(corona > vec3(0.0)))) {
+    if partly && (crossed || (before_corona < 1.0 && is_corona_steep && any(corona > vec3(0.0)))) {
         let sampled = nearest_of_parts(viewport, run, corner, ray, extent_of(viewport, corner, ray));
         light = sampled.xyz;
         open = 1.0 - sampled.w;

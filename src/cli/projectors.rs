@@ -56,7 +56,7 @@ struct ImportArguments {
     #[arg(long, value_name = "AXES")]
     axes: Option<String>,
     /// Position of the spectator, m: right, up, backwards, such as 0,1.2,0.
-    #[arg(long, value_name = "X,Y,Z", value_parser = eye, allow_negative_numbers = true)]
+    #[arg(long, value_name = "X,Y,Z", value_parser = eye, allow_hyphen_values = true)]
     eye_m: Option<[f64; 3]>,
     /// Field of view of the fisheye picture that meshes sample, degrees. Refused if a file does not leave it open.
     #[arg(long, value_name = "DEG", default_value_t = 180.0)]
@@ -233,6 +233,10 @@ mod tests {
         ] {
             assert_eq!(joined(line), expected);
         }
+        // A word that begins with a number below 0 is no option.
+        let parse = |words: &[&str]| <crate::cli::Cli as clap::Parser>::try_parse_from(words).is_ok();
+        let words = |eye| ["steradian", "projectors", "import", "a.mpcdi", "--eye-m", eye, "--out", "o.toml"];
+        assert!(parse(&words("-0.5,1.2,-3")) && parse(&words("0,1.2,0")) && !parse(&words("-0.5,1.2")));
         for wrong in ["0,1", "0,1,2,3", "a,b,c", "0,inf,0", ""] {
             assert!(eye(wrong).is_err(), "{wrong}");
         }

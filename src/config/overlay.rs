@@ -160,6 +160,7 @@ impl PictureConfig {
         Ok(Picture {
             name: self.name.clone(),
             levels: Arc::new(levels.map_err(|error| KeyError::new("file", error.to_string()))?),
+            png: None,
             anchor,
             width_rad: self.width_deg.to_radians(),
             roll_rad: self.roll_deg.to_radians(),
@@ -169,6 +170,12 @@ impl PictureConfig {
 }
 
 impl OverlayConfig {
+    /// Whether it has nothing that display images show; test patterns are keys of views.
+    pub fn is_empty(&self) -> bool {
+        let Self { pictures, grids, trajectories, labels, cardinal_points } = self;
+        pictures.is_empty() && grids.is_empty() && trajectories.is_empty() && labels.is_empty() && !cardinal_points
+    }
+
     /// The overlay, with test patterns in the views of these names and files whose paths start at `folder` (`None`: no file is read); a fault
     /// names the key below `overlay`.
     pub(super) fn overlay(&self, test_patterns: Vec<String>, folder: Option<&Path>) -> Result<Overlay, KeyError> {

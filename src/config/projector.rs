@@ -234,6 +234,7 @@ impl ProjectorConfig {
             .map(|mask| mask.as_ref().filter(|_| self.blend == BlendConfig::File).map(Mask::weights));
         let blend = (alpha.is_some() || beta.is_some()).then(|| Blend::new(region.size_px, alpha, beta));
         let blend = blend.transpose().map_err(|error| error.to_string())?;
+        let blend = blend.map(|blend| if region.multiplies_codes { blend.of_codes() } else { blend });
         let resampling = match self.method {
             ProjectorMethod::Direct => None,
             ProjectorMethod::Resampled => {

@@ -76,9 +76,13 @@ impl fmt::Display for WrittenTime {
     }
 }
 
-/// A date as TOML has it; `None` beyond the years 0 to 9999.
+/// A date as TOML has it; `None` beyond the years 0 to 9999, and for dates that name their calendar.
 fn toml_date(DateTime { date: [year, month, day], time, microsecond }: &DateTime) -> Option<Datetime> {
     let small = |value: &i64| u8::try_from(*value).ok();
+    // Such a date has to name its calendar.
+    if calendar::is_left_out([*year, *month, *day]) {
+        return None;
+    }
     let [hour, minute, second] = time;
     Some(Datetime {
         date: Some(Date {
@@ -162,7 +166,18 @@ mod tests {
 
     #[test]
     fn written_times_are_read_as_the_same_moments() {
-        for time_s in [0.0, -1e9 + 0.25, 8.2e8 + 0.125, 5_097_600.0, 5_184_000.0, -6e10, 2.4e11, -8.1e10, 2.5247e11] {
+        for time_s in [
+            0.0,
+            -1e9 + 0.25,
+            8.2e8 + 0.125,
+            5_097_600.0,
+            5_184_000.0,
+            -6e10,
+            2.4e11,
+            -8.1e10,
+            2.5247e11,
+            -1.316_640_96e10,
+        ] {
             let time = WrittenTime::new(time_s).expect("a scene may have it");
             let read = read(&time.to_toml()).expect("it is TOML");
             assert_eq!((read.time_s(), &read), (time_s, &time), "{time}");
@@ -183,6 +198,7 @@ mod tests {
             ("2026-01-01", "offset are needed"),
             ("'2026-02-30T00:00:00Z'", "day 30"),
             ("'1582-02-29T00:00:00Z'", "01 to 28"),
+            ("1582-10-10T00:00:00Z", "append gregorian or julian"),
             ("'noon'", "julian"),
             ("'-6001-01-01T00:00:00Z'", "years -6000 to 10000"),
         ] {

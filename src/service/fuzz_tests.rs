@@ -252,6 +252,14 @@ fn full_scene() -> proto::Scene {
                 ..Default::default()
             }],
             test_patterns: vec!["dome".to_owned()],
+            pictures: vec![proto::OverlayPicture {
+                name: "title".to_owned(),
+                // The head of a PNG alone.
+                png: Some(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x01\0\0\0\x01\x08\x06\0\0\0\x1f\x15\xc4\x89".to_vec()),
+                anchor: Some(proto::overlay_picture::Anchor::Direction(proto::Vector3 { x: 1.0, y: 0.0, z: 0.0 })),
+                width_deg: 20.0,
+                ..Default::default()
+            }],
         }),
         ..Default::default()
     }
@@ -339,6 +347,7 @@ fn seeds() -> Vec<Vec<u8>> {
         scene_request(&["stars.method", "stars.magnitude_limit", "bodies.moon", "bodies.sun", "overlay.grids"]),
         scene_request(&["asteroid_fields"]),
         scene_request(&["asteroid_fields.belt", "asteroids.impostor", "asteroids.quality"]),
+        scene_request(&["overlay.pictures", "overlay.cardinal_points"]),
         scene_request(&["overlay.trajectories.orbit", "overlay.labels.pole", "overlay.test_patterns"]),
         view_request(&["exposure", "glare", "tone_map", "exposure_group"]),
         view_request(&["exposure.mode", "exposure.ev100", "glare.fraction", "tone_map.dither"]),
@@ -370,6 +379,7 @@ const TARGET: Target = Target {
         "overlay",
         "overlay.grids",
         "overlay.labels.pole",
+        "overlay.pictures.title",
         "exposure",
         "exposure.mode",
         "glare",

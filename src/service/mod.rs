@@ -76,7 +76,7 @@ pub use scene::{
     camera::CameraUpdate,
     objects::{BodyForm, Change},
     observer::{GroundForm, ObserverChange},
-    overlay::OverlayChange,
+    overlay::{OverlayChange, PictureChange},
     state::{SceneCatalogue, SceneUpdate},
     views::{SettingsChange, ViewUpdate},
 };

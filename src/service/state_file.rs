@@ -37,10 +37,10 @@ const FORMAT: &str = "format";
 const SHOWN: &str = "shown";
 const CAMERA: &str = "camera";
 /// Format version. It grows with every change of the stored data, so that an older program cannot drop data that it does not know.
-const VERSION: u8 = 4;
-/// Older versions that are still read, and then written in the current one: 1 has no views of clients, 2 no observer, and all of
-/// them have the settings of views as TOML text. Missing values come from the configuration.
-const OLDER: [u8; 3] = [1, 2, 3];
+const VERSION: u8 = 5;
+/// Older versions that are still read, and then written in the current one: 1 has no views of clients, 2 no observer, those up to 3 have
+/// the settings of views as TOML text, and 4 has no pictures. Missing values come from the configuration.
+const OLDER: [u8; 4] = [1, 2, 3, 4];
 /// Maximum number of snapshots in a file.
 const MOST_SNAPSHOTS: u64 = 256;
 
@@ -117,13 +117,23 @@ pub(crate) struct Saved {
     /// All views. Views without a type have the geometry of the configuration.
     #[prost(message, repeated, tag = "6")]
     views: Vec<proto::ViewDefinition>,
+    /// Whether the overlay has its pictures, with the files that clients have sent. Older formats have none.
+    #[prost(bool, tag = "7")]
+    has_pictures: bool,
 }
 
 impl Saved {
     /// Copies the parts of a scene that clients may change.
     pub(crate) fn from_scene(scene: &SceneState, camera: Option<&Camera>, time: &TimeSource) -> Self {
+        let mut message = scene::scene_to_pb(scene, &[], time);
+        if let Some(overlay) = &mut message.overlay {
+            for (saved, picture) in overlay.pictures.iter_mut().zip(&scene.objects.drawn.overlay.pictures) {
+                saved.png = picture.png.as_ref().map(|png| png.to_vec());
+            }
+        }
         Self {
-            scene: Some(scene::scene_to_pb(scene, &[], time)),
+            scene: Some(message),
+            has_pictures: true,
             // Only a specification with a non-UTF-8 path has no message.
             views: scene.views.kept().filter_map(|spec| spec_to_pb(&spec).ok()).collect(),
             text_views: Vec::new(),
@@ -150,15 +160,20 @@ impl Saved {
         // Older versions have only the timestamp.
         let is_exact = self.scene.as_ref().is_some_and(|scene| scene.time_j2000_s.is_some());
         let time = if is_exact { "time_j2000_s" } else { "time" };
-        let mut all = ["stars", time, "time_rate", "asteroids", "bodies", "asteroid_fields", "overlay"]
-            .map(str::to_owned)
-            .to_vec();
+        let mut all =
+            ["stars", time, "time_rate", "asteroids", "bodies", "asteroid_fields"].map(str::to_owned).to_vec();
+        if self.has_pictures {
+            all.push("overlay".to_owned());
+        } else {
+            let parts = ["grids", "trajectories", "labels", "cardinal_points", "test_patterns"];
+            all.extend(parts.map(|part| format!("overlay.{part}")));
+        }
         // Older formats have only the place, which no client could change.
         if self.scene.as_ref().and_then(|scene| scene.observer.as_ref()?.air).is_some() {
             all.push("observer".to_owned());
         }
         let request = proto::UpdateSceneRequest {
-            scene: self.scene.clone(),
+            scene: self.scene.clone().map(|saved| without_lost_pictures(saved, scene)),
             update_mask: Some(prost_types::FieldMask { paths: all }),
             expected_revision: None,
         };
@@ -169,6 +184,21 @@ impl Saved {
         after.views = Arc::new(scene.views.restored(general, kept, &self.deleted)?);
         Ok(after)
     }
+}
+
+/// A saved scene without the pictures of an earlier configuration that the present one lacks: their files are not saved.
+fn without_lost_pictures(mut saved: proto::Scene, scene: &SceneState) -> proto::Scene {
+    if let Some(overlay) = &mut saved.overlay {
+        let there = &scene.objects.drawn.overlay.pictures;
+        overlay.pictures.retain(|picture| {
+            let is_known = picture.png.is_some() || there.iter().any(|known| known.name == picture.name);
+            if !is_known {
+                tracing::info!("the configuration no longer has the picture `{}` of the overlay", picture.name);
+            }
+            is_known
+        });
+    }
+    saved
 }
 
 /// The specification of a view that was kept; one without a type has no geometry.
@@ -517,7 +547,7 @@ mod tests {
         file.put(STATE, &[(FORMAT, &[VERSION + 1])]).unwrap();
         drop(file);
         let error = StateFile::open(&path).err().unwrap().to_string();
-        assert!(error.contains("this program supports 4"), "{error}");
+        assert!(error.contains("this program supports 5"), "{error}");
     }
 
     #[test]

@@ -7,6 +7,7 @@
 use glam::DVec2;
 
 use super::{Grid, Interpolation, Mask, Placement, Reader, content::Content, fault::Fault};
+use crate::view::projector::DISPLAY_GAMMA;
 
 /// Maximum number of nodes of a mesh.
 pub(super) const MOST_NODES: usize = 1 << 22;
@@ -21,8 +22,6 @@ const LATTICE_WITHIN: f64 = 1e-5;
 const MOST_DRAWN: usize = 1024;
 /// Maximum width or height of a mask made from intensities.
 const MOST_MASK_SIDE: usize = 2048;
-/// The programs multiply display codes by intensities and masks: the factor on the light is this power of them.
-pub(super) const DISPLAY_GAMMA: f64 = 2.2;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Node {
@@ -232,8 +231,8 @@ impl Reader<'_> {
         let [columns, rows] = [width, height].map(|side| side.min(MOST_MASK_SIDE));
         self.take_mask(columns as u32, rows as u32, place)?;
         self.note(format!(
-            "{place}: node intensities are drawn as a mask of {columns} x {rows} pixels; they multiply the display codes, so the factor on \
-             the light is the intensity to the power {DISPLAY_GAMMA}"
+            "{place}: node intensities are drawn as a mask of {columns} x {rows} pixels; they multiply the display codes; the light \
+             is computed with the intensity to the power {DISPLAY_GAMMA}"
         ));
         let cells = mesh.drawn(columns, rows, place)?;
         let light = |cell: Option<[f64; 3]>| {

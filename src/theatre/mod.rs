@@ -72,6 +72,9 @@ pub struct Region {
     pub grid: Grid,
     /// Factor on the light.
     pub alpha: Option<Mask>,
+    /// Whether the programs that the file is made for multiply display codes: alpha is then their factor to the power of
+    /// [`DISPLAY_GAMMA`](crate::view::projector::DISPLAY_GAMMA).
+    pub multiplies_codes: bool,
     /// Black level: the displayed light is `L * alpha * (1 - beta) + beta`, in units of the projector's white.
     pub beta: Option<Mask>,
     /// Colour correction.
@@ -449,7 +452,17 @@ impl Reader<'_> {
             placement: Placement::Centres,
             interpolation: Interpolation::Smooth,
         };
-        Ok(Region { name: self.stem(), title: None, size_px, grid, alpha: None, beta: None, lut: None, screen: None })
+        Ok(Region {
+            name: self.stem(),
+            title: None,
+            size_px,
+            grid,
+            alpha: None,
+            multiplies_codes: false,
+            beta: None,
+            lut: None,
+            screen: None,
+        })
     }
 
     /// The order of rows, recorded as a note.

@@ -279,7 +279,7 @@ impl Reader<'_> {
                 self.table(&name, fileset, archive)?,
             ),
         };
-        Ok(Region { name, title: None, size_px, grid, alpha, beta, lut, screen })
+        Ok(Region { name, title: None, size_px, grid, alpha, multiplies_codes: false, beta, lut, screen })
     }
 
     /// Eye point, origin and axes of the points of `a3` and `sl`.

@@ -14,12 +14,12 @@ use super::{
     fault::Fault,
     json::Field,
     mask,
-    mesh::{DISPLAY_GAMMA, sampled},
+    mesh::sampled,
     mesh_files::{self, Kind, load},
     pfm, refused,
     sgct_projection::{Area, Drawn},
 };
-use crate::files;
+use crate::{files, view::projector::DISPLAY_GAMMA};
 
 /// Maximum size of a configuration, bytes.
 const MOST_TEXT: usize = 16 << 20;
@@ -159,7 +159,17 @@ impl Reader<'_> {
         }
         let alpha =
             [blend, black, intensities].into_iter().flatten().reduce(|first, second| mask::product(&first, &second));
-        Ok(Region { name, title: None, size_px: area.size_px, grid, alpha, beta: None, lut: None, screen: None })
+        Ok(Region {
+            name,
+            title: None,
+            size_px: area.size_px,
+            grid,
+            alpha,
+            multiplies_codes: true,
+            beta: None,
+            lut: None,
+            screen: None,
+        })
     }
 
     fn area(&self, window: &Field, viewport: &Field) -> Result<Area, Fault> {
@@ -366,7 +376,7 @@ impl Reader<'_> {
             self.note(format!("{place}: it is coloured, its luminance is used"));
         }
         self.note(format!(
-            "masks multiply the display codes: the factor on the light is the mask to the power {DISPLAY_GAMMA}"
+            "masks multiply the display codes; the light is computed with the mask to the power {DISPLAY_GAMMA}"
         ));
         Ok(Some(decoded.mask))
     }

@@ -150,7 +150,9 @@ fn masks_of_sgct_multiply_the_codes() {
     let with = |masks: &str, code: u8| one(&[("set", json(masks).as_bytes()), ("m.png", &grey(code))]);
     let black = r#","blacklevelmask":"m.png""#;
     let white = with(black, 255);
-    assert!(white.beta.is_none() && white.alpha.unwrap().values.iter().all(|value| *value == 1.0));
+    assert!(
+        white.multiplies_codes && white.beta.is_none() && white.alpha.unwrap().values.iter().all(|value| *value == 1.0)
+    );
     let half = with(black, 128);
     let expected = (128f32 / 255.0).powf(2.2);
     assert!(half.beta.is_none() && half.alpha.unwrap().values.iter().all(|value| (value - expected).abs() < 1e-6));

@@ -97,6 +97,7 @@ fn pictures() -> Vec<Picture> {
     let picture = |name: &str, size: [u32; 2], direction: DVec3, width_rad: f64, roll_rad: f64| Picture {
         name: name.to_owned(),
         levels: smooth(size),
+        png: None,
         anchor: Anchor::Direction(direction.normalize()),
         width_rad,
         roll_rad,

@@ -1,14 +1,16 @@
 //! Forms change the daemon, and never overwrite the changes of another client.
 
 use steradian::{
+    config::ViewKindSpec,
     plan::settings::StarMethod,
-    service::{CameraUpdate, SceneUpdate},
+    service::{CameraUpdate, Client, SceneUpdate},
 };
 
 use crate::{
     Test,
     browser::{Browser, Screen, with_page},
     pictures::has_picture,
+    sky::PLACE,
 };
 
 pub const TESTS: &[Test] = &[
@@ -17,6 +19,8 @@ pub const TESTS: &[Test] = &[
     ("forms::stars_time_grids_and_camera_are_set", stars_time_grids_and_camera_are_set),
     ("forms::time_runs_and_rests_at_a_rate", time_runs_and_rests_at_a_rate),
     ("forms::snapshots_are_saved_and_loaded", snapshots_are_saved_and_loaded),
+    ("forms::views_are_created_and_deleted", views_are_created_and_deleted),
+    ("forms::the_place_of_the_observer_is_set", the_place_of_the_observer_is_set),
 ];
 
 async fn wait_for_notice(page: &Browser, text: &str) {
@@ -160,6 +164,76 @@ fn snapshots_are_saved_and_loaded() -> Result<(), String> {
         page.click("#snapshots button").await;
         wait_for_notice(page, "Snapshot evening is loaded").await;
         assert_eq!(client.scene().await.unwrap().magnitude_limit, before.magnitude_limit);
+        // The browser logs failed connections during the restart.
+        let others: Vec<String> = page.errors().into_iter().filter(|error| !error.contains("net::ERR_")).collect();
+        assert!(others.is_empty(), "{others:#?}");
+    })
+}
+
+fn views_are_created_and_deleted() -> Result<(), String> {
+    with_page(Screen::Desk, async |page, daemon| {
+        let mut client = daemon.client().await;
+        page.until(&has_picture("window")).await;
+        let names = async |client: &mut Client| {
+            let views = client.views().await.unwrap();
+            views.into_iter().map(|view| (view.name, view.kind)).collect::<Vec<_>>()
+        };
+        let before = names(&mut client).await;
+        page.click("#tab-views").await;
+        page.fill("#view-form [name=view]", "preview").await;
+        page.find("#view-form [name=type]").await.select_by_value("dome_master").await.unwrap();
+        page.fill("#view-form [name=width]", "96").await;
+        page.fill("#view-form [name=height]", "96").await;
+        page.fill("#view-form [name=fov_deg]", "400").await;
+        page.click("#view-form [type=submit]").await;
+        // The daemon's message names the key; the form keeps its values.
+        wait_for_notice(page, "fov_deg").await;
+        page.fill("#view-form [name=fov_deg]", "180").await;
+        page.fill("#view-form [name=tilt_deg]", "30").await;
+        page.click("#view-form [type=submit]").await;
+        wait_for_notice(page, "View preview is created").await;
+        let created = client.views().await.unwrap().into_iter().find(|view| view.name == "preview").unwrap();
+        let ViewKindSpec::DomeMaster(dome) = created.definition.unwrap().geometry.kind else { panic!("no dome") };
+        assert_eq!((dome.size, dome.fov_deg, dome.tilt_deg), ([96, 96], 180.0, 30.0));
+        page.click("#views input[value=preview]").await;
+        page.until(&has_picture("preview")).await;
+        // Another client is faster: the view stays, and the list is read again.
+        let other = SceneUpdate { magnitude_limit: Some(4.5), ..SceneUpdate::default() };
+        page.until("document.querySelectorAll('#view-list li').length === 6").await;
+        client.update_scene(&other, None).await.unwrap();
+        page.click("[aria-label='Delete the view preview']").await;
+        page.until(
+            "/another client has changed the scene|is deleted/.test(document.getElementById('notices').textContent)",
+        )
+        .await;
+        if names(&mut client).await != before {
+            page.click("[aria-label='Delete the view preview']").await;
+        }
+        wait_for_notice(page, "View preview is deleted").await;
+        assert_eq!(names(&mut client).await, before);
+        page.until("!document.querySelector('#views input[value=preview]')").await;
+    })
+}
+
+fn the_place_of_the_observer_is_set() -> Result<(), String> {
+    with_page(Screen::Desk, async |page, daemon| {
+        page.until(&has_picture("window")).await;
+        page.click("#tab-scene").await;
+        page.until("document.getElementById('place-form').textContent.includes('has no observer')").await;
+        daemon.restart_at(PLACE);
+        page.until("document.querySelector('#place-form [name=latitude_deg]').value === '48.14'").await;
+        let mut client = daemon.client().await;
+        page.fill("#place-form [name=latitude_deg]", "-91").await;
+        page.click("#place-form [type=submit]").await;
+        wait_for_notice(page, "latitude_deg").await;
+        page.fill("#place-form [name=latitude_deg]", "-33.86").await;
+        page.fill("#place-form [name=longitude_deg]", "151.21").await;
+        page.fill("#place-form [name=height_m]", "58").await;
+        page.click("#place-form [type=submit]").await;
+        wait_for_notice(page, "The place is set").await;
+        let place = client.scene().await.unwrap().observer;
+        assert_eq!((place.latitude_deg, place.longitude_deg, place.height_m), (Some(-33.86), Some(151.21), Some(58.0)));
+        page.until("document.getElementById('observer').textContent.includes('33.8600° S, 151.2100° E, 58 m')").await;
         // The browser logs failed connections during the restart.
         let others: Vec<String> = page.errors().into_iter().filter(|error| !error.contains("net::ERR_")).collect();
         assert!(others.is_empty(), "{others:#?}");

@@ -29,7 +29,7 @@ pub const TESTS: &[Test] = &[
 ];
 
 /// A place without air and ground, which need not be drawn here.
-const PLACE: &str = "
+pub const PLACE: &str = "
 [scene.observer]
 latitude_deg = 48.14
 longitude_deg = 11.58

@@ -41,7 +41,7 @@ impl Daemon {
         Self::start_with(folder, catalogue, &[])
     }
 
-    fn start_with(folder: &Path, catalogue: &str, arguments: &[&str]) -> Self {
+    pub(super) fn start_with(folder: &Path, catalogue: &str, arguments: &[&str]) -> Self {
         Self::start_with_views(folder, catalogue, "", arguments)
     }
 

@@ -23,4 +23,6 @@ mod film_status;
 #[cfg(target_os = "linux")]
 mod local_daemon;
 mod measured;
+#[cfg(unix)]
+mod small_pictures;
 mod stereo_dome;

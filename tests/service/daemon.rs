@@ -66,6 +66,8 @@ pub struct Controls {
     pub framed: Mutex<Vec<(Vec<String>, RenderSettings)>>,
     /// Reported frame time for these settings, ms.
     pub took_ms: Mutex<Option<TookMs>>,
+    /// Number of open second devices.
+    pub beside_open: AtomicU64,
     /// Number of checks begun.
     pub checks_started: AtomicU64,
     /// Number of calls to bake shapes, and of baked shape sets.
@@ -114,6 +116,12 @@ impl TestEngine {
 /// Second engine for background jobs.
 struct TestBeside {
     controls: Arc<Controls>,
+}
+
+impl Drop for TestBeside {
+    fn drop(&mut self) {
+        self.controls.beside_open.fetch_sub(1, SeqCst);
+    }
 }
 
 impl BesideEngine for TestBeside {
@@ -248,7 +256,10 @@ impl Engine for TestEngine {
 
     fn beside(&self) -> OpenBeside {
         let controls = Arc::clone(&self.controls);
-        Box::new(move || Ok(Box::new(TestBeside { controls: Arc::clone(&controls) })))
+        Box::new(move || {
+            controls.beside_open.fetch_add(1, SeqCst);
+            Ok(Box::new(TestBeside { controls: Arc::clone(&controls) }))
+        })
     }
 
     fn info(&self) -> AdapterReport {

@@ -3,8 +3,8 @@
 use glam::DVec3;
 use steradian::{
     output::Encoding,
-    scene::overlay::{Anchor, Colour, Grid, GridKind, Label, Overlay, Trajectory},
-    service::{Change, Client, ClientError, OverlayChange, SceneForm, SceneUpdate},
+    scene::overlay::{Anchor, Colour, Grid, GridKind, Label, MOST_PICTURE_TEXELS, Overlay, Picture, Trajectory},
+    service::{Change, Client, ClientError, OverlayChange, PictureChange, SceneForm, SceneUpdate},
 };
 use tonic::Code;
 
@@ -125,5 +125,121 @@ async fn invalid_changes_are_refused_and_keep_the_overlay() {
         }
         assert_eq!(client.scene().await.unwrap(), before);
     }
+    daemon.shutdown().await.unwrap();
+}
+
+/// A PNG of one colour.
+fn png(size: [u32; 2], rgba: [u8; 4]) -> Vec<u8> {
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, size[0], size[1]);
+    encoder.set_color(png::ColorType::Rgba);
+    let mut writer = encoder.write_header().unwrap();
+    writer.write_image_data(&rgba.repeat((size[0] * size[1]) as usize)).unwrap();
+    drop(writer);
+    file
+}
+
+/// The head of a PNG, without texels.
+fn head_of_png(size: [u32; 2]) -> Vec<u8> {
+    let mut file = Vec::new();
+    drop(png::Encoder::new(&mut file, size[0], size[1]).write_header().unwrap());
+    file
+}
+
+fn shown_pictures(daemon: &Daemon) -> Vec<Picture> {
+    daemon.controls.shown.lock().unwrap().clone().expect("a frame").0.overlay.pictures.clone()
+}
+
+#[tokio::test]
+async fn pictures_are_sent_moved_kept_and_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("state.redb");
+    let start = async || Daemon::start_with(small_rig(), |options| options.state = Some(path.clone())).await;
+    let daemon = start().await;
+    let mut client = daemon.client().await;
+    let picture = |name: &str, png: Option<Vec<u8>>, direction: DVec3| {
+        PictureChange::new(name, png, Anchor::Direction(direction), 0.5)
+    };
+    let changed = |mut picture: PictureChange, change: fn(&mut PictureChange)| {
+        change(&mut picture);
+        picture
+    };
+    let put = |picture: PictureChange| OverlayChange {
+        pictures: Change::put(&picture.name.clone(), picture),
+        ..OverlayChange::default()
+    };
+    let red = png([3, 2], [255, 0, 0, 128]);
+    change(&mut client, put(picture("title", Some(red.clone()), DVec3::X))).await.unwrap();
+    change(&mut client, put(picture("other", Some(png([1, 1], [9; 4])), DVec3::Z))).await.unwrap();
+    client.render_frame("flat", Encoding::Rgba8).await.unwrap();
+    let shown = shown_pictures(&daemon);
+    assert_eq!(shown.iter().map(|picture| picture.name.as_str()).collect::<Vec<_>>(), ["title", "other"]);
+    assert_eq!((shown[0].levels.size(), shown[0].levels.levels()[0].rgba[5]), ([3, 2], [255, 0, 0, 128]));
+    // Without a file it moves.
+    let moved = changed(picture("title", None, DVec3::Y), |picture| picture.opacity = 0.25);
+    change(&mut client, put(moved)).await.unwrap();
+    let removed = OverlayChange { pictures: Change::remove("other"), ..OverlayChange::default() };
+    change(&mut client, removed).await.unwrap();
+    client.save_snapshot("with").await.unwrap();
+
+    let before = client.scene().await.unwrap().revision;
+    let many = |bytes: usize| {
+        let large = |name: &str| picture(name, Some([&red[..], &vec![0; bytes][..]].concat()), DVec3::X);
+        OverlayChange { pictures: Change::All(vec![large("a"), large("b")]), ..OverlayChange::default() }
+    };
+    let half = MOST_PICTURE_TEXELS as u32 / 4096;
+    let bombs = ["a", "b"].map(|name| picture(name, Some(head_of_png([4096, half / 2 + 1])), DVec3::X));
+    for (update, part) in [
+        (
+            put(picture("new", None, DVec3::X)),
+            "overlay.pictures.new.png: missing; the scene has no picture of this name",
+        ),
+        (put(picture("new", Some(b"no picture".to_vec()), DVec3::X)), "overlay.pictures.new.png"),
+        (
+            put(changed(picture("title", None, DVec3::X), |picture| picture.width_rad = 3.0)),
+            "overlay.pictures.title: width_deg",
+        ),
+        (put(changed(picture("title", None, DVec3::X), |picture| picture.opacity = 1.5)), "opacity"),
+        (
+            put(changed(picture("title", None, DVec3::X), |picture| picture.anchor = Anchor::Horizon([0.0; 2]))),
+            "no observer",
+        ),
+        (put(picture("../title", Some(red.clone()), DVec3::X)), "overlay.pictures"),
+        (many(1 << 20), "bytes of PNG files: must be at most 2097152 together"),
+        (
+            OverlayChange { pictures: Change::All(bombs.to_vec()), ..OverlayChange::default() },
+            "there must be at most 16777216",
+        ),
+        (
+            OverlayChange { pictures: Change::remove("other"), ..OverlayChange::default() },
+            "the existing ones are: title",
+        ),
+    ] {
+        match change(&mut client, update).await {
+            Err(ClientError::Status { code: Code::InvalidArgument, message }) => {
+                assert!(message.contains(part), "{part}: {message}");
+            }
+            other => panic!("{part}: {other:?}"),
+        }
+    }
+    assert_eq!(client.scene().await.unwrap().revision, before);
+    daemon.shutdown().await.unwrap();
+
+    // A restart keeps the picture, and so does a snapshot.
+    let daemon = start().await;
+    let mut client = daemon.client().await;
+    let is_kept = async |client: &mut Client| {
+        client.render_frame("flat", Encoding::Rgba8).await.unwrap();
+        let shown = shown_pictures(&daemon);
+        shown.len() == 1
+            && (shown[0].anchor, shown[0].opacity) == (Anchor::Direction(DVec3::Y), 0.25)
+            && shown[0].levels.levels()[0].rgba[5] == [255, 0, 0, 128]
+    };
+    assert!(is_kept(&mut client).await);
+    let none = OverlayChange { pictures: Change::All(Vec::new()), ..OverlayChange::default() };
+    change(&mut client, none).await.unwrap();
+    assert!(!is_kept(&mut client).await);
+    client.load_snapshot("with", None).await.unwrap();
+    assert!(is_kept(&mut client).await);
     daemon.shutdown().await.unwrap();
 }

@@ -135,3 +135,28 @@ async fn the_end_of_the_caller_or_the_daemon_ends_the_run() {
     drop((client, results));
     daemon.end().await.unwrap();
 }
+
+#[tokio::test]
+async fn the_second_device_is_closed_when_it_has_no_work() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let open = || daemon.controls.beside_open.load(SeqCst);
+    assert_eq!(open(), 0);
+    for _ in 0..2 {
+        let mut results = within(async {
+            loop {
+                // The previous call releases its place a little later.
+                match client.verify("slow-pan", "").await {
+                    Ok(results) => break results,
+                    Err(error) => assert_eq!(error.code(), Some(Code::ResourceExhausted), "{error}"),
+                }
+            }
+        })
+        .await;
+        while within(results.next()).await.unwrap().is_some() {
+            assert_eq!(open(), 1, "it serves all checks of a run");
+        }
+        until(|| open() == 0).await;
+    }
+    daemon.shutdown().await.unwrap();
+}

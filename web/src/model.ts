@@ -6,7 +6,7 @@ import type { MessageInitShape } from "@bufbuild/protobuf";
 
 import type { Info } from "../gen/steradian/v1/diagnostics_pb.ts";
 import type { Scene, SceneSchema } from "../gen/steradian/v1/scene_pb.ts";
-import type { Frame, View, ViewSchema } from "../gen/steradian/v1/view_pb.ts";
+import type { Frame, View, ViewDefinitionSchema, ViewSchema } from "../gen/steradian/v1/view_pb.ts";
 import { milliseconds } from "./clock.ts";
 import { notify } from "./notices.ts";
 import { PATIENCE_MS, diagnostics, failureOf, messageOf, scenes, views } from "./rpc.ts";
@@ -111,6 +111,22 @@ export class Model extends EventTarget {
     return this.#change(`View ${view.name}`, revision, async () => {
       const changed = await views.updateView(request, { timeoutMs: CHANGE_PATIENCE_MS });
       return changed.revision;
+    });
+  }
+
+  /** Creates a view in the same way. */
+  async createView(definition: MessageInitShape<typeof ViewDefinitionSchema>, revision: bigint): Promise<boolean> {
+    return this.#change(`View ${definition.name}`, revision, async () => {
+      const made = await views.createView({ definition, expectedRevision: revision }, { timeoutMs: CHANGE_PATIENCE_MS });
+      return made.revision;
+    });
+  }
+
+  /** Deletes a view in the same way. */
+  async deleteView(name: string, revision: bigint): Promise<boolean> {
+    return this.#change(`View ${name}`, revision, async () => {
+      const deleted = await views.deleteView({ view: name, expectedRevision: revision }, { timeoutMs: CHANGE_PATIENCE_MS });
+      return deleted.revision;
     });
   }
 

@@ -86,6 +86,14 @@ fn gregorian_date(days: i64) -> [i64; 3] {
     [era * 400 + year_of_era + i64::from(month <= 2), month, day]
 }
 
+/// Name of the calendar that dates without a name have.
+const GREGORIAN: &str = "gregorian";
+
+/// Whether a date was left out when the Gregorian calendar followed the Julian one, so that it has to name its calendar.
+pub fn is_left_out([year, month, day]: [i64; 3]) -> bool {
+    (year, month) == (1582, 10) && (5..=14).contains(&day)
+}
+
 /// A Gregorian date and time of day (UTC).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DateTime {
@@ -128,7 +136,8 @@ impl std::fmt::Display for DateTime {
         match microsecond {
             0 => f.write_str("Z"),
             _ => write!(f, ".{}Z", format!("{microsecond:06}").trim_end_matches('0')),
-        }
+        }?;
+        if is_left_out(self.date) { write!(f, " {GREGORIAN}") } else { Ok(()) }
     }
 }
 
@@ -151,8 +160,8 @@ pub fn check(time_s: f64) -> Result<f64, String> {
     Err(format!("{}: must be in the years {from} to {to}, for which ephemerides are computed", written(time_s)))
 }
 
-/// Reads a moment, s since 2000-01-01T12:00:00Z. The forms are those of RFC 3339 with years of any length, which have a sign unless they are
-/// 0000 to 9999; the same followed by `julian` (the calendar before 1582) or `gregorian`; and `JD` with a Julian date of UTC. A 60th second
+/// Reads a moment, s since 2000-01-01T12:00:00Z. The forms are those of RFC 3339 with years of any length, which have a sign unless they have
+/// four or five digits; the same followed by `julian` (the calendar before 1582) or `gregorian`; and `JD` with a Julian date of UTC. A 60th second
 /// is the first of the next minute.
 ///
 /// # Errors
@@ -193,7 +202,7 @@ fn year(text: &str) -> Option<(i64, &str)> {
     let sign = text.chars().next().filter(|first| matches!(first, '+' | '-'));
     let unsigned = if sign.is_some() { text.get(1..)? } else { text };
     let count = unsigned.bytes().take_while(u8::is_ascii_digit).count();
-    let fits = if sign.is_some() { (4..=6).contains(&count) } else { count == 4 };
+    let fits = if sign.is_some() { (4..=6).contains(&count) } else { (4..=5).contains(&count) };
     let (year, rest) = digits(unsigned, count).filter(|_| fits)?;
     Some((if sign == Some('-') { -year } else { year }, rest))
 }
@@ -209,7 +218,7 @@ fn date_time_s(text: &str) -> Result<f64, String> {
     let wrong = || format!("must be a date with time and offset: {FORMS}");
     let (written, calendar) = match text.split_once(' ').map(|(date, rest)| (date, rest.trim())) {
         None => (text, Calendar::Gregorian),
-        Some((date, "gregorian")) => (date, Calendar::Gregorian),
+        Some((date, GREGORIAN)) => (date, Calendar::Gregorian),
         Some((date, "julian")) => (date, Calendar::Julian),
         Some(_) => return Err(wrong()),
     };
@@ -247,6 +256,11 @@ fn date_time_s(text: &str) -> Result<f64, String> {
     };
     if !(1..=12).contains(&month) {
         return Err(format!("month {month}: must be 01 to 12"));
+    }
+    if is_left_out([year, month, day]) && written == text {
+        return Err(format!(
+            "no calendar in use had it: in {year}-{month}, day 4 was followed by day 15; append {GREGORIAN} or julian"
+        ));
     }
     let most = calendar.days_of(year, month);
     if !(1..=most).contains(&day) {
@@ -286,6 +300,9 @@ mod tests {
             ("1133-08-09T12:00:00Z", 2_135_100.0),
             ("-0567-07-04T12:00:00Z julian", 1_514_146.0),
             ("+10000-01-01T00:00:00Z", 5_373_484.5),
+            ("10000-01-01T00:00:00Z", 5_373_484.5),
+            ("1582-10-14T00:00:00Z gregorian", 2_299_159.5),
+            ("1582-10-14T00:00:00Z julian", 2_299_169.5),
             ("JD 2451545.0", 2_451_545.0),
             ("JD 2451545", 2_451_545.0),
             ("jd -100000.25", -100_000.25),
@@ -311,7 +328,9 @@ mod tests {
             ("2026-04-31T00:00:00Z", "01 to 30"),
             ("2026-04-30T24:00:00Z", "23:59:60"),
             ("2026-04-30T00:00:00+24:00", "at most 23:59"),
-            ("10000-01-01T00:00:00Z", "+10000-01-01T00:00:00Z"),
+            ("100000-01-01T00:00:00Z", "+10000-01-01T00:00:00Z"),
+            ("1582-10-05T00:00:00Z", "day 4 was followed by day 15; append gregorian or julian"),
+            ("1582-10-14T23:00:00-05:00", "append gregorian"),
             ("567-07-04T00:00:00Z", "must be a date"),
             ("-567-07-04T00:00:00Z", "must be a date"),
             ("2026-01-01T00:00:00", "must be a date with time and offset"),

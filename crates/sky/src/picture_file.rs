@@ -1,7 +1,7 @@
 //! Reader of PNG pictures with 8 bits per channel.
 
 use std::{
-    io::BufReader,
+    io::{BufRead, BufReader, Cursor, Seek},
     path::{Path, PathBuf},
 };
 
@@ -66,10 +66,29 @@ impl PictureFile {
     /// See [`PictureError`]; every message names the file.
     pub fn read(path: &Path, wanted: &'static str) -> Result<Self, PictureError> {
         let read = |source| PictureError::Read { path: path.to_owned(), source };
+        Self::from_reader(path, BufReader::new(files::open_regular(path).map_err(read)?), wanted)
+    }
+
+    /// As [`read`](Self::read), for the content of a file. `path` is a name for messages.
+    ///
+    /// # Errors
+    ///
+    /// See [`PictureError`].
+    pub fn decode(path: &Path, bytes: &[u8], wanted: &'static str) -> Result<Self, PictureError> {
+        Self::from_reader(path, Cursor::new(bytes), wanted)
+    }
+
+    /// Width and height from the header of a PNG; `None`: it has none.
+    pub fn size_of(bytes: &[u8]) -> Option<[u32; 2]> {
+        let mut decoder = png::Decoder::new(Cursor::new(bytes));
+        decoder.read_header_info().ok().map(|header| [header.width, header.height])
+    }
+
+    fn from_reader(path: &Path, source: impl BufRead + Seek, wanted: &'static str) -> Result<Self, PictureError> {
         let broken = |source| PictureError::Png { path: path.to_owned(), source, wanted };
         let kind = |problem: String| PictureError::Kind { path: path.to_owned(), problem, wanted };
         // The size is checked before anything is allocated.
-        let mut decoder = png::Decoder::new(BufReader::new(files::open_regular(path).map_err(read)?));
+        let mut decoder = png::Decoder::new(source);
         decoder.set_transformations(Transformations::EXPAND);
         let header = decoder.read_header_info().map_err(broken)?;
         let size = [header.width, header.height];

@@ -185,10 +185,7 @@ impl Film {
                 config.origin
             );
         }
-        let has_overlay = config.views.iter().any(|view| view.test_pattern) || {
-            let overlay = &config.overlay;
-            !overlay.grids.is_empty() || !overlay.trajectories.is_empty() || !overlay.labels.is_empty()
-        };
+        let has_overlay = config.views.iter().any(|view| view.test_pattern) || !config.overlay.is_empty();
         if (*format != FilmFormat::Png8 || self.shutter.is_some()) && has_overlay {
             let text = "overlays and test patterns exist only in 8-bit display images without motion blur: use --format png8 without \
                         --shutter, or remove them";

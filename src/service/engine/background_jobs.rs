@@ -4,8 +4,12 @@
 use std::{
     io,
     panic::{AssertUnwindSafe, catch_unwind},
-    sync::{Arc, mpsc},
+    sync::{
+        Arc,
+        mpsc::{self, RecvTimeoutError},
+    },
     thread,
+    time::Duration,
 };
 
 use tokio::sync::oneshot;
@@ -20,6 +24,9 @@ use crate::{
     },
     verify::{Check, CheckResult},
 };
+
+/// A second device without work for this time is closed: a run of all failure tests needs a gigabyte of memory on a software driver.
+const IDLE: Duration = Duration::from_secs(5);
 
 type Reply<T> = oneshot::Sender<Result<T, String>>;
 
@@ -77,7 +84,19 @@ impl BackgroundJobs {
 
 fn work(given: &mpsc::Receiver<Job>, mut open: OpenBeside) {
     let mut engine = None;
-    for job in given {
+    loop {
+        let next = match &engine {
+            Some(_) => given.recv_timeout(IDLE),
+            None => given.recv().map_err(|_| RecvTimeoutError::Disconnected),
+        };
+        let job = match next {
+            Ok(job) => job,
+            Err(RecvTimeoutError::Timeout) => {
+                engine = None;
+                continue;
+            }
+            Err(RecvTimeoutError::Disconnected) => return,
+        };
         // The caller may have disconnected; then it needs no answer and no work.
         match job {
             Job::Verify { reply, .. } if reply.is_closed() => {}

@@ -7,6 +7,7 @@
 
 use std::{
     collections::HashMap,
+    hash::{BuildHasher, RandomState},
     sync::{
         Arc, Mutex, PoisonError,
         atomic::{AtomicU64, Ordering::Relaxed},
@@ -77,11 +78,19 @@ pub(crate) struct Videos {
 /// Sequences of one audience; the lock serialises their encoding.
 pub(crate) type SharedSequences = Arc<tokio::sync::Mutex<Sequences>>;
 
-/// Next sequence number, and the memory of all encoders.
-#[derive(Debug, Default)]
+/// Last sequence number, and the memory of all encoders.
+#[derive(Debug)]
 struct Budget {
     sequences: AtomicU64,
     bytes: AtomicU64,
+}
+
+impl Default for Budget {
+    fn default() -> Self {
+        // Random, so that a reader from before a restart of the daemon, whose frames have the same numbers, names no sequence of this one.
+        let before_first = RandomState::new().hash_one(0) >> 1;
+        Self { sequences: AtomicU64::new(before_first), bytes: AtomicU64::new(0) }
+    }
 }
 
 /// Memory of the encoders of a sequence, released on drop.
@@ -373,6 +382,22 @@ mod tests {
         let picture = sequences.code(8, reader.seen, &[&large]).unwrap();
         assert!(picture.images[0].key_frame && sequences.all.len() == 1);
         assert_eq!(LastPicture::from_numbers(0, 9), None);
+    }
+
+    #[test]
+    fn a_reader_from_before_a_restart_gets_a_key_picture() {
+        let seen = || {
+            let shared = Videos::default().sequences(&audience(Rate::Pulled));
+            let mut sequences = shared.try_lock().unwrap();
+            sequences.code(5, None, &[&image(1)]).unwrap().seen
+        };
+        let before = seen();
+        let shared = Videos::default().sequences(&audience(Rate::Pulled));
+        let mut sequences = shared.try_lock().unwrap();
+        let own = sequences.code(5, None, &[&image(1)]).unwrap().seen;
+        assert_eq!((own.frame, before.frame), (5, 5));
+        assert!(sequences.code(6, Some(before), &[&image(2)]).unwrap().images[0].key_frame);
+        assert!(!sequences.code(7, Some(own), &[&image(3)]).unwrap().images[0].key_frame);
     }
 
     #[test]

@@ -62,7 +62,7 @@ impl<T> Change<T> {
     }
 
     /// Converts the change to another item type, item by item.
-    fn map<U, E>(&self, mut make: impl FnMut(&T) -> Result<U, E>) -> Result<Change<U>, E> {
+    pub(super) fn map<U, E>(&self, mut make: impl FnMut(&T) -> Result<U, E>) -> Result<Change<U>, E> {
         Ok(match self {
             Self::Nothing => Change::Nothing,
             Self::All(all) => Change::All(all.iter().map(make).collect::<Result<_, E>>()?),

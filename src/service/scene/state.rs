@@ -70,9 +70,9 @@ pub struct SceneUpdate {
 }
 
 impl SceneUpdate {
-    /// Whether preparing the change takes long: it may place asteroids or compute tables of the atmosphere.
+    /// Whether preparing the change takes long: it may place asteroids, compute tables of the atmosphere or decode pictures.
     pub(crate) fn takes_long(&self) -> bool {
-        !self.asteroid_fields.is_nothing() || !self.observer.is_nothing()
+        !self.asteroid_fields.is_nothing() || !self.observer.is_nothing() || !self.overlay.pictures.is_nothing()
     }
 
     /// Whether the change can make frames impossible to draw.
@@ -108,7 +108,7 @@ impl SceneUpdate {
             time_s: self.time_s,
             time_rate: self.time_rate,
             objects: scene.objects.make(&self.bodies, &self.asteroid_fields, &self.observer)?,
-            overlay: self.overlay.clone(),
+            overlay: self.overlay.decoded()?,
         })
     }
 }

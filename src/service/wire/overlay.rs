@@ -7,8 +7,11 @@ use super::{
     objects::{add_change, change_to_pb},
 };
 use crate::{
-    scene::overlay::{Anchor, Colour, Grid, GridKind, Label, LineStyle, Overlay, Trajectory},
-    service::{proto, scene::overlay::OverlayChange},
+    scene::overlay::{Anchor, Colour, Grid, GridKind, Label, LineStyle, Overlay, Picture, Trajectory},
+    service::{
+        proto,
+        scene::overlay::{OverlayChange, PictureChange},
+    },
 };
 
 fn style_to_pb(style: &LineStyle) -> proto::LineStyle {
@@ -107,6 +110,50 @@ fn label_from_pb(label: proto::Label) -> Result<Label, String> {
     })
 }
 
+/// Writes a picture without its file.
+fn picture_to_pb(picture: &Picture) -> proto::OverlayPicture {
+    let Picture { name, levels, png: _, anchor, width_rad, roll_rad, opacity } = picture;
+    let size = levels.size().to_vec();
+    proto::OverlayPicture { size, ..placed_to_pb(name, *anchor, [*width_rad, *roll_rad], *opacity) }
+}
+
+fn picture_change_to_pb(picture: &PictureChange) -> proto::OverlayPicture {
+    let PictureChange { name, png, anchor, width_rad, roll_rad, opacity, .. } = picture;
+    let png = png.as_ref().map(|png| png.to_vec());
+    proto::OverlayPicture { png, ..placed_to_pb(name, *anchor, [*width_rad, *roll_rad], *opacity) }
+}
+
+fn placed_to_pb(name: &str, anchor: Anchor, angles_rad: [f64; 2], opacity: f64) -> proto::OverlayPicture {
+    use proto::overlay_picture::Anchor as Wire;
+    let [width_deg, roll_deg] = angles_rad.map(f64::to_degrees);
+    let anchor = match anchor {
+        Anchor::Direction(direction) => Some(Wire::Direction(vector_to_pb(direction))),
+        Anchor::Horizon([azimuth_rad, altitude_rad]) => Some(Wire::Horizon(proto::HorizonPoint {
+            azimuth_deg: azimuth_rad.to_degrees(),
+            altitude_deg: altitude_rad.to_degrees(),
+        })),
+        // Pictures are at directions.
+        Anchor::Point(_) => None,
+    };
+    let (name, opacity) = (name.to_owned(), Some(opacity));
+    proto::OverlayPicture { name, png: None, anchor, width_deg, roll_deg, opacity, size: Vec::new() }
+}
+
+/// Reads a picture without checking ranges, and without decoding its file.
+fn picture_from_pb(picture: proto::OverlayPicture) -> Result<PictureChange, String> {
+    use proto::overlay_picture::Anchor as Wire;
+    let anchor = match picture.anchor.ok_or("direction or horizon is missing")? {
+        Wire::Direction(direction) => {
+            Label::direction(DVec3::from_array(vector_from_pb(direction))).map_err(|error| error.to_string())?
+        }
+        Wire::Horizon(place) => Anchor::Horizon([place.azimuth_deg, place.altitude_deg].map(f64::to_radians)),
+    };
+    let mut change = PictureChange::new(picture.name, picture.png, anchor, picture.width_deg.to_radians());
+    change.roll_rad = picture.roll_deg.to_radians();
+    change.opacity = picture.opacity.unwrap_or(1.0);
+    Ok(change)
+}
+
 pub(crate) fn overlay_to_pb(overlay: &Overlay) -> proto::Overlay {
     proto::Overlay {
         grids: overlay.grids.iter().map(grid_to_pb).collect(),
@@ -114,6 +161,7 @@ pub(crate) fn overlay_to_pb(overlay: &Overlay) -> proto::Overlay {
         labels: overlay.labels.iter().map(label_to_pb).collect(),
         cardinal_points: overlay.cardinal_points,
         test_patterns: overlay.test_patterns.clone(),
+        pictures: overlay.pictures.iter().map(picture_to_pb).collect(),
     }
 }
 
@@ -122,7 +170,7 @@ fn grids_from_pb(grids: Vec<proto::Grid>) -> Result<Vec<Grid>, String> {
     grids.into_iter().enumerate().map(grid).collect()
 }
 
-/// Reads an overlay without checking ranges.
+/// Reads an overlay without checking ranges, and without its pictures, whose files the message lacks.
 pub(crate) fn overlay_from_pb(overlay: proto::Overlay) -> Result<Overlay, String> {
     Ok(Overlay {
         pictures: Vec::new(),
@@ -147,7 +195,7 @@ pub(crate) fn add_overlay_change(
         if !change.is_nothing() {
             return Err("update_mask: `overlay` names the whole overlay: use either it, or parts below it".to_owned());
         }
-        for part in [".grids", ".trajectories", ".labels", ".cardinal_points", ".test_patterns"] {
+        for part in [".grids", ".trajectories", ".labels", ".pictures", ".cardinal_points", ".test_patterns"] {
             add_overlay_change(change, part, Some(given))?;
         }
         return Ok(true);
@@ -160,6 +208,9 @@ pub(crate) fn add_overlay_change(
     } else if let Some(rest) = below(".labels") {
         let (key, labels) = ("overlay.labels", &given.labels);
         add_change(&mut change.labels, key, rest, labels, |one| &one.name, label_from_pb)?;
+    } else if let Some(rest) = below(".pictures") {
+        let (key, pictures) = ("overlay.pictures", &given.pictures);
+        add_change(&mut change.pictures, key, rest, pictures, |one| &one.name, picture_from_pb)?;
     } else if rest == ".grids" {
         if change.grids.replace(grids_from_pb(given.grids.clone())?).is_some() {
             return twice();
@@ -183,13 +234,15 @@ pub(crate) fn overlay_change_to_pb(change: &OverlayChange) -> (Vec<String>, prot
     let (mut paths, trajectories) = change_to_pb(&change.trajectories, "overlay.trajectories", trajectory_to_pb);
     let (label_paths, labels) = change_to_pb(&change.labels, "overlay.labels", label_to_pb);
     paths.extend(label_paths);
+    let (picture_paths, pictures) = change_to_pb(&change.pictures, "overlay.pictures", picture_change_to_pb);
+    paths.extend(picture_paths);
     paths.extend(change.grids.is_some().then(|| "overlay.grids".to_owned()));
     paths.extend(change.cardinal_points.is_some().then(|| "overlay.cardinal_points".to_owned()));
     paths.extend(change.test_patterns.is_some().then(|| "overlay.test_patterns".to_owned()));
     let grids = change.grids.iter().flatten().map(grid_to_pb).collect();
     let test_patterns = change.test_patterns.clone().unwrap_or_default();
     let cardinal_points = change.cardinal_points.unwrap_or_default();
-    (paths, proto::Overlay { grids, trajectories, labels, test_patterns, cardinal_points })
+    (paths, proto::Overlay { grids, trajectories, labels, test_patterns, cardinal_points, pictures })
 }
 
 #[cfg(test)]

@@ -69,7 +69,8 @@ pub(crate) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Resul
     const ALLOWED: &str = "allowed are stars, stars.method, stars.magnitude_limit, time, time_j2000_s, time_rate, asteroids, \
                            asteroids.impostor, asteroids.quality, bodies, bodies.NAME, asteroid_fields, asteroid_fields.NAME, overlay, \
                            overlay.grids, overlay.trajectories, overlay.trajectories.NAME, overlay.labels, \
-                           overlay.labels.NAME, overlay.cardinal_points, overlay.test_patterns, observer and observer.KEY";
+                           overlay.labels.NAME, overlay.pictures, overlay.pictures.NAME, overlay.cardinal_points, overlay.test_patterns, \
+                           observer and observer.KEY";
     let paths = request.update_mask.as_ref().map_or(&[][..], |mask| &mask.paths);
     if paths.is_empty() {
         return Err(format!("update_mask names no field: {ALLOWED}"));

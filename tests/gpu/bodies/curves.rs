@@ -46,6 +46,34 @@ fn light_lx(renderer: &mut Renderer, scene: &SceneSnapshot, diameter_px: f64) ->
 }
 
 #[test]
+fn a_thin_crescent_keeps_its_light_before_the_corona() {
+    let mut renderer = renderer();
+    for phase_deg in [175.0, 177.04] {
+        let without = scene(SolarBody::Venus, phase_deg, 0.0);
+        let mut sun = (*without.objects.bodies[1]).clone();
+        if let Some(emission) = &mut sun.emission {
+            emission.corona = true;
+        }
+        let mut with = |venus: &Arc<Body>, diameter_px: f64| {
+            let bodies = vec![Arc::clone(venus), Arc::new(sun.clone())];
+            let objects = Arc::new(SceneObjects { bodies, ..(*without.objects).clone() });
+            light_lx(&mut renderer, &SceneSnapshot { objects, ..without.clone() }, diameter_px)
+        };
+        let venus = &without.objects.bodies[0];
+        let whole = luminance(illuminance_of(venus, DVec3::ZERO, &suns(&without.objects), 0.0));
+        let mut dark = (**venus).clone();
+        (dark.surface.geometric_albedo, dark.surface.phase_curve) = ([0.0; 3], None);
+        let dark = Arc::new(dark);
+        for diameter_px in [3.0, 6.0, 8.5, 25.0] {
+            let light_lx = with(venus, diameter_px) - with(&dark, diameter_px);
+            let error_mag = -2.5 * (light_lx / whole).log10();
+            println!("phase {phase_deg}, {diameter_px} pixels before the corona: {error_mag:+.3} mag");
+            assert!(error_mag.abs() < 0.05, "phase {phase_deg}, {diameter_px} pixels: {error_mag}");
+        }
+    }
+}
+
+#[test]
 fn light_equals_the_measured_curve_at_every_phase_and_size() {
     let mut renderer = renderer();
     for (body, phases_deg, lean_deg) in [

@@ -272,7 +272,7 @@ impl Label {
 /// Everything drawn over the display images of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Overlay {
-    /// Pictures, drawn first. Only configurations have them.
+    /// Pictures, drawn first.
     pub pictures: Vec<Picture>,
     /// Grids; later ones are drawn over earlier ones.
     pub grids: Vec<Grid>,

@@ -1,6 +1,6 @@
 //! Pictures over display images: a PNG on a plane that touches the sphere of directions at one point.
 
-use std::path::Path;
+use std::{path::Path, sync::Arc};
 
 use crate::{
     photometry::tone_map::{linear_from_srgb, srgb_from_linear},
@@ -38,7 +38,9 @@ pub struct Picture {
     /// Unique among pictures.
     pub name: String,
     /// Its texels.
-    pub levels: std::sync::Arc<PictureLevels>,
+    pub levels: Arc<PictureLevels>,
+    /// The PNG that it was made from, if a client has sent it.
+    pub png: Option<Arc<[u8]>>,
     /// Its middle: a direction.
     pub anchor: Anchor,
     /// Angle between the middles of its left and right edges, rad, below pi.
@@ -57,6 +59,16 @@ impl PictureLevels {
     /// The file cannot be read, is no PNG, or has another format.
     pub fn from_png(path: &Path) -> Result<Self, PictureError> {
         let PictureFile { size, rgba, .. } = PictureFile::read(path, WANTED)?;
+        Ok(Self::new(size, rgba))
+    }
+
+    /// Reads the content of a file; `name` stands for its path in messages.
+    ///
+    /// # Errors
+    ///
+    /// It is no PNG, or has another format.
+    pub fn from_png_bytes(name: &Path, bytes: &[u8]) -> Result<Self, PictureError> {
+        let PictureFile { size, rgba, .. } = PictureFile::decode(name, bytes, WANTED)?;
         Ok(Self::new(size, rgba))
     }
 

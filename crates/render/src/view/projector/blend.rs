@@ -4,6 +4,9 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
+/// Programs such as SGCT multiply display codes by their masks, which are made for displays whose light is this power of the code.
+pub const DISPLAY_GAMMA: f64 = 2.2;
+
 /// Light shares and black levels over a raster.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Blend {
@@ -11,6 +14,10 @@ pub struct Blend {
     /// Factor on the light (alpha) and black level (beta) of each pixel, row by row from the top: the displayed light
     /// is `L * alpha * (1 - beta) + beta`, in units of white.
     weights: Vec<[f32; 2]>,
+    /// Factor on the code of each pixel, if codes are multiplied instead of the light: alpha is its power of [`DISPLAY_GAMMA`].
+    code_factors: Option<Vec<f32>>,
+    /// Whether a beta is not 0.
+    lifts_black: bool,
 }
 
 /// Values from 0 to 1 in linear light on their own raster, row by row from the top.
@@ -68,24 +75,44 @@ impl Blend {
                 [weight_at(alpha, x, y, 1.0), weight_at(beta, x, y, 0.0)]
             })
             .collect();
-        Ok(Self { size, weights })
+        Ok(Self::from_weights(size, weights))
     }
 
     /// Blend with known weights: alpha and beta of each pixel of the raster, 0 to 1, row by row from the top.
     pub(super) fn from_weights(size: [u32; 2], weights: Vec<[f32; 2]>) -> Self {
-        Self { size, weights }
+        let lifts_black = weights.iter().any(|[_, beta]| *beta != 0.0);
+        Self { size, weights, code_factors: None, lifts_black }
     }
 
     /// The same blend with white dimmed to a share, 0 to 1: each pixel's light is multiplied by it.
     #[must_use]
     pub fn dimmed(&self, share: f64) -> Self {
         let weights = self.weights.iter().map(|[alpha, beta]| [alpha * share as f32, *beta]).collect();
-        Self { size: self.size, weights }
+        let dimmed = Self::from_weights(self.size, weights);
+        if self.code_factors.is_some() { dimmed.of_codes() } else { dimmed }
+    }
+
+    /// The same blend for display images whose codes are multiplied, as SGCT does. In light, which has no codes, alpha applies.
+    #[must_use]
+    pub fn of_codes(self) -> Self {
+        let factor = |[alpha, _]: &[f32; 2]| f64::from(*alpha).powf(1.0 / DISPLAY_GAMMA) as f32;
+        let code_factors = Some(self.weights.iter().map(factor).collect());
+        Self { code_factors, ..self }
+    }
+
+    /// Factors on the codes of all pixels, if no black is lifted besides.
+    pub(super) fn code_factors_alone(&self) -> Option<&[f32]> {
+        self.code_factors.as_deref().filter(|_| !self.lifts_black)
+    }
+
+    /// Factor on the codes of a pixel; `None`: its light is multiplied by alpha.
+    pub(super) fn code_factor(&self, pixel: usize) -> Option<f32> {
+        self.code_factors.as_ref().map(|factors| factors[pixel])
     }
 
     /// The same share of light everywhere.
     pub fn uniform(size: [u32; 2], alpha: f64) -> Self {
-        Self { size, weights: vec![[alpha as f32, 0.0]; size[0] as usize * size[1] as usize] }
+        Self::from_weights(size, vec![[alpha as f32, 0.0]; size[0] as usize * size[1] as usize])
     }
 
     /// Width and height, pixels.

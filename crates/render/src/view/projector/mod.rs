@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use self::{blend::blended, response::EightBits};
 pub use self::{
-    blend::{Blend, BlendError, Weights},
+    blend::{Blend, BlendError, DISPLAY_GAMMA, Weights},
     edges::{Beam, edge_blends},
     lut::{Lut, LutKind},
     resampling::Resampling,
@@ -108,6 +108,13 @@ impl ProjectorOutput {
             return picture;
         }
         let light = light_of_codes();
+        if let (None, None, Some(factors)) =
+            (&self.resampling, &self.response.lut, self.blend.as_ref().and_then(Blend::code_factors_alone))
+        {
+            let codes: [f32; 256] =
+                std::array::from_fn(|code| (255.0 * self.response.code(f64::from(light[code]))) as f32);
+            return scaled(picture, factors, &codes);
+        }
         let mut display = vec![u8::MAX; 4 * pixels];
         display.par_chunks_mut(4 * CHUNK).enumerate().for_each(|(chunk, codes)| {
             for (offset, codes) in codes.chunks_exact_mut(4).enumerate() {
@@ -119,7 +126,7 @@ impl ProjectorOutput {
                         [0, 1, 2].map(|c| light[usize::from(picture[4 * pixel + c])])
                     }
                 };
-                let displayed = self.blend.as_ref().map_or(rgb, |blend| blended(rgb, blend.weights()[pixel]));
+                let displayed = self.displayed(pixel, rgb);
                 match &self.response.lut {
                     None => {
                         for (code, light) in codes.iter_mut().zip(displayed) {
@@ -137,13 +144,39 @@ impl ProjectorOutput {
         display
     }
 
+    /// The light that a pixel displays, before the look-up table, in units of display white.
+    fn displayed(&self, pixel: usize, light: [f32; 3]) -> [f32; 3] {
+        let Some(blend) = &self.blend else { return light };
+        let [alpha, beta] = blend.weights()[pixel];
+        match blend.code_factor(pixel) {
+            None => blended(light, [alpha, beta]),
+            Some(1.0) => blended(light, [1.0, beta]),
+            Some(factor) => {
+                let multiplied =
+                    |light: f32| self.response.light(self.response.code(f64::from(light)) * f64::from(factor)) as f32;
+                blended(light.map(multiplied), [1.0, beta])
+            }
+        }
+    }
+
     /// The codes, 0 to 1, of a pixel (index row by row from the top) that would display `light` without blending, in
     /// units of display white.
     pub fn codes(&self, pixel: usize, light: [f64; 3]) -> [f64; 3] {
         let light = light.map(|light| light.clamp(0.0, 1.0) as f32);
-        let displayed = self.blend.as_ref().map_or(light, |blend| blended(light, blend.weights()[pixel]));
-        self.response.codes(displayed.map(f64::from))
+        self.response.codes(self.displayed(pixel, light).map(f64::from))
     }
+}
+
+/// A picture with the codes of each pixel replaced by those of a table times the pixel's factor.
+fn scaled(mut picture: Vec<u8>, factors: &[f32], codes: &[f32; 256]) -> Vec<u8> {
+    picture.par_chunks_mut(4 * CHUNK).zip(factors.par_chunks(CHUNK)).for_each(|(picture, factors)| {
+        for (pixel, factor) in picture.chunks_exact_mut(4).zip(factors) {
+            for code in &mut pixel[..3] {
+                *code = (codes[usize::from(*code)] * factor).round() as u8;
+            }
+        }
+    });
+    picture
 }
 
 #[cfg(test)]
@@ -186,6 +219,36 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn masks_of_codes_multiply_codes_with_every_response() {
+        let light = 0.5_f32.powf(DISPLAY_GAMMA as f32);
+        for gamma in [None, Some(1.8), Some(2.2)] {
+            let response = Response { gamma, lut: None };
+            let codes_of = |blend: Blend| ProjectorOutput::new([256, 1], None, Some(blend), response.clone()).unwrap();
+            let blend = |beta: f32| Blend::from_weights([256, 1], vec![[light, beta]; 256]);
+            let picture: Vec<u8> = (0..=255).flat_map(|code| [code, code, code, 77]).collect();
+            let [halved, lifted, of_light] =
+                [blend(0.0).of_codes(), blend(1e-7).of_codes(), blend(0.0)].map(|blend| codes_of(blend));
+            let exact = |code: usize| 255.0 * response.code(linear_from_srgb(code as f64 / 255.0)) / 2.0;
+            let differs = |display: &[u8], most: f64| {
+                let codes = display.chunks_exact(4).enumerate();
+                codes.filter(|(code, pixel)| (f64::from(pixel[0]) - exact(*code)).abs() > most).count()
+            };
+            assert_eq!(differs(&halved.display(picture.clone()), 0.501), 0, "{gamma:?}");
+            // The way of blends that also lift black.
+            assert_eq!(differs(&lifted.display(picture.clone()), 0.6), 0, "{gamma:?}");
+            assert!((halved.codes(9, [linear_from_srgb(0.5); 3])[1] * 255.0 - exact(127)).abs() < 0.5, "{gamma:?}");
+            // Shares of light are the same for a response of that gamma only.
+            let others = differs(&of_light.display(picture), 0.501);
+            assert_eq!(others == 0, gamma == Some(DISPLAY_GAMMA), "{gamma:?}: {others}");
+        }
+        let white = Blend::from_weights([4, 1], vec![[1.0, 0.0]; 4]).of_codes();
+        let output = ProjectorOutput::new([4, 1], None, Some(white.clone()), Response::default()).unwrap();
+        let picture: Vec<u8> = (0..16).collect();
+        assert_eq!(output.display(picture.clone()), picture);
+        assert!((white.dimmed(0.25).code_factor(0).unwrap() - 0.25_f32.powf(1.0 / 2.2)).abs() < 1e-6);
     }
 
     #[test]

@@ -20,12 +20,12 @@ impl Response {
     }
 
     /// The code of light before the look-up table.
-    fn code(&self, light: f64) -> f64 {
+    pub(super) fn code(&self, light: f64) -> f64 {
         self.gamma.map_or_else(|| srgb_from_linear(light), |gamma| light.powf(1.0 / gamma))
     }
 
     /// The light of a code before the look-up table.
-    fn light(&self, code: f64) -> f64 {
+    pub(super) fn light(&self, code: f64) -> f64 {
         self.gamma.map_or_else(|| linear_from_srgb(code), |gamma| code.powf(gamma))
     }
 }
