@@ -205,7 +205,7 @@ impl WindowConfig {
 
     /// Overlays are drawn over display images alone.
     fn check_overlay(&self, overlay: &OverlayConfig, patterned: &[&str]) -> Result<(), KeyError> {
-        if self.format == WindowFormat::Srgb8 || !(!overlay.is_empty() || patterned.contains(&self.view.as_str())) {
+        if self.format == WindowFormat::Srgb8 || overlay.is_empty() && !patterned.contains(&self.view.as_str()) {
             return Ok(());
         }
         let problem =

@@ -229,8 +229,7 @@ mod tests {
             let codes_of = |blend: Blend| ProjectorOutput::new([256, 1], None, Some(blend), response.clone()).unwrap();
             let blend = |beta: f32| Blend::from_weights([256, 1], vec![[light, beta]; 256]);
             let picture: Vec<u8> = (0..=255).flat_map(|code| [code, code, code, 77]).collect();
-            let [halved, lifted, of_light] =
-                [blend(0.0).of_codes(), blend(1e-7).of_codes(), blend(0.0)].map(|blend| codes_of(blend));
+            let [halved, lifted, of_light] = [blend(0.0).of_codes(), blend(1e-7).of_codes(), blend(0.0)].map(codes_of);
             let exact = |code: usize| 255.0 * response.code(linear_from_srgb(code as f64 / 255.0)) / 2.0;
             let differs = |display: &[u8], most: f64| {
                 let codes = display.chunks_exact(4).enumerate();
