@@ -224,7 +224,8 @@ impl ClusterConfig {
                 return Err(KeyError::new(key, format!("`{text}` must be tcp/HOST:PORT or tls/HOST:PORT")));
             };
             if is_encrypted != self.tls.is_some() {
-                let problem = if is_encrypted { "tls needs [cluster.tls]" } else { "with [cluster.tls] it must be tls" };
+                let problem =
+                    if is_encrypted { "tls needs [cluster.tls]" } else { "with [cluster.tls] it must be tls" };
                 return Err(KeyError::new(key, format!("`{text}`: {problem}")));
             }
             if !is_encrypted && !is_loopback(place) {

@@ -107,8 +107,13 @@ impl Worker {
                 let views: Vec<(ViewId, Wanted)> = views.filter(|(_, wanted)| *wanted != Wanted::default()).collect();
                 let (reply, frame) = oneshot::channel();
                 let (view, of_view) = views[0];
-                let request =
-                    Request { view, wanted: of_view, pace: Pace::new(std::time::Duration::ZERO), of_windows: true, reply };
+                let request = Request {
+                    view,
+                    wanted: of_view,
+                    pace: Pace::new(std::time::Duration::ZERO),
+                    of_windows: true,
+                    reply,
+                };
                 let job = Job {
                     requests: vec![request],
                     subscribers: Vec::new(),
@@ -123,11 +128,7 @@ impl Worker {
                     stars: Arc::clone(&self.scene.stars),
                     scene: scene.clone(),
                     start,
-                    cued: Some(Cued {
-                        number: cue.number,
-                        ev100: f64::from(cue.ev100[group]),
-                        rests: cue.rests,
-                    }),
+                    cued: Some(Cued { number: cue.number, ev100: f64::from(cue.ev100[group]), rests: cue.rests }),
                 };
                 jobs.push((job, Waiting { frame, views }));
             }
