@@ -44,6 +44,7 @@
 //! | feature | adds |
 //! |---|---|
 //! | `service` | the module `service`: the daemon (gRPC) and its client |
+//! | `cluster` | in the module `service::cluster`: the network between the daemons of a cluster |
 //! | `xr` | in the module `xr`: driving an OpenXR headset |
 //! | `windows` | in the module `windows`: opening windows on the monitors of this machine |
 //! | `chart` | the module `chart`: speed and accuracy of all methods, as tables and pictures |

@@ -107,6 +107,9 @@ pub enum CliError {
     /// The daemon could not start, or failed.
     #[error(transparent)]
     Serve(ServeError),
+    /// A cluster is not in order.
+    #[error("{0} lines say WRONG")]
+    Cluster(u32),
     /// A token cannot be made.
     #[error("cannot make a token: {0}")]
     Token(String),
@@ -235,6 +238,7 @@ impl CliError {
             | CliError::WriteFile { .. }
             | CliError::Checks { .. }
             | CliError::Audit(_)
+            | CliError::Cluster(_)
             | CliError::Token(_) => FAILED,
         }
     }

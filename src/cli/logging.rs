@@ -10,7 +10,7 @@ use super::{
 };
 
 /// Default filter. Graphics and window libraries log only warnings and errors.
-const DEFAULT: &str = "info,wgpu=warn,wgpu_core=warn,wgpu_hal=warn,naga=warn,winit=error";
+const DEFAULT: &str = "info,wgpu=warn,wgpu_core=warn,wgpu_hal=warn,naga=warn,winit=error,zenoh=error";
 
 /// Starts logging, and tracing if a collector is configured; called once per process. The returned exporter sends
 /// traces until it is dropped.

@@ -7,6 +7,7 @@ mod audits;
 mod cache;
 mod catalogue;
 mod chart;
+mod cluster;
 mod dome;
 mod ending;
 mod error;
@@ -64,6 +65,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
         steradian catalogue synth --stars 1000000 --seed 1 --out galaxy.stars\n  \
         steradian catalogue info galaxy.stars\n  \
         steradian xr --config configs/headset.toml\n  \
+        steradian cluster check --config configs/cluster.toml\n  \
         steradian token --name desk-1 --role steer\n  \
         steradian psf --aperture hexagon --diameter-mm 2 --out hexagon.exr\n\n\
         Exit codes: 0 done, 1 a check or job failed, 64 bad usage or configuration, 65 bad input data, 69 no usable adapter (or no display for windows, no ffmpeg for a video)."
@@ -119,6 +121,8 @@ pub enum Command {
     Psf(psf::PsfArguments),
     /// Show or remove what is kept between runs: synthetic stars, tables of projectors, atlases of asteroids.
     Cache(cache::CacheArguments),
+    /// Work with a cluster of daemons.
+    Cluster(cluster::ClusterArguments),
     /// Make an access token for a client, and the configuration lines that accept it.
     Token(token::TokenArguments),
     /// Show a scene in the headset of the system's OpenXR runtime.
@@ -146,6 +150,7 @@ pub fn run(arguments: Cli) -> Result<(), CliError> {
         Command::Catalogue(command) => catalogue::run(command),
         Command::Psf(command) => psf::run(&command),
         Command::Cache(command) => cache::run(&command),
+        Command::Cluster(command) => cluster::run(&command),
         Command::Token(command) => token::run(&command),
         Command::Xr(command) => xr::run(command, &gpu),
     }

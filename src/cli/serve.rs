@@ -1,5 +1,7 @@
 //! `serve`: the daemon.
 
+pub(super) mod cluster;
+
 use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -8,12 +10,13 @@ use clap::Args;
 use tokio::runtime::Runtime;
 use tokio::task;
 
+use self::cluster::ClusterRole;
 use super::{
     CliError,
     load::{self, LoadedScene},
     results, show,
 };
-use crate::config::{Config, PackingConfig, parse_listen};
+use crate::config::{Config, PackingConfig, WindowConfig, parse_listen};
 use crate::gpu::{Gpu, GpuOptions};
 use crate::plan::view_settings::FrameGroup;
 use crate::platform::supervisor;
@@ -51,6 +54,15 @@ pub struct ServeArguments {
     /// Override a key of the configuration; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    /// Part of this daemon in a cluster: `[cluster]` and `[[nodes]]` of the configuration.
+    #[arg(long, value_enum, value_name = "ROLE")]
+    role: Option<ClusterRole>,
+    /// Name of the node, with `--role node`.
+    #[arg(long, value_name = "NAME")]
+    node: Option<String>,
+    /// Address of `cluster.endpoints` to listen on, with `--role director`. Default: the first one.
+    #[arg(long, value_name = "ENDPOINT")]
+    endpoint: Option<String>,
     /// Shut down when standard input is closed, as it is when the process that holds its other end ends in any way.
     #[arg(long)]
     until_input_closes: bool,
@@ -66,11 +78,17 @@ pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliErr
     for view in config.views.iter().filter(|view| view.packing != PackingConfig::None) {
         tracing::info!("{}: views.{}.packing applies only to `render` and `film`", config.origin, view.name);
     }
+    let part = cluster::part(&config, &arguments)?;
     let access = access(&arguments);
-    let listen = arguments.listen.clone().unwrap_or_else(|| config.server.listen.clone());
+    let listen = arguments.listen.clone().unwrap_or_else(|| match &part {
+        Some(part) => part.listen(&config),
+        None => config.server.listen.clone(),
+    });
     let current = access().map_err(|problem| CliError::Serve(ServeError::Access(problem)))?;
     service::check_listen(&listen, &current).map_err(CliError::Serve)?;
-    let configured = config.server.state.as_ref().map(|state| config.folder.join(state));
+    let is_node = part.as_ref().is_some_and(|part| part.node.is_some());
+    // A node has the director's state.
+    let configured = config.server.state.as_ref().map(|state| config.folder.join(state)).filter(|_| !is_node);
     let state = arguments.state.clone().or(configured);
     if let Some(path) = &state {
         service::check_state(path).map_err(|error| CliError::Serve(error.into()))?;
@@ -106,6 +124,7 @@ pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliErr
             }
         };
         let adapter_name = renderer.adapter().adapter.clone();
+        let cluster = part.as_ref().map(|part| part.options(&config, renderer.adapter())).transpose()?;
         let settings = config.render_settings();
         let mut options = ServeOptions::new(network.listen.clone(), Box::new(renderer), scene, rig, settings, announce);
         options.network = network;
@@ -119,8 +138,10 @@ pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliErr
         options.views.specs.clone_from(&config.views);
         options.views.folder.clone_from(&config.folder);
         options.state = state;
-        options.headset = headset(&config);
-        options.windows = windows(&config, &options.views.rig, adapter_name);
+        options.headset = headset(&config).filter(|_| !is_node);
+        let shown = part.as_ref().map_or_else(|| config.windows.clone(), |part| part.windows(&config));
+        options.windows = windows(shown, &options.views.rig, adapter_name);
+        options.cluster = cluster;
         options.shutdown = Shutdown::When(Box::pin(async move {
             signals.await;
             supervisor::stopping();
@@ -193,8 +214,7 @@ fn headset(config: &Config) -> Option<HeadsetOptions> {
 }
 
 /// Returns the windows options of a configuration; windows use the named adapter if it can present.
-fn windows(config: &Config, rig: &Rig, adapter: String) -> Option<WindowsOptions> {
-    let configs = config.windows.clone();
+fn windows(configs: Vec<WindowConfig>, rig: &Rig, adapter: String) -> Option<WindowsOptions> {
     let sizes: Vec<[u32; 2]> = configs.iter().filter_map(|window| show::size_of(window, rig)).collect();
     (!configs.is_empty()).then(|| WindowsOptions {
         windows: configs.clone(),

@@ -9,6 +9,7 @@
 mod asteroids;
 mod bodies;
 mod camera;
+mod cluster;
 mod document;
 mod dome;
 mod effects;
@@ -37,6 +38,7 @@ use std::time::SystemTime;
 
 pub use asteroids::{FieldConfig, FieldShape};
 pub use bodies::{BodyConfig, EmissionConfig, SpinConfig};
+pub use cluster::{AtDeadline, ClusterConfig, ClusterTls, DIRECTOR, NodeConfig};
 pub use dome::{DomeFault, DomeProjector};
 pub use error::ConfigError;
 pub use film::{Easing, ExposureKey, FilmPath, FovKey, FrameValues, Keyframe};
@@ -95,6 +97,9 @@ pub struct Config {
     /// The part of the configuration that determines pictures, as TOML: all tables with overrides applied, except those of the daemon, the headset and windows,
     /// without comments and with sorted keys. Reading it gives this configuration again. The content of the files that it names is not included.
     pub pictured: String,
+    /// The part of the configuration that all machines of a cluster have in common, as TOML: everything except `[server]`, with overrides applied and a time `now`
+    /// as it is written.
+    pub shared: String,
     /// `[scene]`.
     pub scene: SceneConfig,
     /// `[[views]]`.
@@ -121,6 +126,10 @@ pub struct Config {
     pub headset: HeadsetSettings,
     /// `[[windows]]`.
     pub windows: Vec<WindowConfig>,
+    /// `[cluster]`, if there is one.
+    pub cluster: Option<ClusterConfig>,
+    /// `[[nodes]]`.
+    pub nodes: Vec<NodeConfig>,
     /// `[server]`.
     pub server: ServerConfig,
     computed_blends: dome::Computed,
@@ -162,6 +171,10 @@ struct Sections {
     #[serde(default)]
     #[schemars(with = "Vec<WindowConfig>")]
     windows: Vec<Table>,
+    cluster: Option<ClusterConfig>,
+    #[serde(default)]
+    #[schemars(with = "Vec<NodeConfig>")]
+    nodes: Vec<Table>,
     #[serde(default)]
     server: ServerConfig,
 }
@@ -222,14 +235,17 @@ impl Config {
             .map(|argument| overrides::apply(&mut table, argument))
             .collect::<Result<Vec<_>, ConfigError>>()?;
         effects::leave_out_overridden(&mut table, &applied, origin);
+        let mut shared = table.clone();
+        shared.remove("server");
         scene::set_now(&mut table, SystemTime::now());
         let mut pictured = table.clone();
         // These do not affect pictures, and credentials must not be published with them.
-        for section in ["server", "headset", "windows"] {
+        for section in ["server", "headset", "windows", "cluster", "nodes"] {
             pictured.remove(section);
         }
         let loaded = Self::from_table(table, origin, folder);
-        loaded.and_then(check_views).map(|config| Self { pictured: pictured.to_string(), ..config }).map_err(|fault| {
+        let written = |config| Self { pictured: pictured.to_string(), shared: shared.to_string(), ..config };
+        loaded.and_then(check_views).map(written).map_err(|fault| {
             // Name the last override that set the key; for an unknown table, the one that created it.
             let key = fault.key.split(" (").next().unwrap_or_default();
             let below = |inner: &str, outer: &str| {
@@ -301,7 +317,7 @@ impl Config {
         let sections: Sections = document::deserialise(Value::Table(table.clone()), "")?;
         // The entries of lists are checked one by one, so that messages have their names.
         let mut unlisted = table;
-        [VIEWS, BODIES, FIELDS, WINDOWS].iter().for_each(|named| drop(unlisted.remove(named.list)));
+        [VIEWS, BODIES, FIELDS, WINDOWS, NODES].iter().for_each(|named| drop(unlisted.remove(named.list)));
         document::check_ranges::<Sections>(&Value::Table(unlisted))?;
         let views = each(&VIEWS, sections.views, ViewSpec::from_table)?;
         let mut bodies = each(&BODIES, sections.bodies, BodyConfig::from_table)?;
@@ -314,6 +330,7 @@ impl Config {
         }
         let asteroid_fields = each(&FIELDS, sections.asteroid_fields, FieldConfig::from_table)?;
         let windows = each(&WINDOWS, sections.windows, |table| document::read(Value::Table(table)))?;
+        let nodes = each(&NODES, sections.nodes, |table| document::read(Value::Table(table)))?;
         let mut stars = sections.stars;
         stars.psf_texture.file = stars.psf_texture.file.map(|file| folder.join(file));
         let mut glare = sections.glare;
@@ -325,6 +342,7 @@ impl Config {
             folder: folder.to_owned(),
             computed_blends: dome::Computed::default(),
             pictured: String::new(),
+            shared: String::new(),
             scene: sections.scene,
             views,
             bodies,
@@ -338,6 +356,8 @@ impl Config {
             accuracy: sections.accuracy,
             headset: sections.headset,
             windows,
+            cluster: sections.cluster,
+            nodes,
             server: sections.server,
         };
         config.scene.check().map_err(|fault| fault.within("scene"))?;
@@ -352,18 +372,29 @@ impl Config {
         limits::check_tone_map(&config.tone_map).map_err(|fault| fault.within("tone_map"))?;
         headset::check(&config.headset).map_err(|fault| fault.within("headset"))?;
         server::check(&config.server).map_err(|fault| fault.within("server"))?;
+        config.cluster.as_ref().map_or(Ok(()), |cluster| cluster.check().map_err(|fault| fault.within("cluster")))?;
         Ok(config)
     }
 
     fn check_views(mut self) -> Result<Self, KeyError> {
         let rig = self.build_rig()?;
-        self.resolve_views()?;
+        let settings = self.resolve_views()?;
         self.build_overlay(None)?;
         let patterned: Vec<&str> =
             self.views.iter().filter(|view| view.test_pattern).map(|view| view.name.as_str()).collect();
         self.windows = windows::windows(std::mem::take(&mut self.windows), &rig, &self.overlay, &patterned)
             .map_err(|(index, fault)| WINDOWS.fault(index, None, fault))?;
         headset::check_views(&self.headset, &self.views).map_err(|fault| fault.within("headset"))?;
+        cluster::check_nodes(&self.nodes, &self.views, &self.windows)
+            .map_err(|(index, fault)| NODES.fault(index, None, fault))?;
+        match (&self.cluster, self.nodes.is_empty()) {
+            (Some(_), false) => {
+                cluster::check_exposures(&self.exposure, &settings).map_err(|fault| fault.within("cluster"))?;
+            }
+            (Some(_), true) => return Err(KeyError::new("nodes", "a cluster must have at least one node")),
+            (None, false) => return Err(KeyError::new("nodes", "has no effect without [cluster]")),
+            (None, true) => {}
+        }
         Ok(self)
     }
 
@@ -563,6 +594,7 @@ const VIEWS: Named = Named { list: "views", one: "view" };
 const BODIES: Named = Named { list: "bodies", one: "body" };
 const FIELDS: Named = Named { list: "asteroid_fields", one: "field" };
 const WINDOWS: Named = Named { list: "windows", one: "window" };
+const NODES: Named = Named { list: "nodes", one: "node" };
 
 impl Named {
     /// A fault of one of them: the path by index, and the name after it.

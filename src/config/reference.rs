@@ -15,7 +15,7 @@ use crate::scene::bodies::BRIGHTEST_ALBEDO;
 use crate::solar_system::SolarBody;
 
 /// Order of the sections on the page; a test holds it complete.
-const SECTIONS: [&str; 14] = [
+const SECTIONS: [&str; 16] = [
     "scene",
     "views",
     "bodies",
@@ -29,6 +29,8 @@ const SECTIONS: [&str; 14] = [
     "accuracy",
     "headset",
     "windows",
+    "cluster",
+    "nodes",
     "server",
 ];
 

@@ -25,6 +25,7 @@
 //! | `network` | connections, limits per client, access (tokens, TLS, roles, log of changes), the web page |
 //! | `frames` | subscriptions, the newest frame of each, pacing, encoders, video |
 //! | `engine` | the render thread, its handle and queue, background jobs, quality levels, audits |
+//! | `cluster` | several daemons in frame lock: the threads of a director and of a node, and the network |
 //! | `displays` | the headset and the windows of the daemon's machine |
 //! | `handlers` | the gRPC methods, and `/metrics` |
 //! | `client` | the Rust client; imports only `scene` and `wire` |
@@ -37,6 +38,7 @@
 //! daemon with an error. A headset is one more view, and its failures do not affect the other views.
 
 mod client;
+pub mod cluster;
 mod daemon;
 mod displays;
 mod engine;

@@ -89,6 +89,7 @@ const SERVICE: &[&str] = &[
     "network",
     "frames",
     "engine",
+    "cluster",
     "displays",
     "handlers",
     "daemon",

@@ -151,6 +151,12 @@ fn documents(range_key: &str) -> Vec<Value> {
             let window = json!({ "view": "it", "position": [0, 0], "size": [8, 8] });
             return vec![json!({ "views": [view], "windows": [window] })];
         }
+        list if list.split('.').next() == Some("cluster") => {
+            let view = Value::Object(listed("views", "perspective"));
+            let node = json!({ "name": "one", "views": ["it"] });
+            let cluster = json!({ "endpoints": ["tcp/127.0.0.1:7447"] });
+            return vec![json!({ "views": [view], "cluster": cluster, "nodes": [node] })];
+        }
         "overlay.grids" => return vec![json!({ "overlay": { "grids": [{ "kind": "galactic" }] } })],
         "overlay.trajectories" => {
             let way = json!({ "name": "it", "points_m": [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]] });

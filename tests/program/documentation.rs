@@ -188,7 +188,7 @@ fn check_script(command: &str) -> Result<(), String> {
 /// Runs the commands of a document in a temporary folder.
 struct Reader {
     folder: tempfile::TempDir,
-    daemon: Option<Child>,
+    daemons: Vec<Child>,
     address: String,
 }
 
@@ -205,7 +205,7 @@ impl Reader {
         // A free port. If another process takes it in the meantime, the daemon's error reports that.
         let free = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = free.local_addr().unwrap().to_string();
-        Self { folder, daemon: None, address }
+        Self { folder, daemons: Vec::new(), address }
     }
 
     /// Returns an `sh` process for a command, with the program in PATH.
@@ -227,7 +227,10 @@ impl Reader {
             return check(&command);
         }
         if command.starts_with("steradian serve") {
-            self.stop()?;
+            // A node joins the processes that run.
+            if !command.contains("--role node") {
+                self.stop()?;
+            }
             return self.serve(&command);
         }
         let mut runs = command.clone();
@@ -266,7 +269,7 @@ impl Reader {
         shell.stdout(Stdio::piped()).stderr(fs::File::create(&log).map_err(|error| error.to_string())?);
         let mut daemon = shell.spawn().map_err(|error| format!("`{command}`: {error}"))?;
         let output = daemon.stdout.take().expect("standard output is a pipe");
-        self.daemon = Some(daemon);
+        self.daemons.push(daemon);
         let (sender, lines) = mpsc::channel();
         thread::spawn(move || {
             for line in BufReader::new(output).lines().map_while(Result::ok) {
@@ -279,7 +282,10 @@ impl Reader {
             let logged = fs::read_to_string(&log).unwrap_or_default();
             format!("`{command}`: prints nothing: {error}\n{logged}")
         })?;
-        let listening = line.strip_prefix("listening on ").is_some_and(|address| address == self.address);
+        // A node has a free port.
+        let listening = line
+            .strip_prefix("listening on ")
+            .is_some_and(|address| address == self.address || command.contains("--role node"));
         if listening {
             Ok(())
         } else {
@@ -287,26 +293,9 @@ impl Reader {
         }
     }
 
-    /// Stops the daemon with SIGTERM if one runs, as a service manager does.
+    /// Stops the daemons that run with SIGTERM, as a service manager does.
     fn stop(&mut self) -> Result<(), String> {
-        let Some(mut daemon) = self.daemon.take() else { return Ok(()) };
-        let signalled = Command::new("kill").arg("-TERM").arg(daemon.id().to_string()).status();
-        if !signalled.is_ok_and(|status| status.success()) {
-            let _ = daemon.kill();
-            return Err("SIGTERM could not be sent to the daemon".to_owned());
-        }
-        let deadline = Instant::now() + PATIENCE;
-        loop {
-            match daemon.try_wait().map_err(|error| error.to_string())? {
-                Some(status) if status.success() => return Ok(()),
-                Some(status) => return Err(format!("the daemon ends with {status} after SIGTERM")),
-                None if Instant::now() > deadline => {
-                    let _ = daemon.kill();
-                    return Err("the daemon does not end after SIGTERM".to_owned());
-                }
-                None => thread::sleep(Duration::from_millis(20)),
-            }
-        }
+        std::mem::take(&mut self.daemons).into_iter().try_for_each(stopped)
     }
 
     /// Runs all commands of a document and returns their number.
@@ -320,9 +309,30 @@ impl Reader {
     }
 }
 
+/// Stops a daemon with SIGTERM.
+fn stopped(mut daemon: Child) -> Result<(), String> {
+    let signalled = Command::new("kill").arg("-TERM").arg(daemon.id().to_string()).status();
+    if !signalled.is_ok_and(|status| status.success()) {
+        let _ = daemon.kill();
+        return Err("SIGTERM could not be sent to the daemon".to_owned());
+    }
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        match daemon.try_wait().map_err(|error| error.to_string())? {
+            Some(status) if status.success() => return Ok(()),
+            Some(status) => return Err(format!("the daemon ends with {status} after SIGTERM")),
+            None if Instant::now() > deadline => {
+                let _ = daemon.kill();
+                return Err("the daemon does not end after SIGTERM".to_owned());
+            }
+            None => thread::sleep(Duration::from_millis(20)),
+        }
+    }
+}
+
 impl Drop for Reader {
     fn drop(&mut self) {
-        if let Some(mut daemon) = self.daemon.take() {
+        for mut daemon in self.daemons.drain(..) {
             let _ = daemon.kill();
             let _ = daemon.wait();
         }

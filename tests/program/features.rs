@@ -5,6 +5,7 @@ use std::{path::Path, process::Command};
 /// Crates that each feature adds and that no other feature adds.
 const FEATURE_CRATES: &[(&str, &[&str])] = &[
     ("service", &["prost", "tokio", "tonic"]),
+    ("cluster", &["zenoh"]),
     ("windows", &["winit", "x11-dl", "x11rb"]),
     ("xr", &["openxr"]),
     ("chart", &["svg"]),
@@ -47,12 +48,17 @@ fn crates_added_by(features: &str) -> Vec<&'static str> {
 #[test]
 fn features_add_only_their_crates() {
     assert_eq!(crates_added_by(""), [""; 0]);
-    for (feature, crates_of_feature) in FEATURE_CRATES.iter().filter(|(feature, _)| *feature != "cli") {
+    for (feature, crates_of_feature) in
+        FEATURE_CRATES.iter().filter(|(feature, _)| !["cli", "cluster"].contains(feature))
+    {
         assert_eq!(&crates_added_by(feature), crates_of_feature, "{feature}");
     }
-    // The program has all subcommands, so it needs all crates.
+    // A cluster is of daemons.
+    assert_eq!(crates_added_by("cluster"), ["prost", "tokio", "tonic", "zenoh"]);
+    // The program has all subcommands, so it needs all crates except those of the network between daemons.
     let all: Vec<&str> =
         FEATURE_CRATES.iter().flat_map(|(_, crates_of_feature)| crates_of_feature.iter().copied()).collect();
-    assert_eq!(crates_added_by("cli"), all);
     assert_eq!(crates_added_by("default"), all);
+    let without_cluster: Vec<&str> = all.into_iter().filter(|name| *name != "zenoh").collect();
+    assert_eq!(crates_added_by("cli"), without_cluster);
 }

@@ -145,6 +145,17 @@ export class Statistics extends EventTarget {
       const worst = audit.images.filter((image) => !image.withinBudget).map((image) => image.view + image.part);
       if (worst.length > 0) rows.push(["Last audit, over budget", worst.join(", ")]);
     }
+    const { cluster } = stats;
+    if (cluster) {
+      rows.push(["Cluster", `${cluster.cluster}, ${cluster.process}: ${cluster.state}${cluster.reason ? `, ${cluster.reason}` : ""}`]);
+      for (const node of cluster.nodes) {
+        // Green: it shows the director's scene in common time. Yellow: without a common clock, or on its way in.
+        const isIn = node.state === "in" && node.sceneHash === cluster.sceneHash;
+        const light = !isIn && node.state !== "out" ? "🔴" : isIn && cluster.locked ? "🟢" : "🟡";
+        const ready = node.ready ? `, READY ${duration(node.ready.medianMs)}, 99 %: ${duration(node.ready.p99Ms)}` : "";
+        rows.push([`${light} ${node.name}`, `${node.state}${node.reason ? `, ${node.reason}` : ""}${ready}, left out ${node.out}, refused ${node.refused}`]);
+      }
+    }
     const info = this.model.info;
     if (info) {
       rows.push(["Daemon", info.version], ["Adapter", `${info.adapter} (${info.deviceType})`], ["Driver", info.driver]);

@@ -77,6 +77,8 @@ pub struct Counts {
     pub without_verdict: u64,
     /// Frames that were not finished before the next STATE.
     pub too_slow: u64,
+    /// Frames that could not be drawn.
+    pub failed: u64,
     /// STATEs that were replaced by a newer one before they were drawn.
     pub states_replaced: u64,
     /// Messages of a lower epoch.
@@ -177,6 +179,11 @@ impl Node {
     /// The epoch in which this node votes; `None`: it looks for a director.
     pub fn led_by(&self) -> Option<Epoch> {
         self.led_by
+    }
+
+    /// Whether a director leads this node and was heard within `silence_ns`.
+    pub fn is_led(&self, now: Now) -> bool {
+        self.led_by.is_some() && now.monotonic_ns < self.heard_ns + self.rules.silence_ns
     }
 
     /// The reason of the last REFUSED, until a WELCOME.
@@ -346,6 +353,14 @@ impl Node {
         let ready = Ready { id, drawn_ns, has_clock, report };
         self.last_ready = Some(ready.clone());
         self.actions.push(Action::Send(ToDirector::Ready(ready)));
+    }
+
+    /// The frame cannot be drawn: there is no READY, and the next STATE is drawn.
+    pub fn failed(&mut self, now: Now, id: FrameId) {
+        self.clock.observe(now);
+        if self.drawing.take_if(|drawing| drawing.id == id).is_some() {
+            self.counts.failed += 1;
+        }
     }
 
     /// Whether this machine's clock is trusted and agrees with the director's: a time of presentation is neither over nor far ahead.

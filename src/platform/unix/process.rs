@@ -18,6 +18,31 @@ pub(crate) fn lower_thread_priority() -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::Unsupported, "this system has no priorities of single threads"))
 }
 
+/// Gives the calling thread, and the threads that it starts afterwards, real-time scheduling (`SCHED_RR`) with a low priority.
+///
+/// # Errors
+///
+/// The system refuses: `LimitRTPRIO=` of the unit, or `ulimit -r`, is too low.
+#[cfg(feature = "cluster")]
+pub(crate) fn real_time_thread() -> io::Result<()> {
+    use thread_priority::{
+        RealtimeThreadSchedulePolicy::RoundRobin, ThreadPriority, ThreadSchedulePolicy::Realtime,
+        set_thread_priority_and_policy, thread_native_id,
+    };
+    let refused = |error: &dyn std::fmt::Debug| io::Error::other(format!("{error:?}"));
+    let priority = ThreadPriority::try_from(10_u8).map_err(|error| refused(&error))?;
+    set_thread_priority_and_policy(thread_native_id(), priority, Realtime(RoundRobin)).map_err(|error| match error {
+        thread_priority::Error::OS(code) => io::Error::from_raw_os_error(code),
+        error => refused(&error),
+    })
+}
+
+/// The same without the feature `cluster`, which alone has such threads.
+#[cfg(not(feature = "cluster"))]
+pub(crate) fn real_time_thread() -> io::Result<()> {
+    Err(io::Error::new(io::ErrorKind::Unsupported, "the program was built without the feature `cluster`"))
+}
+
 /// Returns the resident memory of the process, bytes; `None` if the system does not report it.
 pub(crate) fn resident_bytes() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/self/statm").ok()?;

@@ -20,6 +20,15 @@ pub(crate) fn lower_thread_priority() -> io::Result<()> {
     if done == 0 { Err(io::Error::last_os_error()) } else { Ok(()) }
 }
 
+/// Real-time scheduling of threads is not implemented on Windows.
+///
+/// # Errors
+///
+/// Always.
+pub(crate) fn real_time_thread() -> io::Result<()> {
+    Err(io::Error::new(io::ErrorKind::Unsupported, "not implemented on Windows"))
+}
+
 /// Returns the working set of the process, bytes; `None` if the system does not report it.
 pub(crate) fn resident_bytes() -> Option<u64> {
     let size = size_of::<PROCESS_MEMORY_COUNTERS>() as u32;

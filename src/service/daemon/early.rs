@@ -104,7 +104,7 @@ impl EarlyServer {
         let serving = Server::builder()
             .accept_http1(true)
             .layer(Bounds::new(network.hosts.clone()))
-            .layer(Gate::new(current.clone()))
+            .layer(Gate::new(current.clone(), None))
             .layer(HandleFirst(Starting(progress)))
             .add_service(health_service)
             .serve_with_incoming_shutdown(Incoming::new(early, current, Arc::new(Shares::new(WATCHES))), async move {

@@ -33,6 +33,7 @@ pub use self::{
 use crate::{
     platform::signals::{self, ReloadSignal},
     service::{
+        cluster::{Cluster, ClusterThread},
         engine::{
             background_jobs::BackgroundJobs,
             interface::EngineError,
@@ -52,6 +53,7 @@ use crate::{
             scene_service_server::SceneServiceServer, view_service_server::ViewServiceServer,
         },
         state_file::{StateError, StateFile},
+        threads::panic_message,
     },
     view::RigError,
 };
@@ -156,6 +158,9 @@ pub enum ServeError {
     /// The renderer is lost for good, such as after the loss of its device: the daemon can be restarted.
     #[error("the renderer was lost: {0}")]
     Lost(EngineError),
+    /// The daemon's part in the cluster has failed.
+    #[error("cluster: {0}")]
+    Cluster(String),
     /// The renderer panicked.
     #[error("the render thread panicked: {message}")]
     Panicked {
@@ -229,6 +234,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         views,
         headset,
         windows,
+        cluster,
         state,
         ready,
         reloads,
@@ -272,11 +278,18 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     let capacity = Capacity { requests: pending_renders, subscribers };
     let (handle, thread) =
         render_thread::spawn(engine, (scene, seen_stars), (objects, clock, views), settings, capacity, time)?;
+    let (cluster, mut cluster_thread) = match cluster {
+        Some(options) => {
+            let (cluster, thread) = Cluster::spawn(options, &handle).inspect_err(|_| handle.stop())?;
+            (Some(cluster), Some(thread))
+        }
+        None => (None, None),
+    };
     let displays = Displays::new(headset, windows, &handle);
     let keeps_state = file.is_some();
     let service = Service::new(
         handle.clone(),
-        displays.shared(),
+        (displays.shared(), cluster.clone()),
         (info, limits),
         (catalogues, stars),
         capacity,
@@ -294,7 +307,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         .max_concurrent_streams(CALLS)
         .http2_max_header_list_size(HEADER_BYTES)
         .layer(Bounds::new(hosts))
-        .layer(Gate::new(current_access.clone()))
+        .layer(Gate::new(current_access.clone(), cluster.as_ref().and_then(|cluster| cluster.refusal.clone())))
         .layer(HandleFirst(Metrics { service: service.clone(), access: current_access.clone() }))
         .layer(HandleFirst(Page::new()))
         .layer(GrpcWebLayer::new())
@@ -320,6 +333,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     let mut outcome = tokio::select! {
         () = &mut shutdown => Ok(()),
         () = threads.render_end() => Ok(()),
+        problem = ended(&mut cluster_thread) => Err(ServeError::Cluster(problem)),
         result = &mut serving => {
             threads.drain();
             handle.stop();
@@ -329,12 +343,15 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     };
 
     let deadline = Instant::now() + drain;
+    if let Some(cluster) = &cluster {
+        cluster.stop();
+    }
     report_health(&health, ServingStatus::NotServing).await;
     threads.drain();
     drop(close);
     end_health(&mut health).await;
     match timeout_at(deadline, &mut serving).await {
-        Ok(result) => outcome = result.map_err(ServeError::from),
+        Ok(result) => outcome = outcome.and(result.map_err(ServeError::from)),
         Err(_) => tracing::warn!("cut off clients that did not finish within {} s", drain.as_secs_f64()),
     }
     handle.stop();
@@ -343,6 +360,26 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     }
     access_keeper.abort();
     address.remove_socket();
+    if let Some(thread) = cluster_thread {
+        // A network that does not end in time is abandoned.
+        thread.result(deadline.max(Instant::now() + FAREWELL)).await;
+    }
     threads.join(deadline).await?;
     outcome
+}
+
+/// Resolves when the cluster's thread has ended by itself, with the reason; never without one.
+async fn ended(thread: &mut Option<ClusterThread>) -> String {
+    if let Some(running) = thread.as_mut() {
+        // Nothing is sent.
+        let _ = (&mut running.ended).await;
+    }
+    match thread.take() {
+        None => std::future::pending().await,
+        Some(ended) => match ended.join.join() {
+            Ok(Ok(())) => "it ended".to_owned(),
+            Ok(Err(problem)) => problem,
+            Err(payload) => panic_message(payload.as_ref()),
+        },
+    }
 }

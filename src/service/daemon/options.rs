@@ -11,6 +11,7 @@ use crate::{
     platform::signals::ReloadSignal,
     scene::{SceneClock, SceneSnapshot, asteroids::FieldSpec, loader::StarSource},
     service::{
+        cluster::ClusterOptions,
         displays::{headset::HeadsetOptions, windows::WindowsOptions},
         engine::interface::Engine,
         network::access::AccessSource,
@@ -159,6 +160,8 @@ pub struct ServeOptions {
     pub headset: Option<HeadsetOptions>,
     /// Windows on monitors of this machine.
     pub windows: Option<WindowsOptions>,
+    /// The part of the daemon in a cluster; `None`: it is alone.
+    pub cluster: Option<ClusterOptions>,
     /// File in which acknowledged changes are kept; `None`: they are lost when the daemon ends.
     pub state: Option<PathBuf>,
     /// Called once with the address when clients can connect.
@@ -197,6 +200,7 @@ impl ServeOptions {
             views: ViewOptions { rig, settings, specs: Vec::new(), folder: PathBuf::new() },
             headset: None,
             windows: None,
+            cluster: None,
             state: None,
             ready: Box::new(ready),
             reloads: Reloads::Signals,

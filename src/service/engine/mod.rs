@@ -5,6 +5,7 @@ pub(crate) mod background_jobs;
 pub(crate) mod camera_path;
 pub(crate) mod forecast;
 pub(crate) mod interface;
+pub(crate) mod led;
 pub(crate) mod quality;
 pub(crate) mod render_handle;
 pub(crate) mod render_thread;

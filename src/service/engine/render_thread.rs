@@ -6,6 +6,7 @@
 //! wait ([`super::forecast`]). At most two frames are in flight, and they are finished in order. Long work runs
 //! elsewhere ([`super::background_jobs`]). Failed frames are handled in [`recovery`].
 
+mod cues;
 mod job;
 mod recovery;
 #[cfg(test)]
@@ -28,6 +29,7 @@ use super::{
     camera_path::CameraPath,
     forecast::{Expected, Forecast},
     interface::{Engine, EngineError},
+    led::CueRequest,
     quality::{self, Quality},
     render_handle::RenderHandle,
     shared_state::{CameraControl, Capacity, FrameQueue, RenderStatistics, Request, SceneControl, Shared, State},
@@ -129,6 +131,7 @@ fn spawn_with(
         statistics: RenderStatistics::default(),
         settings: settings.clone(),
         quality: settings.accuracy.frame_ms.map(Quality::new),
+        led: None,
         time: time.clone(),
         limits: engine.limits(),
         draining: false,
@@ -201,6 +204,8 @@ enum Work {
     Begin(Box<Job>),
     /// Wait for the oldest frame and deliver it.
     Finish,
+    /// Draw a cue.
+    Draw(Box<CueRequest>),
 }
 
 /// Interval at which a moving camera is published while no frames are requested.
@@ -250,6 +255,7 @@ impl Worker {
             match work {
                 Work::Begin(job) => self.begin(*job)?,
                 Work::Finish => self.finish()?,
+                Work::Draw(request) => self.draw_cue(*request)?,
             }
         }
         Ok(())
@@ -266,8 +272,9 @@ impl Worker {
         // While the camera travels, a map would be outdated when it is finished.
         let place_pc = map_place_pc(self.scene.camera.position_m / PARSEC_M);
         let rests = self.map_place_pc.insert(job.group, place_pc).is_none_or(|last| last == place_pc);
+        let rests = job.cued.map_or(rests, |cued| cued.rests);
         let exposure = job.frame_group().settings.exposure;
-        let adapted_ev100 = self.adapted_ev100(&job);
+        let adapted_ev100 = job.cued.map_or_else(|| self.adapted_ev100(&job), |cued| Some(cued.ev100));
         let starts_adaptation = Adaptation::adapts(&exposure) && adapted_ev100.is_none();
         let request = FrameRequest::for_group(&self.scene, job.frame_groups(), job.group)
             .wanted_per_view(&job.wanted)
@@ -339,7 +346,8 @@ impl Worker {
                     eye.last = Some((job.start, job.shows()));
                     eye.adaptation.observe(frame.exposure_ev100, frame.metered_ev100);
                 }
-                let frame = frame.with_views(views);
+                let mut frame = frame.with_views(views);
+                frame.number = job.cued.map_or(frame.number, |cued| cued.number);
                 self.losses = 0;
                 let mut state = self.shared.state();
                 state.statistics.frames_rendered += 1;
@@ -347,14 +355,18 @@ impl Worker {
                 for (view, wanted) in views.iter().zip(&job.wanted) {
                     let view = job.scene.views.ids()[*view];
                     // Store nothing for a deleted view, because it would never be removed.
-                    if (wanted.display || wanted.reads_hdr()) && state.has_view(view) {
+                    // Frames of cues may not be shown.
+                    let is_newest = (wanted.display || wanted.reads_hdr()) && job.cued.is_none();
+                    if is_newest && state.has_view(view) {
                         state.queue.newest_frames.insert(view, (frame.number, job.shows(), job.start));
                     }
                 }
                 state.statistics.last_times = Some(frame.times.clone());
                 state.statistics.last_age = state.time.now().duration_since(job.pose_time).ok();
                 let given_up = state.quality.as_mut().zip(job.level()).map(|(quality, level)| {
-                    quality.note(level, frame.times.total_ms);
+                    if job.cued.is_none() {
+                        quality.note(level, frame.times.total_ms);
+                    }
                     let settings = &job.groups.all[job.group].settings;
                     GivenUp { level, what: quality::given_up(level, settings) }
                 });
@@ -417,6 +429,16 @@ impl Worker {
         let shared = Arc::clone(&self.shared);
         let mut state = shared.state();
         loop {
+            if let Some(led) = &mut state.led {
+                if let Some(request) = led.next.take() {
+                    return Some(Work::Draw(Box::new(request)));
+                }
+                if state.stop {
+                    return None;
+                }
+                state = shared.wake.wait(state).unwrap_or_else(PoisonError::into_inner);
+                continue;
+            }
             let now = Instant::now();
             let tasks = self.tasks(&mut state, now);
             let frame_due = tasks.due.is_some_and(|due| due <= now);
@@ -477,12 +499,7 @@ impl Worker {
         let camera = state.camera.newest.revision + u64::from(is_moving);
         let newest = Revisions { scene: scene.revision, camera, step: scene.clock.step(seen) };
         let level = state.quality.as_ref().map_or(0, Quality::level);
-        if (self.groups.revision, self.groups.level) != (scene.revision, level) {
-            self.groups = Arc::new(Groups::new(&self.settings, &scene, level));
-            let groups = &self.groups;
-            self.eyes.retain(|of, _| groups.eyes.contains(of));
-            self.map_place_pc.retain(|group, _| *group < groups.all.len());
-        }
+        self.keep_groups(&scene, level);
         let due_at = |pace: &Pace, view: ViewId| pace.due_at(newest, self.converged(view), now);
         let of_streams = state.queue.subscribers.iter().map(|stream| due_at(&stream.pace, stream.view));
         let of_requests = state.queue.requests.iter().map(|request| due_at(&request.pace, request.view));
@@ -492,6 +509,16 @@ impl Worker {
         let steps = scene.clock.next_step(seen).filter(|_| is_looked_at).map(|wait| now + wait);
         let moves = moves.into_iter().chain(steps).min();
         Tasks { scene, newest, due, moves, groups: Arc::clone(&self.groups) }
+    }
+
+    /// Groups the views of a scene into frames, if the scene or the quality level has changed.
+    fn keep_groups(&mut self, scene: &SceneState, level: u32) {
+        if (self.groups.revision, self.groups.level) != (scene.revision, level) {
+            self.groups = Arc::new(Groups::new(&self.settings, scene, level));
+            let groups = &self.groups;
+            self.eyes.retain(|of, _| groups.eyes.contains(of));
+            self.map_place_pc.retain(|group, _| *group < groups.all.len());
+        }
     }
 
     /// Whether another frame of the same scene would show a view with the same exposure.
@@ -552,6 +579,7 @@ impl Worker {
             stars: Arc::clone(&self.scene.stars),
             scene,
             start,
+            cued: None,
         }
     }
 }

@@ -16,6 +16,7 @@ use tokio::sync::{oneshot, watch};
 use super::{
     auditor::AuditReport,
     camera_path::{CameraPath, CameraPathError},
+    led::Led,
     quality::Quality,
 };
 use crate::{
@@ -173,6 +174,8 @@ pub(crate) struct State {
     pub(crate) settings: RenderSettings,
     /// Chooses the quality level of display images; `None`: their time is not limited.
     pub(crate) quality: Option<Quality>,
+    /// Cues in place of the worker's own pace; `None`: the worker is not led.
+    pub(crate) led: Option<Led>,
     /// The daemon's time.
     pub(crate) time: TimeSource,
     /// Limits of the adapter that plans must respect.

@@ -51,6 +51,11 @@ impl Pace {
         self.last = None;
     }
 
+    /// Whether the minimum time since the last frame has passed, for frames that come at a rate of their own: an eighth of it may be missing.
+    pub(crate) fn interval_is_over(&self, now: Instant) -> bool {
+        self.last.is_none_or(|(_, start)| now + self.interval / 8 >= start + self.interval)
+    }
+
     /// Returns when the next frame is due, if a frame would now show `newest`; due frames have a time of `now` or
     /// earlier.
     pub(crate) fn due_at(&self, newest: Revisions, exposure_converged: bool, now: Instant) -> Instant {

@@ -96,6 +96,7 @@ impl proto::diagnostics_service_server::DiagnosticsService for Service {
         }
         let (render, headset, windows) = (self.render.clone(), self.headset.clone(), self.windows.clone());
         let (encoders, shares) = (Arc::clone(&self.encoders), Arc::clone(&self.shares));
+        let cluster = self.cluster.clone();
         let mut statuses = headset.as_ref().map(|headset| headset.watch_status());
         let (sender, stream) = mpsc::channel(1);
         task::spawn(async move {
@@ -115,8 +116,8 @@ impl proto::diagnostics_service_server::DiagnosticsService for Service {
                     _ = scenes.wait_for(Option::is_none) => return,
                 };
                 let Ok(room) = room else { return };
-                let displays = (headset.as_deref(), windows.as_deref());
-                room.send(Ok(stats::stats_to_pb(&render, displays, &encoders, &shares)));
+                let parts = (headset.as_deref(), windows.as_deref(), cluster.as_deref());
+                room.send(Ok(stats::stats_to_pb(&render, parts, &encoders, &shares)));
             }
         });
         Ok(Response::new(ReceiverStream::new(stream)))

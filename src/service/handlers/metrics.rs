@@ -21,9 +21,12 @@ use tonic::{
 use super::service::Service;
 use crate::{
     platform::process,
-    service::network::{
-        access::Access,
-        http_handler::{HEALTH, HttpHandler, METRICS, PLAIN, text},
+    service::{
+        cluster::figures::{ClusterFigures, Times},
+        network::{
+            access::Access,
+            http_handler::{HEALTH, HttpHandler, METRICS, PLAIN, text},
+        },
     },
     xr,
 };
@@ -144,6 +147,9 @@ fn registry(service: &Service) -> Registry {
         all.register("headset_frames", "Frames of the headset", ConstCounter::new(statistics.frames));
         all.register("headset_losses", "Losses of the headset", ConstCounter::new(statistics.losses));
     }
+    if let Some(cluster) = &service.cluster {
+        register_cluster(&mut all, &cluster.figures());
+    }
     if let Some(bytes) = process::resident_bytes() {
         all.register_with_unit(
             "resident_memory",
@@ -153,4 +159,48 @@ fn registry(service: &Service) -> Registry {
         );
     }
     all
+}
+
+/// Registers the figures of a cluster: times in seconds, counts by kind, and the nodes of a director.
+fn register_cluster(all: &mut Registry, figures: &ClusterFigures) {
+    type Gauges = Family<Vec<(&'static str, String)>, Gauge<f64, AtomicU64>>;
+    all.register(
+        "cluster_locked",
+        "Whether all nodes show the same frames",
+        ConstGauge::new(u32::from(figures.locked)),
+    );
+    all.register("cluster_epoch", "Counter of the director's epoch", ConstGauge::new(figures.epoch));
+    all.register("cluster_frame", "Newest frame that was committed or shown", ConstGauge::new(figures.frame_number));
+    let counts = Gauges::default();
+    for (kind, count) in &figures.counts {
+        counts.get_or_create(&vec![("kind", (*kind).to_owned())]).set(*count as f64);
+    }
+    all.register("cluster_events", "Events of the lock since the start, by kind", counts);
+    let quantiles = |times: Times| [("median", times.median_ms), ("p99", times.p99_ms), ("max", times.max_ms)];
+    let times = Gauges::default();
+    for (of, measured) in &figures.times {
+        for (quantile, ms) in quantiles(*measured) {
+            let labels = vec![("of", (*of).to_owned()), ("quantile", quantile.to_owned())];
+            times.get_or_create(&labels).set(ms * 1e-3);
+        }
+    }
+    all.register_with_unit("cluster_time", "Times of the last 1024 frames", Unit::Seconds, times);
+    if figures.nodes.is_empty() {
+        return;
+    }
+    let (is_in, out, refused, ready) = (Gauges::default(), Gauges::default(), Gauges::default(), Gauges::default());
+    for node in &figures.nodes {
+        let labels = vec![("node", node.name.clone())];
+        is_in.get_or_create(&labels).set(if node.state == "in" { 1.0 } else { 0.0 });
+        out.get_or_create(&labels).set(node.out as f64);
+        refused.get_or_create(&labels).set(node.refused as f64);
+        for (quantile, ms) in quantiles(node.ready) {
+            let labels = vec![("node", node.name.clone()), ("quantile", quantile.to_owned())];
+            ready.get_or_create(&labels).set(ms * 1e-3);
+        }
+    }
+    all.register("cluster_node_in", "Whether a node takes part", is_in);
+    all.register("cluster_node_out", "Times that a node was left out", out);
+    all.register("cluster_node_refused", "Times that a node was refused", refused);
+    all.register_with_unit("cluster_node_ready", "Time from STATE to READY of a node", Unit::Seconds, ready);
 }

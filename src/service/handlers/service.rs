@@ -19,6 +19,7 @@ use crate::{
     gpu::AdapterReport,
     plan::{Limits, Planner},
     service::{
+        cluster::Cluster,
         displays::{headset::Headset, windows::Windows},
         engine::{background_jobs::BackgroundJobs, render_handle::RenderHandle, shared_state::Capacity},
         frames::{
@@ -69,6 +70,8 @@ pub(crate) struct Service {
     pub(crate) render: RenderHandle,
     pub(crate) headset: Option<Arc<Headset>>,
     pub(crate) windows: Option<Arc<Windows>>,
+    /// The daemon's part in a cluster.
+    pub(crate) cluster: Option<Arc<Cluster>>,
     pub(crate) adapter: Arc<AdapterReport>,
     pub(crate) limits: Arc<Limits>,
     pub(crate) catalogues: Arc<Vec<SceneCatalogue>>,
@@ -95,7 +98,7 @@ pub(crate) struct Service {
 impl Service {
     pub(crate) fn new(
         render: RenderHandle,
-        (headset, windows): (Option<Arc<Headset>>, Option<Arc<Windows>>),
+        ((headset, windows), cluster): ((Option<Arc<Headset>>, Option<Arc<Windows>>), Option<Arc<Cluster>>),
         (adapter, limits): (AdapterReport, Limits),
         (catalogues, stars): (Vec<SceneCatalogue>, u64),
         capacity: Capacity,
@@ -105,6 +108,7 @@ impl Service {
             render,
             headset,
             windows,
+            cluster,
             adapter: Arc::new(adapter),
             limits: Arc::new(limits),
             catalogues: Arc::new(catalogues),
@@ -167,6 +171,11 @@ impl Service {
             (None, Some(headset)) => (ViewId::HEADSET, headset.sizes().into_iter().map(pixels).sum()),
             (None, None) => return Err(self.no_view(name, &scene)),
         };
+        if let Some(own) = self.render.led_views().filter(|own| headset.is_none() && !own.iter().any(|own| own == name))
+        {
+            let problem = format!("this node draws {}; ask the node that draws `{name}`", own.join(", "));
+            return Err(Status::failed_precondition(problem));
+        }
         let encoding = encoding::encoding_from_pb(encoding).ok_or_else(|| {
             refusals::invalid(format!("encoding = {encoding}: must be one of RGBA8, PNG, JPEG, RGB32F, EXR, H264"))
         })?;

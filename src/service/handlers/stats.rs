@@ -8,6 +8,10 @@ use crate::{
     },
     render::FrameTimes,
     service::{
+        cluster::{
+            Cluster,
+            figures::{ClusterFigures, NodeFigures, Times},
+        },
         displays::{headset::Headset, windows::Windows},
         engine::{
             auditor::AuditFigures,
@@ -175,10 +179,53 @@ fn window_to_pb(figures: WindowFigures) -> proto::WindowStats {
     proto::WindowStats { name, view, part, state, reason, monitor, refresh_hz, frame_number, frames, intervals, missed }
 }
 
+fn cluster_times_to_pb(Times { median_ms, p99_ms, max_ms }: Times) -> proto::ClusterTimes {
+    proto::ClusterTimes { median_ms, p99_ms, max_ms }
+}
+
+fn cluster_node_to_pb(node: NodeFigures) -> proto::ClusterNodeStats {
+    proto::ClusterNodeStats {
+        name: node.name,
+        state: node.state.to_owned(),
+        reason: node.reason,
+        ready: Some(cluster_times_to_pb(node.ready)),
+        drawn: Some(cluster_times_to_pb(node.drawn)),
+        out: node.out,
+        refused: node.refused,
+        version: node.version,
+        adapter: node.adapter,
+        scene_hash: node.scene_hash,
+        frame_number: node.frame_number,
+        clock: node.clock,
+    }
+}
+
+fn cluster_to_pb(figures: ClusterFigures) -> proto::ClusterStats {
+    let times = figures.times.into_iter().map(|(name, times)| (name.to_owned(), cluster_times_to_pb(times)));
+    proto::ClusterStats {
+        cluster: figures.cluster,
+        process: figures.process,
+        state: figures.state,
+        reason: figures.reason,
+        locked: figures.locked,
+        epoch: figures.epoch,
+        frame_number: figures.frame_number,
+        version: figures.version,
+        configuration: figures.configuration,
+        scene_hash: figures.scene_hash,
+        scene_revision: figures.scene_revision,
+        clock: figures.clock,
+        real_time: figures.real_time,
+        counts: figures.counts.into_iter().map(|(name, count)| (name.to_owned(), count)).collect(),
+        times: times.collect(),
+        nodes: figures.nodes.into_iter().map(cluster_node_to_pb).collect(),
+    }
+}
+
 /// Returns the current statistics.
 pub(crate) fn stats_to_pb(
     render: &RenderHandle,
-    (headset, windows): (Option<&Headset>, Option<&Windows>),
+    (headset, windows, cluster): (Option<&Headset>, Option<&Windows>, Option<&Cluster>),
     encoders: &Encoders,
     shares: &Shares,
 ) -> proto::Stats {
@@ -197,6 +244,7 @@ pub(crate) fn stats_to_pb(
         encoded: encoders.count(),
         connections: u32::try_from(shares.connections()).unwrap_or(u32::MAX),
         refused: shares.refused(),
+        cluster: cluster.map(|cluster| cluster_to_pb(cluster.figures())),
         windows: windows.map(Windows::report).unwrap_or_default().into_iter().map(window_to_pb).collect(),
     }
 }

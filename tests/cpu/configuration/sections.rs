@@ -1,6 +1,7 @@
 //! Every example configuration loads and makes a rig; every section is parsed as written; every mistake is refused
 //! with a message that names file, key and valid values.
 
+mod cluster;
 mod rendering;
 mod view_tables;
 

@@ -319,6 +319,20 @@ fn a_higher_epoch_in_any_message_ends_a_director() {
 }
 
 #[test]
+fn a_frame_that_cannot_be_drawn_gets_no_vote_and_the_next_one_is_drawn() {
+    let mut node = led_node();
+    node.hear(at(0), state(id(1, 1), None));
+    assert!(matches!(node.act(at(0))[..], [node::Action::Draw { .. }]));
+    node.hear(at(10), state(id(1, 2), None));
+    node.failed(at(11), id(1, 1));
+    assert!(matches!(node.act(at(11))[..], [node::Action::Draw { id: drawn, .. }] if drawn == id(1, 2)));
+    assert_eq!(node.counts().failed, 1);
+    // A report about another frame changes nothing.
+    node.failed(at(12), id(1, 1));
+    assert_eq!(node.counts().failed, 1);
+}
+
+#[test]
 fn an_unknown_node_that_votes_is_asked_for_its_hello() {
     let mut director = running();
     director.act(at(30));

@@ -42,6 +42,19 @@ pub(super) struct Job {
     pub(super) objects: Arc<SceneObjects>,
     pub(super) stars: Arc<StarSet>,
     pub(super) start: Instant,
+    /// Values of the cue, if the worker is led.
+    pub(super) cued: Option<Cued>,
+}
+
+/// Values that a cue gives to one of its frames.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cued {
+    /// Number of the frame.
+    pub(super) number: u64,
+    /// Exposure, EV at ISO 100.
+    pub(super) ev100: f64,
+    /// Whether the camera has the same position as in the frame before.
+    pub(super) rests: bool,
 }
 
 impl Job {

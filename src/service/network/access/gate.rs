@@ -59,11 +59,13 @@ impl Caller {
 #[derive(Clone)]
 pub(crate) struct Gate {
     access: watch::Receiver<Arc<Access>>,
+    /// Reason why calls that change something are refused; `None`: they are not.
+    led: Option<Arc<str>>,
 }
 
 impl Gate {
-    pub(crate) fn new(access: watch::Receiver<Arc<Access>>) -> Self {
-        Self { access }
+    pub(crate) fn new(access: watch::Receiver<Arc<Access>>, led: Option<Arc<str>>) -> Self {
+        Self { access, led }
     }
 }
 
@@ -71,7 +73,7 @@ impl<S> Layer<S> for Gate {
     type Service = Gated<S>;
 
     fn layer(&self, inner: S) -> Gated<S> {
-        Gated { inner, access: self.access.clone() }
+        Gated { inner, access: self.access.clone(), led: self.led.clone() }
     }
 }
 
@@ -80,6 +82,7 @@ impl<S> Layer<S> for Gate {
 pub(crate) struct Gated<S> {
     inner: S,
     access: watch::Receiver<Arc<Access>>,
+    led: Option<Arc<str>>,
 }
 
 /// Authenticates a call that needs a role.
@@ -140,6 +143,10 @@ where
                 return Box::pin(async { Ok(response) });
             }
         };
+        if let Some(led) = self.led.as_ref().filter(|_| least > Role::View) {
+            let response = refusal(&request, &Status::failed_precondition(&**led));
+            return Box::pin(async { Ok(response) });
+        }
         let credentials = caller.credentials;
         request.extensions_mut().insert(caller);
         let span = tracing::trace_span!(target: SPANS, "call", path = request.uri().path(), client = client.name());

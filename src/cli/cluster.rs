@@ -1,0 +1,176 @@
+//! `cluster check`: what must be in order before a show.
+
+use std::{
+    net::{TcpStream, ToSocketAddrs},
+    path::PathBuf,
+    time::{Duration, Instant},
+};
+
+use clap::{Args, Subcommand};
+use sha2::{Digest, Sha256};
+
+use super::{
+    CliError, results,
+    serve::cluster::{files, version},
+};
+use crate::{
+    config::{ClusterConfig, Config, DIRECTOR},
+    service::{Client, proto},
+};
+
+/// Connections that are opened to measure the network.
+const CONNECTIONS: usize = 5;
+/// Time after which an address does not answer.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Arguments of `cluster`.
+#[derive(Debug, Args)]
+pub struct ClusterArguments {
+    #[command(subcommand)]
+    command: ClusterCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum ClusterCommand {
+    /// Check versions, files, certificates, endpoints, and the running director.
+    Check {
+        /// Configuration file of the cluster.
+        #[arg(long, value_name = "FILE")]
+        config: PathBuf,
+        /// Override a key of the configuration; can be repeated.
+        #[arg(long, value_name = "KEY=VALUE")]
+        set: Vec<String>,
+        /// Address of the director's daemon. Default: `server.listen`.
+        #[arg(long, value_name = "ADDR")]
+        connect: Option<String>,
+    },
+}
+
+/// Runs the command. Exit code 1: something is not in order.
+pub fn run(ClusterArguments { command }: &ClusterArguments) -> Result<(), CliError> {
+    let ClusterCommand::Check { config, set, connect } = command;
+    let config = Config::load(config, set)?;
+    let Some(cluster) = &config.cluster else {
+        return Err(CliError::Usage(format!("{} has no [cluster]", config.origin)));
+    };
+    let mut problems: u32 = 0;
+    let mut told = |fine: bool, text: String| {
+        problems += u32::from(!fine);
+        results::line(format!("{} {text}", if fine { "ok   " } else { "WRONG" }))
+    };
+    // What all processes must have in common.
+    told(true, format!("program {}", version()?))?;
+    let configuration = hexadecimal(&Sha256::digest(config.shared.as_bytes()));
+    told(true, format!("configuration {configuration}"))?;
+    for (name, hash) in files(&config)? {
+        told(true, format!("file {name} {}", hexadecimal(&hash.0)))?;
+    }
+    for view in &config.views {
+        let drawn = config.nodes.iter().filter(|node| node.views.contains(&view.name));
+        let names: Vec<&str> = drawn.map(|node| node.name.as_str()).collect();
+        let by = if names.is_empty() { "nobody".to_owned() } else { names.join(", ") };
+        told(true, format!("view {} drawn by {by}", view.name))?;
+    }
+    for (is_fine, text) in certificates(&config, cluster) {
+        told(is_fine, text)?;
+    }
+    for endpoint in &cluster.endpoints {
+        let (is_fine, text) = reached(endpoint);
+        told(is_fine, text)?;
+    }
+    told(true, "clocks are not used: frames are shown when COMMIT arrives".to_owned())?;
+    // The running director.
+    let address = connect.as_ref().unwrap_or(&config.server.listen);
+    match director(address) {
+        Err(problem) => told(true, format!("director at {address}: not asked ({problem})"))?,
+        Ok(stats) => {
+            let is_same = stats.configuration == configuration;
+            told(is_same, format!("director at {address}: {}, configuration {}", stats.state, stats.configuration))?;
+            for node in stats.nodes {
+                let is_in = node.state == "in" && node.scene_hash == stats.scene_hash;
+                told(is_in, node_line(&node))?;
+            }
+        }
+    }
+    if problems == 0 { Ok(()) } else { Err(CliError::Cluster(problems)) }
+}
+
+/// Hexadecimal digits of the first eight bytes of a hash, as in `WatchStats`.
+fn hexadecimal(hash: &[u8]) -> String {
+    hash[..8].iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// The certificates of this machine.
+fn certificates(config: &Config, cluster: &ClusterConfig) -> Vec<(bool, String)> {
+    let Some(tls) = &cluster.tls else {
+        return vec![(true, "connections are not encrypted: all endpoints are of this machine".to_owned())];
+    };
+    let names = std::iter::once(DIRECTOR).chain(config.nodes.iter().map(|node| node.name.as_str()));
+    let of = |name: &str| {
+        let missing: Vec<String> = tls
+            .files(&config.folder, name)
+            .iter()
+            .filter(|file| !file.is_file())
+            .map(|file| file.display().to_string())
+            .collect();
+        match missing.len() {
+            0 => (true, format!("certificate of {name}")),
+            // Each machine needs its own only.
+            2 => (true, format!("certificate of {name}: not on this machine")),
+            _ => (false, format!("certificate of {name}: missing {}", missing.join(", "))),
+        }
+    };
+    names.map(of).collect()
+}
+
+/// Connects to an endpoint several times.
+fn reached(endpoint: &str) -> (bool, String) {
+    let place = endpoint.split_once('/').map_or(endpoint, |(_, place)| place);
+    let address = match place.to_socket_addrs().map(|mut addresses| addresses.next()) {
+        Ok(Some(address)) => address,
+        Ok(None) => return (false, format!("endpoint {endpoint}: no address")),
+        Err(error) => return (false, format!("endpoint {endpoint}: {error}")),
+    };
+    let mut times_ms: Vec<f64> = Vec::new();
+    for _ in 0..CONNECTIONS {
+        let start = Instant::now();
+        match TcpStream::connect_timeout(&address, PATIENCE) {
+            Ok(_) => times_ms.push(start.elapsed().as_secs_f64() * 1e3),
+            Err(error) => return (false, format!("endpoint {endpoint}: no director: {error}")),
+        }
+    }
+    times_ms.sort_by(f64::total_cmp);
+    let (median, most) = (times_ms[CONNECTIONS / 2], times_ms[CONNECTIONS - 1]);
+    (true, format!("endpoint {endpoint}: connected in {median:.2} ms, at most {most:.2} ms"))
+}
+
+/// Asks the director for its statistics.
+fn director(address: &str) -> Result<proto::ClusterStats, String> {
+    let runtime =
+        tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(|error| error.to_string())?;
+    let asked = async {
+        let mut client = Client::connect(&format!("http://{address}")).await.map_err(|error| error.to_string())?;
+        let mut stats = client.watch_stats(None).await.map_err(|error| error.to_string())?;
+        let first = stats.next().await.map_err(|error| error.to_string())?;
+        first.and_then(|stats| stats.cluster).ok_or_else(|| "it is not in a cluster".to_owned())
+    };
+    runtime
+        .block_on(async { tokio::time::timeout(PATIENCE, asked).await.map_err(|_| "it does not answer".to_owned())? })
+}
+
+fn node_line(node: &proto::ClusterNodeStats) -> String {
+    let ready = node.ready.unwrap_or_default();
+    let reason = if node.reason.is_empty() { String::new() } else { format!(" ({})", node.reason) };
+    format!(
+        "node {}: {}{reason}, {}, scene {}, STATE to READY {:.2} / {:.2} / {:.2} ms, left out {}, refused {}",
+        node.name,
+        node.state,
+        node.version,
+        node.scene_hash,
+        ready.median_ms,
+        ready.p99_ms,
+        ready.max_ms,
+        node.out,
+        node.refused
+    )
+}

@@ -1,0 +1,410 @@
+//! The thread of a director: drives [`steradian_lock::Director`] over a wire, and the thread that composes cues for it.
+
+use std::{
+    collections::HashMap,
+    io,
+    sync::{
+        Arc,
+        mpsc::{Receiver, SyncSender, sync_channel},
+    },
+    thread,
+    time::Duration,
+};
+
+use steradian_lock::{
+    clock::Now,
+    director::{Action, Director, Phase, Place},
+    messages::{Cue as LockCue, FrameId, NodeId, OutReason, Refusal, ToDirector},
+};
+
+use super::{
+    Party,
+    clock::Clock,
+    compose::Composer,
+    cue,
+    figures::{ClusterFigures, NodeFigures, SharedFigures, Window, phase_name, short},
+    messages::{decode_to_director, encode_to_node},
+    queue::Queue,
+    report,
+    wire::{Heard, To, Wire},
+};
+use crate::service::{engine::render_handle::RenderHandle, threads::RunningThread};
+
+/// Time between two updates of the figures, ns.
+const FIGURES_NS: u64 = 200_000_000;
+
+/// An event of the director's thread.
+pub(super) enum Event {
+    Heard(Heard),
+    Composed { id: FrameId, cue: Result<Option<(LockCue, u64)>, String>, scene: Option<(Arc<[u8]>, [u8; 32])> },
+    Stop,
+}
+
+/// Work of the composing thread.
+enum Compose {
+    Cue { id: FrameId, ahead: Duration },
+    Drawn { ns: u64 },
+}
+
+/// What is known about a node besides its place.
+#[derive(Default)]
+struct NodeNotes {
+    ready: Window,
+    drawn: Window,
+    out: u64,
+    refused: u64,
+    version: String,
+    adapter: String,
+    report: report::Report,
+    has_clock: bool,
+    told_refusal: Option<Refusal>,
+}
+
+struct Conductor {
+    party: Party,
+    lock: Director,
+    clock: Clock,
+    wire: Box<dyn Wire>,
+    compose: SyncSender<Compose>,
+    figures: Arc<SharedFigures>,
+    notes: Vec<NodeNotes>,
+    /// Times of the last STATEs, and of the slowest drawing of each.
+    states: HashMap<u64, (u64, u64)>,
+    commit: Window,
+    committed: u64,
+    scene_hash: [u8; 32],
+    scene_revision: u64,
+    problem: String,
+    phase: Phase,
+    told_absent: bool,
+    unreadable: u64,
+    unsent: u64,
+    figures_ns: u64,
+    real_time: bool,
+}
+
+/// Starts the threads of a director.
+pub(super) fn spawn(
+    party: Party,
+    render: RenderHandle,
+    queue: &Arc<Queue<Event>>,
+    events: Receiver<Event>,
+    figures: Arc<SharedFigures>,
+    open: impl FnOnce() -> Result<(Box<dyn Wire>, bool), String> + Send + 'static,
+) -> io::Result<RunningThread<Result<(), String>>> {
+    let (compose, work) = sync_channel(64);
+    let composed = Arc::clone(queue);
+    thread::Builder::new().name("cluster-cues".to_owned()).spawn(move || {
+        let mut composer = Composer::new(render);
+        while let Ok(work) = work.recv() {
+            match work {
+                Compose::Drawn { ns } => composer.note_drawn(ns),
+                Compose::Cue { id, ahead } => {
+                    let (cue, scene) = match composer.compose(id.number, ahead) {
+                        Ok(None) => (Ok(None), None),
+                        Err(problem) => (Err(problem), None),
+                        Ok(Some(made)) => {
+                            let revision = made.cue.cue.scene;
+                            let scene = made.new_scene.map(|bytes| (bytes, made.cue.scene_hash));
+                            let bytes = LockCue::new(&cue::encode(&made.cue));
+                            (bytes.map(|bytes| Some((bytes, revision))).map_err(|error| error.to_string()), scene)
+                        }
+                    };
+                    composed.push(Event::Composed { id, cue, scene });
+                }
+            }
+        }
+    })?;
+    RunningThread::spawn("cluster", move || {
+        let (wire, real_time) = open()?;
+        let clock = Clock::new();
+        let lock = Director::new(party.rules, party.run, party.identity.clone());
+        let notes = party.nodes.iter().map(|_| NodeNotes::default()).collect();
+        let mut conductor = Conductor {
+            party,
+            lock,
+            clock,
+            wire,
+            compose,
+            figures,
+            notes,
+            states: HashMap::new(),
+            commit: Window::default(),
+            committed: 0,
+            scene_hash: [0; 32],
+            scene_revision: 0,
+            problem: String::new(),
+            phase: Phase::Gathering,
+            told_absent: false,
+            unreadable: 0,
+            unsent: 0,
+            figures_ns: 0,
+            real_time,
+        };
+        conductor.run(&events);
+        Ok(())
+    })
+}
+
+impl Conductor {
+    fn run(&mut self, events: &Receiver<Event>) {
+        loop {
+            let now = self.clock.now();
+            let wake_ns = self.lock.wake_at().unwrap_or(u64::MAX).min(self.figures_ns);
+            let wait = Duration::from_nanos(wake_ns.saturating_sub(now.monotonic_ns));
+            let first = events.recv_timeout(wait).ok();
+            let now = self.clock.now();
+            for event in first.into_iter().chain(events.try_iter()) {
+                match event {
+                    Event::Stop => return,
+                    Event::Heard(heard) => self.hear(now, heard),
+                    Event::Composed { id, cue, scene } => self.composed(now, id, cue, scene),
+                }
+            }
+            for action in self.lock.act(now) {
+                self.carry_out(now, action);
+            }
+            self.tell_phase();
+            if now.monotonic_ns >= self.figures_ns {
+                self.figures_ns = now.monotonic_ns + FIGURES_NS;
+                self.publish();
+                self.tell_absent(now);
+            }
+        }
+    }
+
+    /// States once which nodes have not said HELLO while the director waited for them.
+    fn tell_absent(&mut self, now: Now) {
+        if self.told_absent || now.monotonic_ns < self.party.rules.gather_ns {
+            return;
+        }
+        self.told_absent = true;
+        let is_absent = |index: &usize| {
+            let id = NodeId(u16::try_from(*index).unwrap_or(u16::MAX));
+            matches!(self.lock.place(id), Some(Place::Absent))
+        };
+        let absent = (0..self.party.nodes.len()).filter(is_absent);
+        let names: Vec<&str> = absent.map(|index| self.party.nodes[index].name.as_str()).collect();
+        if !names.is_empty() {
+            tracing::warn!(
+                "cluster: not heard of {}: not started, not reachable, or not accepted with its certificate",
+                names.join(", ")
+            );
+        }
+    }
+
+    fn name(&self, node: NodeId) -> &str {
+        self.party.nodes.get(usize::from(node.0)).map_or("?", |node| &node.name)
+    }
+
+    fn hear(&mut self, now: Now, heard: Heard) {
+        match heard {
+            Heard::FromNode(node, bytes) => match decode_to_director(&bytes) {
+                Ok(message) => {
+                    self.note(now, node, &message);
+                    self.lock.hear(now, node, message);
+                }
+                Err(error) => {
+                    self.unreadable += 1;
+                    tracing::debug!("{}: {error}", self.name(node));
+                }
+            },
+            Heard::Node(node, true) => tracing::info!("cluster: node `{}` is connected", self.name(node)),
+            Heard::Node(node, false) => {
+                tracing::warn!("cluster: the connection of node `{}` ended", self.name(node));
+                self.lock.lost(now, node);
+            }
+            Heard::FromDirector(_) | Heard::Director(_) | Heard::Scene(_) => {}
+        }
+    }
+
+    /// Notes figures of a message.
+    fn note(&mut self, now: Now, node: NodeId, message: &ToDirector) {
+        let name = self.name(node).to_owned();
+        let Some(notes) = self.notes.get_mut(usize::from(node.0)) else { return };
+        match message {
+            ToDirector::Hello(hello) => {
+                notes.version.clone_from(&hello.identity.version);
+                notes.adapter = format!("{}, {}", hello.identity.adapter, hello.identity.driver);
+                let refusal = self.party.identity.difference(&hello.identity);
+                notes.refused += u64::from(refusal.is_some());
+                if refusal != notes.told_refusal {
+                    match &refusal {
+                        Some(refusal) => tracing::error!("cluster: node `{name}` is refused: {refusal}"),
+                        None => tracing::info!("cluster: node `{name}` is no longer refused"),
+                    }
+                    notes.told_refusal = refusal;
+                }
+            }
+            ToDirector::Ready(ready) => {
+                if let Some((sent_ns, slowest_ns)) = self.states.get_mut(&ready.id.number) {
+                    notes.ready.note(now.monotonic_ns.saturating_sub(*sent_ns));
+                    *slowest_ns = (*slowest_ns).max(ready.drawn_ns);
+                }
+                notes.drawn.note(ready.drawn_ns);
+                notes.has_clock = ready.has_clock;
+                if let Some(report) = report::decode(&ready.report.0) {
+                    notes.report = report;
+                }
+            }
+        }
+    }
+
+    fn composed(
+        &mut self,
+        now: Now,
+        id: FrameId,
+        cue: Result<Option<(LockCue, u64)>, String>,
+        scene: Option<(Arc<[u8]>, [u8; 32])>,
+    ) {
+        if let Some((bytes, hash)) = scene {
+            self.wire.offer_scene(bytes);
+            self.scene_hash = hash;
+        }
+        match cue {
+            Ok(Some((cue, revision))) => {
+                self.scene_revision = revision;
+                self.problem.clear();
+                self.lock.composed(now, id, cue);
+            }
+            Ok(None) => {}
+            Err(problem) => {
+                if self.problem != problem {
+                    tracing::error!("cluster: no frame can be asked for: {problem}");
+                    self.problem = problem;
+                }
+            }
+        }
+    }
+
+    fn send(&mut self, to: To, bytes: &[u8]) {
+        if let Err(error) = self.wire.send(to, bytes) {
+            self.unsent += 1;
+            tracing::debug!("cluster: {error}");
+        }
+    }
+
+    fn carry_out(&mut self, now: Now, action: Action) {
+        use steradian_lock::messages::ToNode;
+        match action {
+            Action::Send { to, message } => self.send(To::Node(to), &encode_to_node(&message)),
+            Action::SendAll(message) => {
+                self.send(To::Nodes, &encode_to_node(&message));
+                match message {
+                    ToNode::State(state) => {
+                        self.states.insert(state.id.number, (now.monotonic_ns, 0));
+                        if let Some((_, slowest_ns)) = self.states.remove(&state.id.number.wrapping_sub(4)) {
+                            // A full queue loses a figure.
+                            let _ = self.compose.try_send(Compose::Drawn { ns: slowest_ns });
+                        }
+                    }
+                    ToNode::Commit(commit) if commit.id.number > self.committed => {
+                        self.committed = commit.id.number;
+                        if let Some((sent_ns, _)) = self.states.get(&commit.id.number) {
+                            self.commit.note(now.monotonic_ns - sent_ns);
+                        }
+                    }
+                    ToNode::Out(out) => {
+                        if let Some(notes) = self.notes.get_mut(usize::from(out.node.0)) {
+                            notes.out += 1;
+                        }
+                        tracing::warn!("cluster: node `{}` is left out: {}", self.name(out.node), why(out.why));
+                    }
+                    _ => {}
+                }
+            }
+            Action::Compose { id, .. } => {
+                let ahead = Duration::from_nanos(self.party.rules.ahead_ns());
+                // The composer is busy with earlier frames: this one is skipped.
+                let _ = self.compose.try_send(Compose::Cue { id, ahead });
+            }
+            Action::Deposed { by } => {
+                tracing::error!(
+                    "cluster: another director leads (epoch {}); this one sends nothing any more",
+                    by.counter
+                );
+            }
+        }
+    }
+
+    fn tell_phase(&mut self) {
+        let phase = self.lock.phase();
+        if std::mem::replace(&mut self.phase, phase) != phase {
+            self.committed = 0;
+            let taking_part = self.lock.taking_part().len();
+            tracing::info!("cluster: {}, {taking_part} of {} nodes", phase_name(phase), self.party.nodes.len());
+        }
+    }
+
+    fn publish(&mut self) {
+        let counts = self.lock.counts();
+        let nodes = self.party.nodes.iter().enumerate().map(|(index, node)| {
+            let notes = &self.notes[index];
+            let id = NodeId(u16::try_from(index).unwrap_or(u16::MAX));
+            let (state, reason) = match self.lock.place(id) {
+                Some(Place::In { .. }) => ("in", String::new()),
+                Some(Place::Out { why: reason, .. }) => ("out", why(*reason).to_owned()),
+                Some(Place::Refused(refusal)) => ("refused", refusal.to_string()),
+                Some(Place::Absent) | None => ("absent", "it has not said HELLO".to_owned()),
+            };
+            NodeFigures {
+                name: node.name.clone(),
+                state,
+                reason,
+                ready: notes.ready.times(),
+                drawn: notes.drawn.times(),
+                out: notes.out,
+                refused: notes.refused,
+                version: notes.version.clone(),
+                adapter: notes.adapter.clone(),
+                scene_hash: notes.report.scene_hash.as_ref().map(short).unwrap_or_default(),
+                frame_number: notes.report.shown,
+                clock: notes.has_clock,
+            }
+        });
+        let figures = ClusterFigures {
+            cluster: self.party.cluster.clone(),
+            process: self.party.name.clone(),
+            state: phase_name(self.lock.phase()).to_owned(),
+            reason: self.problem.clone(),
+            locked: self.lock.is_locked(),
+            epoch: self.lock.epoch().counter,
+            frame_number: self.committed,
+            version: self.party.identity.version.clone(),
+            configuration: short(&self.party.identity.configuration.0),
+            scene_hash: short(&self.scene_hash),
+            scene_revision: self.scene_revision,
+            clock: self.clock.now().tai_ns.is_some(),
+            real_time: self.real_time,
+            counts: vec![
+                ("committed", counts.committed),
+                ("committed_on_receipt", counts.committed_on_receipt),
+                ("skipped_starting", counts.skipped_starting),
+                ("skipped_quorum", counts.skipped_quorum),
+                ("skipped_deadline", counts.skipped_deadline),
+                ("not_composed", counts.not_composed),
+                ("ticks_lost", counts.ticks_lost),
+                ("ready_late", counts.ready_late),
+                ("refused", counts.refused),
+                ("out", counts.out),
+                ("taken_in", counts.taken_in),
+                ("clock_steps", self.lock.clock_steps()),
+                ("unreadable", self.unreadable),
+                ("unsent", self.unsent),
+            ],
+            times: vec![("state_to_commit", self.commit.times())],
+            nodes: nodes.collect(),
+        };
+        self.figures.set(figures);
+    }
+}
+
+/// Text of a reason to leave a node out.
+fn why(reason: OutReason) -> &'static str {
+    match reason {
+        OutReason::Joining => "it joins: it has not been ready often enough yet",
+        OutReason::Misses => "it was not ready in time",
+        OutReason::Lost => "its connection ended",
+        OutReason::Unknown => "it has to say HELLO",
+    }
+}

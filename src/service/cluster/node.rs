@@ -1,0 +1,374 @@
+//! The thread of a node: drives [`steradian_lock::Node`] over a wire, has the render thread draw cues, and shows pictures.
+
+use std::{
+    collections::HashMap,
+    io,
+    sync::{
+        Arc,
+        mpsc::{Receiver, SyncSender, sync_channel},
+    },
+    thread,
+    time::Duration,
+};
+
+use steradian_lock::{
+    clock::Now,
+    messages::{FrameId, Report as LockReport, ToNode},
+    node::{Action, Node},
+};
+
+use super::{
+    Party,
+    clock::Clock,
+    cue::{self, HashedCue},
+    epoch_file,
+    figures::{ClusterFigures, SharedFigures, Window, short},
+    messages::{decode_to_node, encode_to_director},
+    queue::Queue,
+    report::{self, Report},
+    scene,
+    wire::{Heard, To, Wire},
+};
+use crate::service::{
+    engine::{
+        led::{CueError, Pictures},
+        render_handle::RenderHandle,
+    },
+    threads::RunningThread,
+};
+
+/// Time between two updates of the figures, ns.
+const FIGURES_NS: u64 = 200_000_000;
+/// Time of looking for a director after which the log states it, ns.
+const LOOKING_NS: u64 = 5_000_000_000;
+/// Time between two questions for the director's scene, ns.
+const ASK_NS: u64 = 500_000_000;
+
+/// An event of the node's thread.
+pub(super) enum Event {
+    Heard(Heard),
+    Drawn {
+        id: FrameId,
+        pictures: Result<Pictures, CueError>,
+    },
+    /// The director's scene was adopted: its revision and hash.
+    Adopted(Result<(u64, [u8; 32]), String>),
+    Stop,
+}
+
+struct Player {
+    party: Party,
+    lock: Node,
+    clock: Clock,
+    wire: Box<dyn Wire>,
+    render: RenderHandle,
+    queue: Arc<Queue<Event>>,
+    /// Scenes of the director for the thread that adopts them.
+    scenes: SyncSender<Vec<u8>>,
+    figures: Arc<SharedFigures>,
+    /// Pictures that wait for a verdict.
+    pictures: HashMap<FrameId, Pictures>,
+    /// Revision and hash of the scene.
+    scene: (u64, [u8; 32]),
+    adopting: bool,
+    asked_ns: Option<u64>,
+    drawn: Window,
+    shown: u64,
+    shown_ns: Option<u64>,
+    intervals: Window,
+    is_black: bool,
+    /// Since when the node is in its state, and whether the log states that it looks in vain.
+    state_ns: u64,
+    told_looking: bool,
+    state: String,
+    problem: String,
+    adopted: u64,
+    unreadable: u64,
+    unsent: u64,
+    figures_ns: u64,
+    real_time: bool,
+}
+
+/// Starts the thread of a node.
+pub(super) fn spawn(
+    party: Party,
+    render: RenderHandle,
+    queue: &Arc<Queue<Event>>,
+    events: Receiver<Event>,
+    figures: Arc<SharedFigures>,
+    open: impl FnOnce() -> Result<(Box<dyn Wire>, bool), String> + Send + 'static,
+) -> io::Result<RunningThread<Result<(), String>>> {
+    let (scenes, work) = sync_channel::<Vec<u8>>(1);
+    let (adopting, adopted) = (render.clone(), Arc::clone(queue));
+    // Not from the cluster's thread, whose scheduling it would inherit.
+    thread::Builder::new().name("cluster-scene".to_owned()).spawn(move || {
+        while let Ok(bytes) = work.recv() {
+            adopted.push_surely(Event::Adopted(adopt(&bytes, &adopting)));
+        }
+    })?;
+    let queue = Arc::clone(queue);
+    RunningThread::spawn("cluster", move || {
+        let promised = epoch_file::read(&party.epoch_file)?;
+        let (wire, real_time) = open()?;
+        let clock = Clock::new();
+        let id = party.node.ok_or("a node needs a number")?;
+        let lock = Node::new(party.rules, id, party.run, promised, party.identity.clone(), clock.now());
+        let begun = render.scene().map_err(|_| "the daemon is shutting down".to_owned())?;
+        let scene = (begun.revision, scene::hash(&begun, render.time()));
+        let mut player = Player {
+            party,
+            lock,
+            clock,
+            wire,
+            render,
+            queue,
+            scenes,
+            figures,
+            pictures: HashMap::new(),
+            scene,
+            adopting: false,
+            asked_ns: None,
+            drawn: Window::default(),
+            shown: 0,
+            shown_ns: None,
+            intervals: Window::default(),
+            is_black: false,
+            state_ns: 0,
+            told_looking: false,
+            state: String::new(),
+            problem: String::new(),
+            adopted: 0,
+            unreadable: 0,
+            unsent: 0,
+            figures_ns: 0,
+            real_time,
+        };
+        player.run(&events)
+    })
+}
+
+/// Adopts the director's scene; returns its revision and hash.
+fn adopt(bytes: &[u8], render: &RenderHandle) -> Result<(u64, [u8; 32]), String> {
+    let scene = scene::applied(bytes, render)?;
+    let known = (scene.revision, scene::hash(&scene, render.time()));
+    render.adopt_scene(scene).map_err(|failure| failure.to_string())?;
+    Ok(known)
+}
+
+impl Player {
+    fn run(&mut self, events: &Receiver<Event>) -> Result<(), String> {
+        loop {
+            let now = self.clock.now();
+            let wake_ns = self.lock.wake_at().min(self.figures_ns);
+            let wait = Duration::from_nanos(wake_ns.saturating_sub(now.monotonic_ns));
+            let first = events.recv_timeout(wait).ok();
+            let now = self.clock.now();
+            for event in first.into_iter().chain(events.try_iter()) {
+                match event {
+                    Event::Stop => return Ok(()),
+                    Event::Heard(heard) => self.hear(now, heard),
+                    Event::Drawn { id, pictures } => self.drawn(now, id, pictures),
+                    Event::Adopted(adopted) => self.adopted(adopted),
+                }
+            }
+            for action in self.lock.act(now) {
+                self.carry_out(now, action)?;
+            }
+            self.tell_state(now);
+            if now.monotonic_ns >= self.figures_ns {
+                self.figures_ns = now.monotonic_ns + FIGURES_NS;
+                self.publish();
+            }
+        }
+    }
+
+    fn hear(&mut self, now: Now, heard: Heard) {
+        match heard {
+            Heard::FromDirector(bytes) => match decode_to_node(&bytes) {
+                Ok(message) => {
+                    if let ToNode::Refused(refusal) = &message {
+                        self.report(format!("the director refuses this node: {refusal}"));
+                    }
+                    self.lock.hear(now, message);
+                }
+                Err(error) => {
+                    self.unreadable += 1;
+                    tracing::debug!("{error}");
+                }
+            },
+            Heard::Director(true) => {
+                tracing::info!("cluster: connected to a director");
+                self.lock.connected(now);
+            }
+            Heard::Director(false) => tracing::warn!("cluster: the connection to a director ended"),
+            // One that is being adopted comes first.
+            Heard::Scene(bytes) => self.adopting |= self.scenes.try_send(bytes).is_ok(),
+            Heard::FromNode(..) | Heard::Node(..) => {}
+        }
+    }
+
+    /// Reports a problem once.
+    fn report(&mut self, problem: String) {
+        if self.problem != problem {
+            tracing::error!("cluster: {problem}");
+            self.problem = problem;
+        }
+    }
+
+    fn adopted(&mut self, adopted: Result<(u64, [u8; 32]), String>) {
+        self.adopting = false;
+        match adopted {
+            Ok(scene) => {
+                self.scene = scene;
+                self.adopted += 1;
+                tracing::info!("cluster: adopted revision {} of the director's scene", scene.0);
+            }
+            Err(error) => self.report(format!("the director's scene cannot be adopted: {error}")),
+        }
+    }
+
+    fn draw(&mut self, now: Now, id: FrameId, bytes: &[u8]) {
+        let HashedCue { cue, scene_hash } = match cue::decode(id.number, bytes) {
+            Ok(cue) => cue,
+            Err(error) => {
+                self.report(format!("a cue cannot be read: {error}"));
+                self.lock.failed(now, id);
+                return;
+            }
+        };
+        if self.scene != (cue.scene, scene_hash) {
+            self.lock.failed(now, id);
+            self.ask_scene(now);
+            return;
+        }
+        let queue = Arc::clone(&self.queue);
+        let reply = Box::new(move |pictures| queue.push_surely(Event::Drawn { id, pictures }));
+        self.render.draw_cue(cue, reply);
+    }
+
+    fn ask_scene(&mut self, now: Now) {
+        if self.adopting || self.asked_ns.is_some_and(|asked_ns| now.monotonic_ns < asked_ns + ASK_NS) {
+            return;
+        }
+        if self.asked_ns.replace(now.monotonic_ns).is_none() {
+            tracing::info!("cluster: the director has another scene, asking for it");
+        }
+        if let Err(error) = self.wire.ask_scene() {
+            self.report(format!("cannot ask for the director's scene: {error}"));
+        }
+    }
+
+    fn drawn(&mut self, now: Now, id: FrameId, pictures: Result<Pictures, CueError>) {
+        match pictures {
+            Ok(pictures) => {
+                let drawn_ns = u64::try_from(pictures.took.as_nanos()).unwrap_or(u64::MAX);
+                self.drawn.note(drawn_ns);
+                self.problem.clear();
+                self.asked_ns = None;
+                self.pictures.insert(id, pictures);
+                let report = Report { scene_hash: Some(self.scene.1), shown: self.shown };
+                self.lock.drawn(now, id, drawn_ns, LockReport(report::encode(&report).into()));
+            }
+            Err(error) => {
+                self.lock.failed(now, id);
+                match error {
+                    CueError::Scene { .. } => self.ask_scene(now),
+                    CueError::Replaced => {}
+                    error => self.report(format!("a frame cannot be drawn: {error}")),
+                }
+            }
+        }
+    }
+
+    fn carry_out(&mut self, now: Now, action: Action) -> Result<(), String> {
+        match action {
+            Action::Remember(epoch) => epoch_file::write(&self.party.epoch_file, epoch)?,
+            Action::Send(message) => {
+                if let Err(error) = self.wire.send(To::Directors, &encode_to_director(&message)) {
+                    self.unsent += 1;
+                    tracing::debug!("cluster: {error}");
+                }
+            }
+            Action::Draw { id, cue, .. } => self.draw(now, id, cue.bytes()),
+            Action::Show { id } => {
+                if let Some(pictures) = self.pictures.remove(&id) {
+                    self.render.show(&pictures);
+                    self.shown = id.number;
+                    if let Some(last_ns) = self.shown_ns.replace(now.monotonic_ns) {
+                        self.intervals.note(now.monotonic_ns - last_ns);
+                    }
+                    self.is_black = false;
+                }
+            }
+            Action::Discard { id } => drop(self.pictures.remove(&id)),
+            Action::Black => {
+                self.is_black = true;
+                tracing::warn!("cluster: no frame to show for {} s", self.party.rules.hold_ns as f64 * 1e-9);
+            }
+        }
+        Ok(())
+    }
+
+    fn state_name(&self) -> &'static str {
+        match (self.lock.refused(), self.lock.is_led(self.clock.now())) {
+            (Some(_), _) => "refused",
+            (None, false) => "looking",
+            (None, true) if self.is_black => "black",
+            (None, true) => "led",
+        }
+    }
+
+    fn tell_state(&mut self, now: Now) {
+        let state = self.state_name();
+        if self.state != state {
+            (self.state, self.state_ns, self.told_looking) = (state.to_owned(), now.monotonic_ns, false);
+            tracing::info!("cluster: node `{}` is {state}", self.party.name);
+        }
+        let is_long = now.monotonic_ns >= self.state_ns + LOOKING_NS;
+        if state == "looking" && is_long && !std::mem::replace(&mut self.told_looking, true) {
+            tracing::warn!(
+                "cluster: no director answers: it does not run, still waits for other nodes, or does not accept this node's certificate"
+            );
+        }
+    }
+
+    fn publish(&mut self) {
+        let counts = self.lock.counts();
+        let reason = self.lock.refused().map_or_else(|| self.problem.clone(), ToString::to_string);
+        self.figures.set(ClusterFigures {
+            cluster: self.party.cluster.clone(),
+            process: self.party.name.clone(),
+            state: self.state.clone(),
+            reason,
+            locked: self.lock.led_by().is_some() && self.lock.shown().is_some() && self.clock.now().tai_ns.is_some(),
+            epoch: self.lock.led_by().map_or(0, |epoch| epoch.counter),
+            frame_number: self.shown,
+            version: self.party.identity.version.clone(),
+            configuration: short(&self.party.identity.configuration.0),
+            scene_hash: short(&self.scene.1),
+            scene_revision: self.scene.0,
+            clock: self.clock.now().tai_ns.is_some(),
+            real_time: self.real_time,
+            counts: vec![
+                ("shown", counts.shown),
+                ("commit_late", counts.commit_late),
+                ("show_late", counts.show_late),
+                ("commit_without_picture", counts.commit_without_picture),
+                ("left_out", counts.left_out),
+                ("skipped", counts.skipped),
+                ("without_verdict", counts.without_verdict),
+                ("too_slow", counts.too_slow),
+                ("failed", counts.failed),
+                ("states_replaced", counts.states_replaced),
+                ("lower_epoch", counts.lower_epoch),
+                ("black", counts.black),
+                ("adopted", self.adopted),
+                ("clock_steps", self.lock.clock_steps()),
+                ("unreadable", self.unreadable),
+                ("unsent", self.unsent),
+            ],
+            times: vec![("drawn", self.drawn.times()), ("interval", self.intervals.times())],
+            nodes: Vec::new(),
+        });
+    }
+}

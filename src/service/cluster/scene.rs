@@ -1,0 +1,49 @@
+//! The director's scene for its nodes: what a state file keeps, with the revision, and a hash that is equal if the scenes are.
+
+use std::sync::Arc;
+
+use prost::Message;
+use sha2::{Digest, Sha256};
+
+use crate::service::{
+    engine::render_handle::RenderHandle, scene::state::SceneState, state_file::Saved, time_source::TimeSource,
+};
+
+#[derive(Clone, PartialEq, Message)]
+struct ScenePb {
+    #[prost(message, optional, tag = "1")]
+    saved: Option<Saved>,
+    #[prost(uint64, tag = "2")]
+    jumps: u64,
+}
+
+/// Encodes a scene for nodes.
+pub(super) fn encode(scene: &SceneState, time: &TimeSource) -> Arc<[u8]> {
+    let saved = Some(Saved::from_scene(scene, None, time));
+    ScenePb { saved, jumps: scene.jumps }.encode_to_vec().into()
+}
+
+/// Hash of everything in a scene that determines pictures. The scene's time is not in it: cues have it.
+pub(super) fn hash(scene: &SceneState, time: &TimeSource) -> [u8; 32] {
+    let mut saved = Saved::from_scene(scene, None, time);
+    saved.time = None;
+    if let Some(scene) = &mut saved.scene {
+        scene.revision = 0;
+        scene.time = None;
+        scene.time_j2000_s = None;
+        scene.time_rate = 0.0;
+        scene.time_told = None;
+    }
+    Sha256::digest(saved.encode_to_vec()).into()
+}
+
+/// The node's scene after it has received the director's. Placing asteroids may take seconds.
+pub(super) fn applied(bytes: &[u8], render: &RenderHandle) -> Result<SceneState, String> {
+    let ScenePb { saved, jumps } = ScenePb::decode(bytes).map_err(|error| error.to_string())?;
+    let saved = saved.ok_or("it has no content")?;
+    let before = render.scene().map_err(|_| "the daemon is shutting down".to_owned())?;
+    let general = render.general(&before);
+    let after = saved.applied(&before, &general, render.time().now())?;
+    let revision = saved.scene.as_ref().map_or(after.revision, |scene| scene.revision);
+    Ok(SceneState { revision, jumps, ..after })
+}

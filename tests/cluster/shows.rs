@@ -1,0 +1,109 @@
+//! Shows that go on: frames, kills, restarts, a second director.
+
+use std::collections::HashMap;
+
+use steradian::{
+    output::Encoding,
+    service::{CameraUpdate, Client, ReceivedFrame},
+};
+
+use crate::processes::{Process, configuration, free_port};
+
+const NODES: [&str; 2] = ["left", "right"];
+
+fn endpoint() -> String {
+    format!("tcp/127.0.0.1:{}", free_port())
+}
+
+/// Returns frames of a view by their numbers.
+async fn frames(client: &mut Client, view: &str, count: usize) -> HashMap<u64, ReceivedFrame> {
+    let mut stream = client.stream_frames(view, Encoding::Rgba8, 0.0).await.unwrap();
+    let mut all = HashMap::new();
+    while all.len() < count {
+        let frame = stream.next().await.unwrap().unwrap();
+        all.insert(frame.number, frame);
+    }
+    all
+}
+
+fn pixels(frame: &ReceivedFrame) -> &[u8] {
+    &frame.images[0].data
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn nodes_show_the_same_frames_through_kills_and_restarts_of_nodes_and_director() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    configuration(folder, &NODES, &[endpoint()], "");
+    let director = Process::director(folder);
+    let [left, right] = NODES.map(|name| Process::node(folder, name));
+    let stats = director.all_in().await;
+    assert!(stats.nodes.iter().all(|node| node.scene_hash == stats.scene_hash), "{stats:#?}");
+    assert_eq!(stats.counts["refused"], 0);
+
+    // Both nodes show the same frame numbers.
+    let (mut of_left, mut of_right) = (left.client().await, right.client().await);
+    let (seen_left, seen_right) =
+        tokio::join!(frames(&mut of_left, "of_left", 12), frames(&mut of_right, "of_right", 12));
+    let common = seen_left.keys().filter(|number| seen_right.contains_key(number)).count();
+    assert!(common >= 6, "{:?} {:?}", seen_left.keys(), seen_right.keys());
+
+    // A node's picture is byte-equal to that of one daemon that is asked for the same view.
+    let alone = Process::spawn(folder, "cluster.toml", &[]);
+    for (view, seen) in [("of_left", &seen_left), ("of_right", &seen_right)] {
+        let picture = alone.client().await.render_frame(view, Encoding::Rgba8).await.unwrap();
+        assert!(seen.values().all(|frame| pixels(frame) == pixels(&picture)), "{view} differs");
+        assert!(pixels(&picture).chunks(4).any(|pixel| pixel[..3] != [0; 3]), "{view} is empty");
+    }
+    drop(alone);
+
+    // Changes go to the director, and arrive at the nodes.
+    let turned = CameraUpdate { orientation: Some([0.0, 1.0, 0.0, 0.0]), ..CameraUpdate::default() };
+    let refused = of_left.set_camera(&turned).await.unwrap_err().to_string();
+    assert!(refused.contains(&director.address) || refused.contains("director"), "{refused}");
+    director.client().await.set_camera(&turned).await.unwrap();
+    let before = seen_left.values().next().unwrap();
+    let mut stream = of_left.stream_frames("of_left", Encoding::Rgba8, 0.0).await.unwrap();
+    while pixels(&stream.next().await.unwrap().unwrap()) == pixels(before) {}
+    let elsewhere = of_left.render_frame("of_right", Encoding::Rgba8).await.unwrap_err().to_string();
+    assert!(elsewhere.contains("left"), "{elsewhere}");
+
+    // A killed node is left out; with one of two nodes there is no majority, and the other holds.
+    left.kill();
+    director.stats_when("left out", |cluster| cluster.nodes[0].state == "absent").await;
+    director.stats_when("without majority", |cluster| cluster.counts["skipped_quorum"] > 2).await;
+    // It is taken back when it has started again, with the scene of the director.
+    let left = Process::node(folder, "left");
+    let stats = director.all_in().await;
+    assert!(stats.nodes.iter().all(|node| node.scene_hash == stats.scene_hash), "{stats:#?}");
+    assert!(stats.nodes[0].out >= 1, "{stats:#?}");
+    director.advances(5).await;
+
+    // Without a director the nodes hold; another one takes a higher epoch and leads them on.
+    let epoch = stats.epoch;
+    director.kill();
+    left.stats_when("looking", |cluster| cluster.state == "looking").await;
+    let director = Process::director(folder);
+    let stats = director.all_in().await;
+    assert!(stats.epoch > epoch);
+    director.advances(5).await;
+    right.stats_when("led", |cluster| cluster.state == "led" && cluster.epoch == stats.epoch).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn of_two_directors_one_leads() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let endpoints = [endpoint(), endpoint()];
+    configuration(folder, &NODES, &endpoints, "");
+    let first = Process::spawn(folder, "cluster.toml", &["--role", "director", "--endpoint", &endpoints[0]]);
+    let _nodes = NODES.map(|name| Process::node(folder, name));
+    first.all_in().await;
+    let second = Process::spawn(folder, "cluster.toml", &["--role", "director", "--endpoint", &endpoints[1]]);
+    // The second one gathers all nodes and takes a higher epoch, which ends the first one.
+    second.all_in().await;
+    first.stats_when("deposed", |cluster| cluster.state == "deposed").await;
+    let committed = first.stats_when("deposed", |_| true).await.counts["committed"];
+    second.advances(10).await;
+    assert_eq!(first.stats_when("deposed", |_| true).await.counts["committed"], committed);
+}
