@@ -124,12 +124,6 @@ impl Process {
         self.wait_for(text, |process| process.log().contains(text).then_some(()));
     }
 
-    /// Sends a signal, such as `KILL`.
-    pub fn signal(&self, name: &str) {
-        let status = Command::new("kill").args([&format!("-{name}"), &self.child.id().to_string()]).status().unwrap();
-        assert!(status.success());
-    }
-
     pub fn kill(mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
