@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     config::{ClusterConfig, Config, DIRECTOR},
-    service::{Client, proto},
+    service::cluster::ask_director,
 };
 
 /// Connections that are opened to measure the network.
@@ -81,14 +81,13 @@ pub fn run(ClusterArguments { command }: &ClusterArguments) -> Result<(), CliErr
     told(true, "clocks are not used: frames are shown when COMMIT arrives".to_owned())?;
     // The running director.
     let address = connect.as_ref().unwrap_or(&config.server.listen);
-    match director(address) {
+    match ask_director(address, PATIENCE) {
         Err(problem) => told(true, format!("director at {address}: not asked ({problem})"))?,
-        Ok(stats) => {
-            let is_same = stats.configuration == configuration;
-            told(is_same, format!("director at {address}: {}, configuration {}", stats.state, stats.configuration))?;
-            for node in stats.nodes {
-                let is_in = node.state == "in" && node.scene_hash == stats.scene_hash;
-                told(is_in, node_line(&node))?;
+        Ok(found) => {
+            let is_same = found.configuration == configuration;
+            told(is_same, format!("director at {address}: {}, configuration {}", found.state, found.configuration))?;
+            for node in found.nodes {
+                told(node.is_in, node.text)?;
             }
         }
     }
@@ -142,35 +141,4 @@ fn reached(endpoint: &str) -> (bool, String) {
     times_ms.sort_by(f64::total_cmp);
     let (median, most) = (times_ms[CONNECTIONS / 2], times_ms[CONNECTIONS - 1]);
     (true, format!("endpoint {endpoint}: connected in {median:.2} ms, at most {most:.2} ms"))
-}
-
-/// Asks the director for its statistics.
-fn director(address: &str) -> Result<proto::ClusterStats, String> {
-    let runtime =
-        tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(|error| error.to_string())?;
-    let asked = async {
-        let mut client = Client::connect(&format!("http://{address}")).await.map_err(|error| error.to_string())?;
-        let mut stats = client.watch_stats(None).await.map_err(|error| error.to_string())?;
-        let first = stats.next().await.map_err(|error| error.to_string())?;
-        first.and_then(|stats| stats.cluster).ok_or_else(|| "it is not in a cluster".to_owned())
-    };
-    runtime
-        .block_on(async { tokio::time::timeout(PATIENCE, asked).await.map_err(|_| "it does not answer".to_owned())? })
-}
-
-fn node_line(node: &proto::ClusterNodeStats) -> String {
-    let ready = node.ready.unwrap_or_default();
-    let reason = if node.reason.is_empty() { String::new() } else { format!(" ({})", node.reason) };
-    format!(
-        "node {}: {}{reason}, {}, scene {}, STATE to READY {:.2} / {:.2} / {:.2} ms, left out {}, refused {}",
-        node.name,
-        node.state,
-        node.version,
-        node.scene_hash,
-        ready.median_ms,
-        ready.p99_ms,
-        ready.max_ms,
-        node.out,
-        node.refused
-    )
 }

@@ -23,8 +23,15 @@ pub(crate) fn lower_thread_priority() -> io::Result<()> {
 /// # Errors
 ///
 /// The system refuses: `LimitRTPRIO=` of the unit, or `ulimit -r`, is too low.
-#[cfg(feature = "cluster")]
 pub(crate) fn real_time_thread() -> io::Result<()> {
+    #[cfg(feature = "cluster")]
+    return round_robin();
+    #[cfg(not(feature = "cluster"))]
+    Err(io::Error::new(io::ErrorKind::Unsupported, "the program was built without the feature `cluster`"))
+}
+
+#[cfg(feature = "cluster")]
+fn round_robin() -> io::Result<()> {
     use thread_priority::{
         RealtimeThreadSchedulePolicy::RoundRobin, ThreadPriority, ThreadSchedulePolicy::Realtime,
         set_thread_priority_and_policy, thread_native_id,
@@ -35,12 +42,6 @@ pub(crate) fn real_time_thread() -> io::Result<()> {
         thread_priority::Error::OS(code) => io::Error::from_raw_os_error(code),
         error => refused(&error),
     })
-}
-
-/// The same without the feature `cluster`, which alone has such threads.
-#[cfg(not(feature = "cluster"))]
-pub(crate) fn real_time_thread() -> io::Result<()> {
-    Err(io::Error::new(io::ErrorKind::Unsupported, "the program was built without the feature `cluster`"))
 }
 
 /// Returns the resident memory of the process, bytes; `None` if the system does not report it.

@@ -6,7 +6,7 @@ use std::sync::{
 };
 
 /// Events that may wait. A thread that is so far behind loses messages, as a network does.
-const MOST: usize = 4096;
+const MOST_EVENTS: usize = 4096;
 
 /// The sending side.
 pub(super) struct Queue<T> {
@@ -16,16 +16,16 @@ pub(super) struct Queue<T> {
 
 impl<T> Queue<T> {
     pub(super) fn new() -> (Self, Receiver<T>) {
-        let (sender, receiver) = sync_channel(MOST);
+        let (sender, receiver) = sync_channel(MOST_EVENTS);
         (Self { sender, lost: AtomicU64::new(0) }, receiver)
     }
 
     /// Adds an event. It is lost if the queue is full, or the thread has ended.
     pub(super) fn push(&self, event: T) {
-        if let Err(TrySendError::Full(_)) = self.sender.try_send(event) {
-            if self.lost.fetch_add(1, Relaxed) == 0 {
-                tracing::warn!("cluster: the queue of events is full, messages are lost");
-            }
+        if let Err(TrySendError::Full(_)) = self.sender.try_send(event)
+            && self.lost.fetch_add(1, Relaxed) == 0
+        {
+            tracing::warn!("cluster: the queue of events is full, messages are lost");
         }
     }
 

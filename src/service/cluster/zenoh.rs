@@ -198,12 +198,8 @@ impl ZenohWire {
         let session = zenoh::open(options.config()?).wait()?;
         let base = options.base();
         let publisher = |key: String| -> Opened<Publisher<'static>> {
-            Ok(session
-                .declare_publisher(key)
-                .express(true)
-                .priority(Priority::RealTime)
-                .congestion_control(CongestionControl::Drop)
-                .wait()?)
+            let publisher = session.declare_publisher(key).express(true).priority(Priority::RealTime);
+            publisher.congestion_control(CongestionControl::Drop).wait()
         };
         let scene: Arc<Mutex<Option<Arc<[u8]>>>> = Arc::default();
         let scene_key = format!("{base}/scene");

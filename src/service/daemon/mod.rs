@@ -40,7 +40,10 @@ use crate::{
             render_thread::{self},
             shared_state::Capacity,
         },
-        handlers::{metrics::Metrics, service::Service},
+        handlers::{
+            metrics::Metrics,
+            service::{OptionalParts, Service},
+        },
         network::{
             access::Gate,
             clients::Shares,
@@ -287,9 +290,10 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     };
     let displays = Displays::new(headset, windows, &handle);
     let keeps_state = file.is_some();
+    let (headset, windows) = displays.shared();
     let service = Service::new(
         handle.clone(),
-        (displays.shared(), cluster.clone()),
+        OptionalParts { headset, windows, cluster: cluster.clone() },
         (info, limits),
         (catalogues, stars),
         capacity,

@@ -95,10 +95,17 @@ pub(crate) struct Service {
     pub(crate) encoders: Arc<Encoders>,
 }
 
+/// Parts of a daemon that a configuration may leave out.
+pub(crate) struct OptionalParts {
+    pub(crate) headset: Option<Arc<Headset>>,
+    pub(crate) windows: Option<Arc<Windows>>,
+    pub(crate) cluster: Option<Arc<Cluster>>,
+}
+
 impl Service {
     pub(crate) fn new(
         render: RenderHandle,
-        ((headset, windows), cluster): ((Option<Arc<Headset>>, Option<Arc<Windows>>), Option<Arc<Cluster>>),
+        OptionalParts { headset, windows, cluster }: OptionalParts,
         (adapter, limits): (AdapterReport, Limits),
         (catalogues, stars): (Vec<SceneCatalogue>, u64),
         capacity: Capacity,
