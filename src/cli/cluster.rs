@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     config::{ClusterConfig, Config, DIRECTOR},
-    service::cluster::ask_director,
+    service::ask_director,
 };
 
 /// Connections that are opened to measure the network.

@@ -61,6 +61,7 @@ pub use client::{
     connection::{After, Client, ClientError, FrameReceiver, ReceivedFrame, ReceivedImage, ServerInfo, ViewForm},
     credentials::Credentials,
     delivery::{Delivered, DeliveryError, DeliveryRound, LocalDaemon, measure_delivery, median_parts},
+    director::{FoundDirector, FoundNode, ask_director},
     scene::{CheckReceiver, SceneForm, SceneReceiver, SeenKind, SeenObject},
     stats::StatsReceiver,
 };

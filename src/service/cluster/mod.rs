@@ -7,12 +7,10 @@
 //! | `director`, `compose` | the director's threads: the lock, and cues |
 //! | `node`, `epoch_file` | the node's thread, and the epoch that it has promised |
 //! | `figures` | figures for clients |
-//! | `ask` | what a running director says, for `cluster check` |
 //!
 //! The thread of a director or node owns the state machine of the lock and the wire. Callbacks of the network, the render thread and the composer
 //! push events into its queue; nothing else is shared, and nothing waits on the path of a frame.
 
-mod ask;
 mod clock;
 mod compose;
 mod cue;
@@ -35,7 +33,6 @@ use steradian_lock::{
     rules::Rules,
 };
 
-pub use self::ask::{FoundDirector, FoundNode, ask_director};
 pub use self::wire::{Hear, Heard, OpenWire, To, Wire};
 use self::{figures::SharedFigures, queue::Queue};
 use super::{engine::render_handle::RenderHandle, threads::RunningThread};

@@ -39,7 +39,7 @@ fn a_deep_store_is_made_checked_divided_and_exported() {
     assert!(made.contains("wrote galaxy: 150000 stars"), "{made}");
     assert!(err.contains("drawing stars"), "plain progress lines: {err}");
     let (info, _) = run(folder.path(), &["catalogue", "info", "galaxy"], 0);
-    assert!(info.contains("stars             150000") && info.contains("plane-13-6"), "{info}");
+    assert!(info.contains("stars             150000") && info.contains("plane-13-7"), "{info}");
     let (checked, _) = run(folder.path(), &["catalogue", "check", "galaxy", "--light"], 0);
     assert!(checked.contains("all checksums are right") && checked.contains("every composite star"), "{checked}");
     assert_eq!((root(&info), root(&checked)), (root(&made), root(&made)));

@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use crate::service::{Client, proto};
+use super::connection::Client;
+use crate::service::proto;
 
 /// State of a director.
 pub struct FoundDirector {
