@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{
     catalogue::{
-        deep::{build::BuildOptions, synth::synthesise},
+        deep::{DeepError, build::BuildOptions, live::DeepSky, synth::synthesise},
         epoch::Epoch,
         galaxy::GalaxyParameters,
     },
@@ -120,8 +120,9 @@ fn of_store(renderer: &mut Renderer, folder: &Path, rounds: usize, budget: Budge
         let (stars, _) =
             load_stars(&[StarSource::File(folder.to_owned())], &Epoch::default(), &mut |_| {}).map_err(Box::new)?;
         let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects: Arc::default(), camera: camera() };
-        let measured = measure(renderer, &scene, view, rounds, budget.part(1.0, VIEWS.len() - index))?;
-        let items = scene.stars.deep.as_ref().map_or(0, |deep| deep.store().index().stars());
+        let deep = scene.stars.deep.as_deref().ok_or_else(|| DeepError::NotAStore { path: folder.to_owned() })?;
+        let measured = measure(renderer, (&scene, deep), view, rounds, budget.part(1.0, VIEWS.len() - index))?;
+        let items = deep.store().index().stars();
         let case = Case {
             axis: Axis::Scale,
             workload: format!("store of {}", Sky::Galaxy(items as usize).name()),
@@ -130,11 +131,12 @@ fn of_store(renderer: &mut Renderer, folder: &Path, rounds: usize, budget: Budge
             items,
             planes: true,
         };
+        let note = format!("display frames at EV {EV100}");
         for metric in DeepMetric::ALL {
-            let (value, note) = measured.figure(metric);
-            let score = Score { value, note };
+            let (value, reason) = measured.figure(metric);
+            let score = Score { value, note: reason };
             let names = [series, MethodSource::Steradian.name()];
-            rows.push(case.named_row(names, &measured.timed, metric.name(), &score, "display frames at EV -5.4"));
+            rows.push(case.named_row(names, &measured.timed, metric.name(), &score, &note));
         }
     }
     Ok(rows)
@@ -143,7 +145,8 @@ fn of_store(renderer: &mut Renderer, folder: &Path, rounds: usize, budget: Budge
 /// Figures of a view of a store.
 struct Measured {
     timed: Timed,
-    read_mib: f64,
+    /// What the first frame read; `None`: it failed.
+    read_mib: Option<f64>,
     memory_mib: f64,
     drawn: Option<f64>,
     /// Error of 99.9 % of the channels, and the largest; or why there is none.
@@ -151,7 +154,7 @@ struct Measured {
 }
 
 impl Measured {
-    /// Value of a metric, and a note.
+    /// Value of a metric, or the reason why there is none.
     fn figure(&self, metric: DeepMetric) -> (Option<f64>, String) {
         let error = |index: usize| match &self.errors {
             Ok(errors) => (Some(errors[index]), String::new()),
@@ -160,7 +163,7 @@ impl Measured {
         match metric {
             DeepMetric::Error999Codes => error(0),
             DeepMetric::ErrorLargestCodes => error(1),
-            DeepMetric::ReadMib => (Some(self.read_mib), String::new()),
+            DeepMetric::ReadMib => (self.read_mib, String::new()),
             DeepMetric::MemoryMib => (Some(self.memory_mib), String::new()),
             DeepMetric::Drawn => (self.drawn, String::new()),
         }
@@ -169,7 +172,7 @@ impl Measured {
 
 fn measure(
     renderer: &mut Renderer,
-    scene: &SceneSnapshot,
+    (scene, deep): (&SceneSnapshot, &DeepSky),
     view: ViewShape,
     rounds: usize,
     budget: Budget,
@@ -177,7 +180,6 @@ fn measure(
     let rig = rig_of(vec![("chart", view.kind())])?;
     let mut settings = RenderSettings { glare: GlareSettings::none(), ..RenderSettings::default() };
     settings.exposure = ExposureSettings::manual(EV100);
-    let statistics = || scene.stars.deep.as_ref().map(|deep| deep.statistics()).unwrap_or_default();
     // The first frame, which is not counted, reads all pages and makes the map of faint light.
     let mut read = None;
     let mut drawn = None;
@@ -186,7 +188,7 @@ fn measure(
         match draw(renderer, (scene, &rig), &settings, Output::Display, Wanted { hdr_stays: true, ..Wanted::default() })
         {
             Ok(frame) => {
-                read.get_or_insert_with(|| statistics().bytes_read);
+                read.get_or_insert_with(|| deep.statistics().bytes_read);
                 drawn = Some(frame.views.iter().map(|view| view.stars_drawn as f64).sum());
                 Ok(Ok((frame.times.gpu_ms.map(|ms| ms + frame.times.cull_ms), start.elapsed())))
             }
@@ -195,10 +197,15 @@ fn measure(
     })?;
     let resident_bytes = std::mem::size_of_val(&scene.stars.stars[..]) as u64;
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
-    let memory_mib = mib(resident_bytes + statistics().bytes);
-    let errors = errors(renderer, (scene, &rig), &settings)?;
+    let memory_mib = mib(resident_bytes + deep.statistics().bytes);
+    let stars = deep.store().index().stars();
+    let errors = match stars > MOST_COMPARED {
+        true => Err(format!("not compared with every star: more than {} million", MOST_COMPARED / 1_000_000)),
+        false => errors(renderer, (scene, &rig), &settings)?,
+    };
+    // One method was timed.
     let timed = timed.into_iter().next().unwrap_or_default();
-    Ok(Measured { timed, read_mib: mib(read.unwrap_or_default()), memory_mib, drawn, errors })
+    Ok(Measured { timed, read_mib: read.map(mib), memory_mib, drawn, errors })
 }
 
 /// Errors of the display image against every star.
@@ -207,10 +214,6 @@ fn errors(
     (scene, rig): (&SceneSnapshot, &Rig),
     settings: &RenderSettings,
 ) -> Result<Result<[f64; 2], String>, ChartError> {
-    let stars = scene.stars.deep.as_ref().map_or(0, |deep| deep.store().index().stars());
-    if stars > MOST_COMPARED {
-        return Ok(Err(format!("not compared with every star: more than {} million", MOST_COMPARED / 1_000_000)));
-    }
     let mut every_star = settings.clone();
     every_star.stars.every_star = true;
     every_star.stars.memory = EVERY_STAR;

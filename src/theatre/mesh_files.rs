@@ -417,17 +417,7 @@ impl Reader<'_> {
         };
         self.note_reach(&loaded.mesh);
         let (grid, alpha) = self.warped(&loaded.mesh, &content, size_px, kind.name())?;
-        Ok(Region {
-            name: self.stem(),
-            title: None,
-            size_px,
-            grid,
-            alpha,
-            multiplies_codes: true,
-            beta: None,
-            lut: None,
-            screen: None,
-        })
+        Ok(Region { alpha, multiplies_codes: true, ..Region::of_grid(self.stem(), size_px, grid) })
     }
 
     /// Adds a note if a mesh does not fill the raster: its file is often made for another one.

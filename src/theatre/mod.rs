@@ -83,6 +83,23 @@ pub struct Region {
     pub screen: Option<ScreenSums>,
 }
 
+impl Region {
+    /// A region that has directions and nothing else.
+    fn of_grid(name: String, size_px: [u32; 2], grid: Grid) -> Self {
+        Self {
+            name,
+            title: None,
+            size_px,
+            grid,
+            alpha: None,
+            multiplies_codes: false,
+            beta: None,
+            lut: None,
+            screen: None,
+        }
+    }
+}
+
 /// Contents of a calibration file or set of files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibration {
@@ -452,17 +469,7 @@ impl Reader<'_> {
             placement: Placement::Centres,
             interpolation: Interpolation::Smooth,
         };
-        Ok(Region {
-            name: self.stem(),
-            title: None,
-            size_px,
-            grid,
-            alpha: None,
-            multiplies_codes: false,
-            beta: None,
-            lut: None,
-            screen: None,
-        })
+        Ok(Region::of_grid(self.stem(), size_px, grid))
     }
 
     /// The order of rows, recorded as a note.

@@ -159,17 +159,7 @@ impl Reader<'_> {
         }
         let alpha =
             [blend, black, intensities].into_iter().flatten().reduce(|first, second| mask::product(&first, &second));
-        Ok(Region {
-            name,
-            title: None,
-            size_px: area.size_px,
-            grid,
-            alpha,
-            multiplies_codes: true,
-            beta: None,
-            lut: None,
-            screen: None,
-        })
+        Ok(Region { alpha, multiplies_codes: true, ..Region::of_grid(name, area.size_px, grid) })
     }
 
     fn area(&self, window: &Field, viewport: &Field) -> Result<Area, Fault> {

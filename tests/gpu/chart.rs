@@ -259,9 +259,14 @@ fn assert_views_and_scale_have_their_figures(extent: &Extent) {
         // 30,000 stars of 8 bytes, or fewer composite stars.
         let read = value(30_000, DeepMetric::ReadMib);
         assert!(read > 0.01 && read < 0.5, "{series}: {read} MiB");
-        assert!(value(30_000, DeepMetric::MemoryMib) >= read, "{series}");
+        // A star of a leaf has 8 bytes in the file and 16 in memory; tiles also have a bit for each cell, which is not kept.
+        let memory = value(30_000, DeepMetric::MemoryMib);
+        let least = if series == "deep_store" { 2.0 * read } else { 0.01 };
+        assert!(memory >= least && memory < 1.0, "{series}: {memory} MiB");
         let [most, largest] = [DeepMetric::Error999Codes, DeepMetric::ErrorLargestCodes].map(|m| value(30_000, m));
-        assert!(most < 0.5 && largest >= most && largest > 0.0, "{series}: {most} {largest}");
+        assert!(most < 0.5 && largest >= most, "{series}: {most} {largest}");
+        // Stars of V = 13 are too bright for composite stars in the window's small pixels: each is drawn. In the dome they are in the map.
+        assert_eq!(largest == 0.0, series == "deep_store", "{series}: {largest}");
     }
     let figure = |axis: &str, workload: &str, method: &str| {
         let found = rows.iter().find(|row| (&*row.axis, &*row.workload, &*row.method) == (axis, workload, method));

@@ -19,19 +19,16 @@ use steradian_lock::{
 
 use super::{
     Party,
-    clock::Clock,
     compose::Composer,
     cue,
     figures::{ClusterFigures, NodeFigures, SharedFigures, Window, phase_name, short},
     messages::{decode_to_director, encode_to_node},
     queue::Queue,
     report,
+    station::Station,
     wire::{Heard, To, Wire},
 };
 use crate::service::{engine::render_handle::RenderHandle, threads::RunningThread};
-
-/// Time between two updates of the figures, ns.
-const FIGURES_NS: u64 = 200_000_000;
 
 /// An event of the director's thread.
 pub(super) enum Event {
@@ -61,12 +58,9 @@ struct NodeNotes {
 }
 
 struct Conductor {
-    party: Party,
+    station: Station,
     lock: Director,
-    clock: Clock,
-    wire: Box<dyn Wire>,
     compose: SyncSender<Compose>,
-    figures: Arc<SharedFigures>,
     notes: Vec<NodeNotes>,
     /// Times of the last STATEs, and of the slowest drawing of each.
     states: HashMap<u64, (u64, u64)>,
@@ -77,10 +71,6 @@ struct Conductor {
     problem: String,
     phase: Phase,
     told_absent: bool,
-    unreadable: u64,
-    unsent: u64,
-    figures_ns: u64,
-    real_time: bool,
 }
 
 /// Starts the threads of a director.
@@ -116,17 +106,14 @@ pub(super) fn spawn(
         }
     })?;
     RunningThread::spawn("cluster", move || {
-        let (wire, real_time) = open()?;
-        let clock = Clock::new();
+        let station = Station::new(party, open()?, figures);
+        let party = &station.party;
         let lock = Director::new(party.rules, party.run, party.identity.clone());
         let notes = party.nodes.iter().map(|_| NodeNotes::default()).collect();
         let mut conductor = Conductor {
-            party,
+            station,
             lock,
-            clock,
-            wire,
             compose,
-            figures,
             notes,
             states: HashMap::new(),
             commit: Window::default(),
@@ -136,10 +123,6 @@ pub(super) fn spawn(
             problem: String::new(),
             phase: Phase::Gathering,
             told_absent: false,
-            unreadable: 0,
-            unsent: 0,
-            figures_ns: 0,
-            real_time,
         };
         conductor.run(&events);
         Ok(())
@@ -149,12 +132,8 @@ pub(super) fn spawn(
 impl Conductor {
     fn run(&mut self, events: &Receiver<Event>) {
         loop {
-            let now = self.clock.now();
-            let wake_ns = self.lock.wake_at().unwrap_or(u64::MAX).min(self.figures_ns);
-            let wait = Duration::from_nanos(wake_ns.saturating_sub(now.monotonic_ns));
-            let first = events.recv_timeout(wait).ok();
-            let now = self.clock.now();
-            for event in first.into_iter().chain(events.try_iter()) {
+            let (now, events) = self.station.wait(events, self.lock.wake_at().unwrap_or(u64::MAX));
+            for event in events {
                 match event {
                     Event::Stop => return,
                     Event::Heard(heard) => self.hear(now, heard),
@@ -165,8 +144,7 @@ impl Conductor {
                 self.carry_out(now, action);
             }
             self.tell_phase();
-            if now.monotonic_ns >= self.figures_ns {
-                self.figures_ns = now.monotonic_ns + FIGURES_NS;
+            if self.station.is_figures_time(now) {
                 self.publish();
                 self.tell_absent(now);
             }
@@ -175,7 +153,7 @@ impl Conductor {
 
     /// States once which nodes have not said HELLO while the director waited for them.
     fn tell_absent(&mut self, now: Now) {
-        if self.told_absent || now.monotonic_ns < self.party.rules.gather_ns {
+        if self.told_absent || now.monotonic_ns < self.station.party.rules.gather_ns {
             return;
         }
         self.told_absent = true;
@@ -183,8 +161,8 @@ impl Conductor {
             let id = NodeId(u16::try_from(*index).unwrap_or(u16::MAX));
             matches!(self.lock.place(id), Some(Place::Absent))
         };
-        let absent = (0..self.party.nodes.len()).filter(is_absent);
-        let names: Vec<&str> = absent.map(|index| self.party.nodes[index].name.as_str()).collect();
+        let absent = (0..self.station.party.nodes.len()).filter(is_absent);
+        let names: Vec<&str> = absent.map(|index| self.station.party.nodes[index].name.as_str()).collect();
         if !names.is_empty() {
             tracing::warn!(
                 "cluster: not heard of {}: not started, not reachable, or not accepted with its certificate",
@@ -194,7 +172,7 @@ impl Conductor {
     }
 
     fn name(&self, node: NodeId) -> &str {
-        self.party.nodes.get(usize::from(node.0)).map_or("?", |node| &node.name)
+        self.station.party.nodes.get(usize::from(node.0)).map_or("?", |node| &node.name)
     }
 
     fn hear(&mut self, now: Now, heard: Heard) {
@@ -205,7 +183,7 @@ impl Conductor {
                     self.lock.hear(now, node, message);
                 }
                 Err(error) => {
-                    self.unreadable += 1;
+                    self.station.unreadable += 1;
                     tracing::debug!("{}: {error}", self.name(node));
                 }
             },
@@ -226,7 +204,7 @@ impl Conductor {
             ToDirector::Hello(hello) => {
                 notes.version.clone_from(&hello.identity.version);
                 notes.adapter = format!("{}, {}", hello.identity.adapter, hello.identity.driver);
-                let refusal = self.party.identity.difference(&hello.identity);
+                let refusal = self.station.party.identity.difference(&hello.identity);
                 notes.refused += u64::from(refusal.is_some());
                 if refusal != notes.told_refusal {
                     match &refusal {
@@ -258,7 +236,7 @@ impl Conductor {
         scene: Option<(Arc<[u8]>, [u8; 32])>,
     ) {
         if let Some((bytes, hash)) = scene {
-            self.wire.offer_scene(bytes);
+            self.station.wire.offer_scene(bytes);
             self.scene_hash = hash;
         }
         match cue {
@@ -277,19 +255,12 @@ impl Conductor {
         }
     }
 
-    fn send(&mut self, to: To, bytes: &[u8]) {
-        if let Err(error) = self.wire.send(to, bytes) {
-            self.unsent += 1;
-            tracing::debug!("cluster: {error}");
-        }
-    }
-
     fn carry_out(&mut self, now: Now, action: Action) {
         use steradian_lock::messages::ToNode;
         match action {
-            Action::Send { to, message } => self.send(To::Node(to), &encode_to_node(&message)),
+            Action::Send { to, message } => self.station.send(To::Node(to), &encode_to_node(&message)),
             Action::SendAll(message) => {
-                self.send(To::Nodes, &encode_to_node(&message));
+                self.station.send(To::Nodes, &encode_to_node(&message));
                 match message {
                     ToNode::State(state) => {
                         self.states.insert(state.id.number, (now.monotonic_ns, 0));
@@ -314,7 +285,7 @@ impl Conductor {
                 }
             }
             Action::Compose { id, .. } => {
-                let ahead = Duration::from_nanos(self.party.rules.ahead_ns());
+                let ahead = Duration::from_nanos(self.station.party.rules.ahead_ns());
                 // The composer is busy with earlier frames: this one is skipped.
                 let _ = self.compose.try_send(Compose::Cue { id, ahead });
             }
@@ -332,13 +303,13 @@ impl Conductor {
         if std::mem::replace(&mut self.phase, phase) != phase {
             self.committed = 0;
             let taking_part = self.lock.taking_part().len();
-            tracing::info!("cluster: {}, {taking_part} of {} nodes", phase_name(phase), self.party.nodes.len());
+            tracing::info!("cluster: {}, {taking_part} of {} nodes", phase_name(phase), self.station.party.nodes.len());
         }
     }
 
     fn publish(&mut self) {
         let counts = self.lock.counts();
-        let nodes = self.party.nodes.iter().enumerate().map(|(index, node)| {
+        let nodes = self.station.party.nodes.iter().enumerate().map(|(index, node)| {
             let notes = &self.notes[index];
             let id = NodeId(u16::try_from(index).unwrap_or(u16::MAX));
             let (state, reason) = match self.lock.place(id) {
@@ -363,19 +334,13 @@ impl Conductor {
             }
         });
         let figures = ClusterFigures {
-            cluster: self.party.cluster.clone(),
-            process: self.party.name.clone(),
             state: phase_name(self.lock.phase()).to_owned(),
             reason: self.problem.clone(),
             locked: self.lock.is_locked(),
             epoch: self.lock.epoch().counter,
             frame_number: self.committed,
-            version: self.party.identity.version.clone(),
-            configuration: short(&self.party.identity.configuration.0),
             scene_hash: short(&self.scene_hash),
             scene_revision: self.scene_revision,
-            clock: self.clock.now().tai_ns.is_some(),
-            real_time: self.real_time,
             counts: vec![
                 ("committed", counts.committed),
                 ("committed_on_receipt", counts.committed_on_receipt),
@@ -389,13 +354,14 @@ impl Conductor {
                 ("out", counts.out),
                 ("taken_in", counts.taken_in),
                 ("clock_steps", self.lock.clock_steps()),
-                ("unreadable", self.unreadable),
-                ("unsent", self.unsent),
+                ("unreadable", self.station.unreadable),
+                ("unsent", self.station.unsent),
             ],
             times: vec![("state_to_commit", self.commit.times())],
             nodes: nodes.collect(),
+            ..self.station.figures()
         };
-        self.figures.set(figures);
+        self.station.publish(figures);
     }
 }
 

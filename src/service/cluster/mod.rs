@@ -6,6 +6,7 @@
 //! | `messages`, `cue`, `report`, `scene` | what is sent, as protobuf |
 //! | `director`, `compose` | the director's threads: the lock, and cues |
 //! | `node`, `epoch_file` | the node's thread, and the epoch that it has promised |
+//! | `station` | what both threads have in common |
 //! | `figures` | figures for clients |
 //!
 //! The thread of a director or node owns the state machine of the lock and the wire. Callbacks of the network, the render thread and the composer
@@ -22,11 +23,16 @@ mod node;
 mod queue;
 mod report;
 mod scene;
+mod station;
 mod wire;
 #[cfg(feature = "cluster")]
 pub mod zenoh;
 
-use std::{io, path::PathBuf, sync::Arc};
+use std::{
+    io,
+    path::PathBuf,
+    sync::{Arc, mpsc::Receiver},
+};
 
 use steradian_lock::{
     messages::{Identity, NodeId},
@@ -116,20 +122,14 @@ impl Cluster {
         };
         let (thread, stop): (ClusterThread, Box<dyn Fn() + Send + Sync>) = match own {
             None => {
-                let (queue, events) = Queue::new();
-                let queue = Arc::new(queue);
-                let heard = Arc::clone(&queue);
-                let hear: Hear = Arc::new(move |event| heard.push(director::Event::Heard(event)));
+                let (queue, events, hear) = queue_of(director::Event::Heard);
                 let open = move || opened(hear);
                 let thread = director::spawn(party, render.clone(), &queue, events, Arc::clone(&figures), open)?;
                 (thread, Box::new(move || queue.push_surely(director::Event::Stop)))
             }
             Some(own) => {
                 render.be_led(own.views);
-                let (queue, events) = Queue::new();
-                let queue = Arc::new(queue);
-                let heard = Arc::clone(&queue);
-                let hear: Hear = Arc::new(move |event| heard.push(node::Event::Heard(event)));
+                let (queue, events, hear) = queue_of(node::Event::Heard);
                 let open = move || opened(hear);
                 let thread = node::spawn(party, render.clone(), &queue, events, Arc::clone(&figures), open)?;
                 (thread, Box::new(move || queue.push_surely(node::Event::Stop)))
@@ -147,6 +147,14 @@ impl Cluster {
     pub(crate) fn figures(&self) -> figures::ClusterFigures {
         self.figures.get()
     }
+}
+
+/// The queue of a thread, its events, and the callback of the wire that adds what is heard.
+fn queue_of<E: Send + 'static>(event: fn(Heard) -> E) -> (Arc<Queue<E>>, Receiver<E>, Hear) {
+    let (queue, events) = Queue::new();
+    let queue = Arc::new(queue);
+    let heard = Arc::clone(&queue);
+    (queue, events, Arc::new(move |what| heard.push(event(what))))
 }
 
 /// Returns a random number for a process.

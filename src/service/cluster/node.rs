@@ -8,7 +8,6 @@ use std::{
         mpsc::{Receiver, SyncSender, sync_channel},
     },
     thread,
-    time::Duration,
 };
 
 use steradian_lock::{
@@ -19,7 +18,6 @@ use steradian_lock::{
 
 use super::{
     Party,
-    clock::Clock,
     cue::{self, HashedCue},
     epoch_file,
     figures::{ClusterFigures, SharedFigures, Window, short},
@@ -27,6 +25,7 @@ use super::{
     queue::Queue,
     report::{self, Report},
     scene,
+    station::Station,
     wire::{Heard, To, Wire},
 };
 use crate::service::{
@@ -37,8 +36,6 @@ use crate::service::{
     threads::RunningThread,
 };
 
-/// Time between two updates of the figures, ns.
-const FIGURES_NS: u64 = 200_000_000;
 /// Time of looking for a director after which the log states it, ns.
 const LOOKING_NS: u64 = 5_000_000_000;
 /// Time between two questions for the director's scene, ns.
@@ -57,15 +54,12 @@ pub(super) enum Event {
 }
 
 struct Player {
-    party: Party,
+    station: Station,
     lock: Node,
-    clock: Clock,
-    wire: Box<dyn Wire>,
     render: RenderHandle,
     queue: Arc<Queue<Event>>,
     /// Scenes of the director for the thread that adopts them.
     scenes: SyncSender<Vec<u8>>,
-    figures: Arc<SharedFigures>,
     /// Pictures that wait for a verdict.
     pictures: HashMap<FrameId, Pictures>,
     /// Revision and hash of the scene.
@@ -80,13 +74,9 @@ struct Player {
     /// Since when the node is in its state, and whether the log states that it looks in vain.
     state_ns: u64,
     told_looking: bool,
-    state: String,
+    state: &'static str,
     problem: String,
     adopted: u64,
-    unreadable: u64,
-    unsent: u64,
-    figures_ns: u64,
-    real_time: bool,
 }
 
 /// Starts the thread of a node.
@@ -109,21 +99,18 @@ pub(super) fn spawn(
     let queue = Arc::clone(queue);
     RunningThread::spawn("cluster", move || {
         let promised = epoch_file::read(&party.epoch_file)?;
-        let (wire, real_time) = open()?;
-        let clock = Clock::new();
+        let station = Station::new(party, open()?, figures);
+        let party = &station.party;
         let id = party.node.ok_or("a node needs a number")?;
-        let lock = Node::new(party.rules, id, party.run, promised, party.identity.clone(), clock.now());
+        let lock = Node::new(party.rules, id, party.run, promised, party.identity.clone(), station.clock.now());
         let begun = render.scene().map_err(|_| "the daemon is shutting down".to_owned())?;
         let scene = (begun.revision, scene::hash(&begun, render.time()));
         let mut player = Player {
-            party,
+            station,
             lock,
-            clock,
-            wire,
             render,
             queue,
             scenes,
-            figures,
             pictures: HashMap::new(),
             scene,
             adopting: false,
@@ -135,13 +122,9 @@ pub(super) fn spawn(
             is_black: false,
             state_ns: 0,
             told_looking: false,
-            state: String::new(),
+            state: "",
             problem: String::new(),
             adopted: 0,
-            unreadable: 0,
-            unsent: 0,
-            figures_ns: 0,
-            real_time,
         };
         player.run(&events)
     })
@@ -158,12 +141,8 @@ fn adopt(bytes: &[u8], render: &RenderHandle) -> Result<(u64, [u8; 32]), String>
 impl Player {
     fn run(&mut self, events: &Receiver<Event>) -> Result<(), String> {
         loop {
-            let now = self.clock.now();
-            let wake_ns = self.lock.wake_at().min(self.figures_ns);
-            let wait = Duration::from_nanos(wake_ns.saturating_sub(now.monotonic_ns));
-            let first = events.recv_timeout(wait).ok();
-            let now = self.clock.now();
-            for event in first.into_iter().chain(events.try_iter()) {
+            let (now, events) = self.station.wait(events, self.lock.wake_at());
+            for event in events {
                 match event {
                     Event::Stop => return Ok(()),
                     Event::Heard(heard) => self.hear(now, heard),
@@ -175,8 +154,7 @@ impl Player {
                 self.carry_out(now, action)?;
             }
             self.tell_state(now);
-            if now.monotonic_ns >= self.figures_ns {
-                self.figures_ns = now.monotonic_ns + FIGURES_NS;
+            if self.station.is_figures_time(now) {
                 self.publish();
             }
         }
@@ -192,7 +170,7 @@ impl Player {
                     self.lock.hear(now, message);
                 }
                 Err(error) => {
-                    self.unreadable += 1;
+                    self.station.unreadable += 1;
                     tracing::debug!("{error}");
                 }
             },
@@ -253,7 +231,7 @@ impl Player {
         if self.asked_ns.replace(now.monotonic_ns).is_none() {
             tracing::info!("cluster: the director has another scene, asking for it");
         }
-        if let Err(error) = self.wire.ask_scene() {
+        if let Err(error) = self.station.wire.ask_scene() {
             self.report(format!("cannot ask for the director's scene: {error}"));
         }
     }
@@ -282,13 +260,8 @@ impl Player {
 
     fn carry_out(&mut self, now: Now, action: Action) -> Result<(), String> {
         match action {
-            Action::Remember(epoch) => epoch_file::write(&self.party.epoch_file, epoch)?,
-            Action::Send(message) => {
-                if let Err(error) = self.wire.send(To::Directors, &encode_to_director(&message)) {
-                    self.unsent += 1;
-                    tracing::debug!("cluster: {error}");
-                }
-            }
+            Action::Remember(epoch) => epoch_file::write(&self.station.party.epoch_file, epoch)?,
+            Action::Send(message) => self.station.send(To::Directors, &encode_to_director(&message)),
             Action::Draw { id, cue, .. } => self.draw(now, id, cue.bytes()),
             Action::Show { id } => {
                 if let Some(pictures) = self.pictures.remove(&id) {
@@ -303,14 +276,14 @@ impl Player {
             Action::Discard { id } => drop(self.pictures.remove(&id)),
             Action::Black => {
                 self.is_black = true;
-                tracing::warn!("cluster: no frame to show for {} s", self.party.rules.hold_ns as f64 * 1e-9);
+                tracing::warn!("cluster: no frame to show for {} s", self.station.party.rules.hold_ns as f64 * 1e-9);
             }
         }
         Ok(())
     }
 
     fn state_name(&self) -> &'static str {
-        match (self.lock.refused(), self.lock.is_led(self.clock.now())) {
+        match (self.lock.refused(), self.lock.is_led(self.station.clock.now())) {
             (Some(_), _) => "refused",
             (None, false) => "looking",
             (None, true) if self.is_black => "black",
@@ -321,8 +294,8 @@ impl Player {
     fn tell_state(&mut self, now: Now) {
         let state = self.state_name();
         if self.state != state {
-            (self.state, self.state_ns, self.told_looking) = (state.to_owned(), now.monotonic_ns, false);
-            tracing::info!("cluster: node `{}` is {state}", self.party.name);
+            (self.state, self.state_ns, self.told_looking) = (state, now.monotonic_ns, false);
+            tracing::info!("cluster: node `{}` is {state}", self.station.party.name);
         }
         let is_long = now.monotonic_ns >= self.state_ns + LOOKING_NS;
         if state == "looking" && is_long && !std::mem::replace(&mut self.told_looking, true) {
@@ -335,20 +308,16 @@ impl Player {
     fn publish(&mut self) {
         let counts = self.lock.counts();
         let reason = self.lock.refused().map_or_else(|| self.problem.clone(), ToString::to_string);
-        self.figures.set(ClusterFigures {
-            cluster: self.party.cluster.clone(),
-            process: self.party.name.clone(),
-            state: self.state.clone(),
+        self.station.publish(ClusterFigures {
+            state: self.state.to_owned(),
             reason,
-            locked: self.lock.led_by().is_some() && self.lock.shown().is_some() && self.clock.now().tai_ns.is_some(),
+            locked: self.lock.led_by().is_some()
+                && self.lock.shown().is_some()
+                && self.station.clock.now().tai_ns.is_some(),
             epoch: self.lock.led_by().map_or(0, |epoch| epoch.counter),
             frame_number: self.shown,
-            version: self.party.identity.version.clone(),
-            configuration: short(&self.party.identity.configuration.0),
             scene_hash: short(&self.scene.1),
             scene_revision: self.scene.0,
-            clock: self.clock.now().tai_ns.is_some(),
-            real_time: self.real_time,
             counts: vec![
                 ("shown", counts.shown),
                 ("commit_late", counts.commit_late),
@@ -364,11 +333,11 @@ impl Player {
                 ("black", counts.black),
                 ("adopted", self.adopted),
                 ("clock_steps", self.lock.clock_steps()),
-                ("unreadable", self.unreadable),
-                ("unsent", self.unsent),
+                ("unreadable", self.station.unreadable),
+                ("unsent", self.station.unsent),
             ],
             times: vec![("drawn", self.drawn.times()), ("interval", self.intervals.times())],
-            nodes: Vec::new(),
+            ..self.station.figures()
         });
     }
 }

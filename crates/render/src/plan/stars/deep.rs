@@ -4,7 +4,7 @@
 //! and [`MAP_CELL_TEXELS`] texels in the map of faint light. Where no plane is fine enough, all stars are drawn. Pages that have not been read yet
 //! are replaced by coarser ones; [`Residual`] bounds the error of that.
 
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -34,6 +34,9 @@ pub const WHOLE_FROM_MAGNITUDE: f64 = 21.0;
 const RESIDENT_TO_MAGNITUDE: f64 = LAYERS[0].magnitude as f64;
 /// Reach of the kernels of composite stars, pixels.
 const KERNEL_REACH_PX: f64 = 1.5;
+/// Illuminance of the brightest star of each layer, lx.
+static BRIGHTEST_LX: LazyLock<[f64; LAYERS.len()]> =
+    LazyLock::new(|| LAYERS.map(|layer| illuminance_lx_from_magnitude(layer.brightest_mag())));
 /// Share of the memory for pages that the pages of one plan may take: the rest is for those of other views, and for what comes next.
 const SHARE_OF_A_PLAN: f64 = 0.9;
 
@@ -205,7 +208,7 @@ fn parts_of(inputs: &DeepInputs<'_>, fields: &[Field], bucket: u64) -> Vec<Part>
 fn leaves_of(inputs: &DeepInputs<'_>, pixel_sr: f64) -> u8 {
     let Some(seen_cd_m2) = inputs.seen_cd_m2 else { return 0 };
     let most_lx = MOST_SEEN * seen_cd_m2 * pixel_sr;
-    LAYERS.iter().filter(|layer| illuminance_lx_from_magnitude(layer.brightest_mag()) > most_lx).count() as u8
+    BRIGHTEST_LX.iter().filter(|lx| **lx > most_lx).count() as u8
 }
 
 /// Whether a viewport may see stars within a cone around an axis, seen from the barycentre.
@@ -339,6 +342,5 @@ fn most_of_leaf_lx(sky: &DeepSky, key: PageKey) -> f64 {
     let layer = usize::from(layer);
     let cell = (key.cell() >> (2 * (LAYERS[layer].order - SUM_ORDER))) as usize;
     let sum = sky.store().index().sums[layer].get(cell).map_or(0.0, |light| luminance(*light));
-    let brightest = illuminance_lx_from_magnitude(LAYERS[layer].brightest_mag());
-    sum.min(brightest * f64::from(key.stars(sky.store())))
+    sum.min(BRIGHTEST_LX[layer] * f64::from(key.stars(sky.store())))
 }

@@ -1,0 +1,84 @@
+//! What the threads of a director and of a node have in common: their place in the cluster, the wire, and figures.
+
+use std::{
+    sync::{Arc, mpsc::Receiver},
+    time::Duration,
+};
+
+use steradian_lock::clock::Now;
+
+use super::{
+    Party,
+    clock::Clock,
+    figures::{ClusterFigures, SharedFigures, short},
+    wire::{To, Wire},
+};
+
+/// Time between two updates of the figures, ns.
+const FIGURES_NS: u64 = 200_000_000;
+
+/// A process of the cluster, as its thread has it.
+pub(super) struct Station {
+    pub(super) party: Party,
+    pub(super) clock: Clock,
+    pub(super) wire: Box<dyn Wire>,
+    /// Messages that could not be read.
+    pub(super) unreadable: u64,
+    /// Messages that could not be sent.
+    pub(super) unsent: u64,
+    real_time: bool,
+    figures: Arc<SharedFigures>,
+    figures_ns: u64,
+}
+
+impl Station {
+    /// `real_time`: whether the threads of the wire have real-time scheduling.
+    pub(super) fn new(party: Party, (wire, real_time): (Box<dyn Wire>, bool), figures: Arc<SharedFigures>) -> Self {
+        Self { party, clock: Clock::new(), wire, unreadable: 0, unsent: 0, real_time, figures, figures_ns: 0 }
+    }
+
+    /// Waits for an event, until `wake_ns` or until figures are due; returns the time then, and all events.
+    pub(super) fn wait<'a, T>(
+        &self,
+        events: &'a Receiver<T>,
+        wake_ns: u64,
+    ) -> (Now, impl Iterator<Item = T> + use<'a, T>) {
+        let wait_ns = wake_ns.min(self.figures_ns).saturating_sub(self.clock.now().monotonic_ns);
+        let first = events.recv_timeout(Duration::from_nanos(wait_ns)).ok();
+        (self.clock.now(), first.into_iter().chain(events.try_iter()))
+    }
+
+    /// Sends a message; one that cannot be sent is counted.
+    pub(super) fn send(&mut self, to: To, bytes: &[u8]) {
+        if let Err(error) = self.wire.send(to, bytes) {
+            self.unsent += 1;
+            tracing::debug!("cluster: {error}");
+        }
+    }
+
+    /// Whether it is time to publish figures; then the next time is later.
+    pub(super) fn is_figures_time(&mut self, now: Now) -> bool {
+        let is_due = now.monotonic_ns >= self.figures_ns;
+        if is_due {
+            self.figures_ns = now.monotonic_ns + FIGURES_NS;
+        }
+        is_due
+    }
+
+    /// Figures of the process; those of its role are missing.
+    pub(super) fn figures(&self) -> ClusterFigures {
+        ClusterFigures {
+            cluster: self.party.cluster.clone(),
+            process: self.party.name.clone(),
+            version: self.party.identity.version.clone(),
+            configuration: short(&self.party.identity.configuration.0),
+            clock: self.clock.now().tai_ns.is_some(),
+            real_time: self.real_time,
+            ..ClusterFigures::default()
+        }
+    }
+
+    pub(super) fn publish(&self, figures: ClusterFigures) {
+        self.figures.set(figures);
+    }
+}
