@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::scene::asteroids::{Mesh, Shape, silhouette};
+use crate::scene::asteroids::{Mesh, Shape, silhouette::Silhouettes};
 
 /// Nodes along a side of a table.
 pub const AREA_NODES: usize = 17;
@@ -32,19 +32,16 @@ fn node_direction(column: usize, row: usize) -> DVec3 {
 pub fn projected_areas(shape: &Shape) -> Vec<f32> {
     let finest = shape.lods.first().filter(|lod| lod.mesh.triangles.len() <= MOST_TRIANGLES);
     let Some(lod) = finest.or(shape.lods.last()) else { return vec![0.0; AREA_NODES * AREA_NODES] };
-    (0..AREA_NODES * AREA_NODES)
-        .into_par_iter()
-        .map(|node| {
-            let direction = node_direction(node % AREA_NODES, node / AREA_NODES);
-            (projected_area(&lod.mesh, shape.bound, direction) / PI) as f32
-        })
-        .collect()
+    let directions = (0..AREA_NODES * AREA_NODES).map(|node| node_direction(node % AREA_NODES, node / AREA_NODES));
+    let areas = areas_along(&lod.mesh, shape.bound, &directions.collect::<Vec<_>>());
+    areas.into_iter().map(|area| (area / PI) as f32).collect()
 }
 
-/// Area of a mesh's outline in a direction, mean radii squared; `bound` is the radius of a sphere around the mesh.
-fn projected_area(mesh: &Mesh, bound: f64, direction: DVec3) -> f64 {
+/// Areas of a mesh's outline in directions, mean radii squared; `bound` is the radius of a sphere around the mesh.
+fn areas_along(mesh: &Mesh, bound: f64, directions: &[DVec3]) -> Vec<f64> {
     let positions: Vec<DVec3> = mesh.positions.iter().map(|p| DVec3::from_array(p.map(f64::from))).collect();
-    silhouette::area(&positions, &mesh.triangles, 1.001 * bound, direction, CELLS)
+    let silhouettes = Silhouettes::new(&positions, &mesh.triangles);
+    directions.par_iter().map(|direction| silhouettes.area(1.001 * bound, *direction, CELLS)).collect()
 }
 
 #[cfg(test)]
@@ -84,11 +81,11 @@ mod tests {
             albedos: vec![1.0; 8],
             triangles: sides.into_iter().flatten().collect(),
         };
-        for direction in [DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::ONE, DVec3::new(0.2, -0.7, 0.4)] {
-            let unit = direction.normalize();
-            let found = projected_area(&mesh, 3f64.sqrt(), unit);
+        let directions = [DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::ONE, DVec3::new(0.2, -0.7, 0.4)];
+        let units = directions.map(DVec3::normalize);
+        for (unit, found) in units.into_iter().zip(areas_along(&mesh, 3f64.sqrt(), &units)) {
             let truth = 4.0 * unit.abs().element_sum();
-            assert!((found / truth - 1.0).abs() < 0.02, "{direction}: {found} for {truth}");
+            assert!((found / truth - 1.0).abs() < 0.02, "{unit}: {found} for {truth}");
         }
     }
 }

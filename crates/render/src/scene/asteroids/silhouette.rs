@@ -1,46 +1,101 @@
-//! Areas of silhouettes of closed meshes: the triangles that face the eye are drawn, and pixels are counted.
+//! Areas of silhouettes of meshes, by counting pixels.
+//!
+//! A pixel is covered if some triangle that faces the eye covers it. The number of such triangles is the winding number of
+//! their outline: of the edges whose other side does not face the eye. The outline has a twentieth of all edges.
 
 use glam::DVec3;
 
-/// Area of the silhouette of a closed mesh along a unit direction, square units of the positions. `bound` is the radius of
-/// a sphere around all positions; the picture has `side` x `side` pixels.
-pub(crate) fn area(positions: &[DVec3], triangles: &[[u32; 3]], bound: f64, direction: DVec3, side: usize) -> f64 {
-    let (right, up) = direction.any_orthonormal_pair();
-    let scale = side as f64 / (2.0 * bound);
-    let flat: Vec<[f64; 2]> = positions.iter().map(|p| [right, up].map(|axis| (p.dot(axis) + bound) * scale)).collect();
-    let mut covered = vec![false; side * side];
-    for triangle in triangles {
-        fill(triangle.map(|vertex| flat[vertex as usize]), side, &mut covered);
-    }
-    covered.iter().filter(|pixel| **pixel).count() as f64 / (scale * scale)
+/// Triangle on the other side of an edge that has none.
+const NO_TRIANGLE: u32 = u32::MAX;
+
+/// A mesh with the neighbours of its triangles, for silhouettes along many directions.
+pub(crate) struct Silhouettes<'a> {
+    positions: &'a [DVec3],
+    triangles: &'a [[u32; 3]],
+    /// Triangles beyond the edges from corner k to corner k + 1, or [`NO_TRIANGLE`].
+    neighbours: Vec<[u32; 3]>,
 }
 
-/// Marks the pixels whose centres lie in a counter-clockwise triangle. Clockwise triangles are the far side of a closed
-/// body.
-fn fill([a, b, c]: [[f64; 2]; 3], side: usize, covered: &mut [bool]) {
-    if (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]) <= 0.0 {
-        return;
-    }
-    let low = a[1].min(b[1]).min(c[1]);
-    let high = a[1].max(b[1]).max(c[1]);
-    for row in first_centre(low)..first_centre(high).min(side) {
-        let y = row as f64 + 0.5;
-        let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
-        for (from, to) in [(a, b), (b, c), (c, a)] {
-            if (from[1] <= y) != (to[1] <= y) {
-                let x = from[0] + (to[0] - from[0]) * (y - from[1]) / (to[1] - from[1]);
-                (left, right) = (left.min(x), right.max(x));
+impl<'a> Silhouettes<'a> {
+    /// Finds the neighbours. Triangles are counter-clockwise seen from outside.
+    pub fn new(positions: &'a [DVec3], triangles: &'a [[u32; 3]]) -> Self {
+        // Edges by their vertices; each next to those with the opposite direction.
+        let mut edges: Vec<([u32; 2], bool, usize)> = triangles
+            .iter()
+            .enumerate()
+            .flat_map(|(number, corners)| {
+                (0..3).map(move |k| {
+                    let (from, to) = (corners[k], corners[(k + 1) % 3]);
+                    ([from.min(to), from.max(to)], from > to, 3 * number + k)
+                })
+            })
+            .collect();
+        edges.sort_unstable();
+        let mut neighbours = vec![[NO_TRIANGLE; 3]; triangles.len()];
+        for same in edges.chunk_by(|a, b| a.0 == b.0) {
+            let (ahead, back) = same.split_at(same.partition_point(|(_, is_reversed, _)| !is_reversed));
+            for (&(.., a), &(.., b)) in ahead.iter().zip(back) {
+                neighbours[a / 3][a % 3] = (b / 3) as u32;
+                neighbours[b / 3][b % 3] = (a / 3) as u32;
             }
         }
-        let columns = first_centre(left)..first_centre(right).min(side);
-        if !columns.is_empty() {
-            covered[row * side + columns.start..row * side + columns.end].fill(true);
+        Self { positions, triangles, neighbours }
+    }
+
+    /// Area of the silhouette along a unit direction, square units of the positions. `bound` is the radius of a sphere around all
+    /// positions; the picture has `side` x `side` pixels.
+    pub fn area(&self, bound: f64, direction: DVec3, side: usize) -> f64 {
+        let (right, up) = direction.any_orthonormal_pair();
+        let scale = side as f64 / (2.0 * bound);
+        let on_plane = |p: &DVec3| [right, up].map(|axis| (p.dot(axis) + bound) * scale);
+        let flat: Vec<[f64; 2]> = self.positions.iter().map(on_plane).collect();
+        let faces_eye: Vec<bool> =
+            self.triangles.iter().map(|t| is_counter_clockwise(t.map(|v| flat[v as usize]))).collect();
+        // Changes of the winding number from one pixel of a row to the next.
+        let width = side + 1;
+        let mut steps = vec![0_i32; side * width];
+        for (number, triangle) in self.triangles.iter().enumerate().filter(|(number, _)| faces_eye[*number]) {
+            for (k, beyond) in self.neighbours[number].into_iter().enumerate() {
+                if beyond == NO_TRIANGLE || !faces_eye[beyond as usize] {
+                    let ends = [triangle[k], triangle[(k + 1) % 3]].map(|vertex| flat[vertex as usize]);
+                    cross_rows(ends, side, &mut steps);
+                }
+            }
         }
+        let covered: usize = steps
+            .chunks_exact(width)
+            .map(|row| {
+                let mut winding = 0;
+                let is_covered = |step: &&i32| {
+                    winding += **step;
+                    winding > 0
+                };
+                row[..side].iter().filter(is_covered).count()
+            })
+            .sum();
+        covered as f64 / (scale * scale)
+    }
+}
+
+/// Whether a triangle faces the eye.
+#[inline]
+fn is_counter_clockwise([a, b, c]: [[f64; 2]; 3]) -> bool {
+    (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]) > 0.0
+}
+
+/// Adds an edge of the outline to the rows whose middle it crosses. Edges that point down have the body to their right.
+fn cross_rows([from, to]: [[f64; 2]; 2], side: usize, steps: &mut [i32]) {
+    let step = if from[1] > to[1] { 1 } else { -1 };
+    for row in first_centre(from[1].min(to[1]))..first_centre(from[1].max(to[1])).min(side) {
+        let y = row as f64 + 0.5;
+        let x = from[0] + (to[0] - from[0]) * (y - from[1]) / (to[1] - from[1]);
+        steps[row * (side + 1) + first_centre(x).min(side)] += step;
     }
 }
 
 /// The first pixel whose centre is not before a position. `f64::ceil` is a call into the C library on processors of the
 /// baseline, and this is called for every row.
+#[inline]
 pub(crate) fn first_centre(position: f64) -> usize {
     let beyond = position - 0.5;
     let below = beyond as usize;
@@ -50,6 +105,40 @@ pub(crate) fn first_centre(position: f64) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::asteroids::ShapeSet;
+
+    /// Area of the triangles that face the eye, triangle by triangle and pixel by pixel.
+    fn counted(positions: &[DVec3], triangles: &[[u32; 3]], bound: f64, direction: DVec3, side: usize) -> f64 {
+        let (right, up) = direction.any_orthonormal_pair();
+        let scale = side as f64 / (2.0 * bound);
+        let flat = |v: u32| [right, up].map(|axis| (positions[v as usize].dot(axis) + bound) * scale);
+        let facing: Vec<_> = triangles.iter().map(|t| t.map(flat)).filter(|t| is_counter_clockwise(*t)).collect();
+        let is_covered = |x: f64, y: f64| {
+            let is_left = |[a, b]: [[f64; 2]; 2]| is_counter_clockwise([a, b, [x, y]]);
+            facing.iter().any(|&[a, b, c]| is_left([a, b]) && is_left([b, c]) && is_left([c, a]))
+        };
+        let pixels = (0..side * side).filter(|i| is_covered((i % side) as f64 + 0.5, (i / side) as f64 + 0.5));
+        pixels.count() as f64 / (scale * scale)
+    }
+
+    #[test]
+    fn areas_are_those_of_all_triangles_that_face_the_eye() {
+        let set = ShapeSet::procedural(9);
+        let mesh = &set.shapes[4].lods[4].mesh;
+        let positions: Vec<DVec3> = mesh.positions.iter().map(|p| DVec3::from_array(p.map(f64::from))).collect();
+        // The whole mesh; an open one; one with a triangle twice, which has an edge at three triangles.
+        let open = &mesh.triangles[..320];
+        let twice: Vec<[u32; 3]> = open.iter().chain(&open[..1]).copied().collect();
+        for triangles in [&mesh.triangles[..], open, &twice] {
+            let silhouettes = Silhouettes::new(&positions, triangles);
+            for direction in [DVec3::Z, DVec3::new(0.3, -0.5, 0.8).normalize(), DVec3::new(-0.9, 0.1, -0.2).normalize()]
+            {
+                let area = silhouettes.area(set.shapes[4].bound, direction, 96);
+                let expected = counted(&positions, triangles, set.shapes[4].bound, direction, 96);
+                assert!((area - expected).abs() < 1e-3, "{area} for {expected} along {direction}");
+            }
+        }
+    }
 
     #[test]
     fn the_first_centre_is_that_of_the_ceiling() {

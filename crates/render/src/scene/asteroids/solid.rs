@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::{Mesh, silhouette, sphere::fibonacci_point};
+use super::{Mesh, silhouette::Silhouettes, sphere::fibonacci_point};
 
 /// Directions from which silhouettes are drawn, on one half of the sphere: opposite directions have the same area.
 const DIRECTIONS: usize = 256;
@@ -127,16 +127,12 @@ impl Solid {
     /// Area of the silhouette, averaged over all directions, accurate to 1e-3.
     pub fn mean_projected_area(&self) -> f64 {
         let bound = self.bound();
+        let silhouettes = Silhouettes::new(&self.positions, &self.triangles);
         let areas: Vec<f64> = (0..DIRECTIONS)
             .into_par_iter()
-            .map(|k| self.projected_area(fibonacci_point(k, 2 * DIRECTIONS), bound))
+            .map(|k| silhouettes.area(bound, fibonacci_point(k, 2 * DIRECTIONS), SIDE))
             .collect();
         areas.iter().sum::<f64>() / DIRECTIONS as f64
-    }
-
-    /// Area of the silhouette along a unit direction; `bound` is the radius of a sphere around all vertices.
-    fn projected_area(&self, direction: DVec3, bound: f64) -> f64 {
-        silhouette::area(&self.positions, &self.triangles, bound, direction, SIDE)
     }
 
     /// The mesh for the GPU, with normals, and with the albedo factors divided by their mean.

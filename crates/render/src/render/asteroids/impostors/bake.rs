@@ -136,23 +136,25 @@ impl<'a> TileBaker<'a> {
     /// Draws all triangles that face the eye. The mesh is closed, so the others are hidden.
     fn draw(&self, samples: &mut Samples, side: usize) {
         for triangle in &self.mesh.triangles {
-            let corners = triangle.map(|vertex| samples.vertices[vertex as usize]);
-            let [a, b, c] = corners.map(Vec3::truncate);
+            let at = |corner: usize| samples.vertices[triangle[corner] as usize];
+            let corners = [at(0), at(1), at(2)];
+            let [a, b, c] = [corners[0].truncate(), corners[1].truncate(), corners[2].truncate()];
             // The y axis of a picture points down, so counter-clockwise triangles have a negative area.
             let doubled_area = (b - a).perp_dot(c - a);
             if doubled_area >= 0.0 {
                 continue;
             }
-            let depth = plane(corners, doubled_area, corners.map(|corner| corner.z));
+            let depth = plane(corners, doubled_area, [corners[0].z, corners[1].z, corners[2].z]);
             let number = samples.seen.len() as u32;
             let mut covers = false;
             // Samples of a row are between the crossings of two edges. Triangles at a common edge compute the same
             // crossing, so every sample belongs to exactly one of them.
             let low = a.y.min(b.y).min(c.y);
             let high = a.y.max(b.y).max(c.y);
+            let edges = [Edge::new((a, b)), Edge::new((b, c)), Edge::new((c, a))];
             for row in first_sample(low)..first_sample(high).min(side) {
                 let y = row as f32 + 0.5;
-                let [left, right] = crossings([a, b, c], y);
+                let [left, right] = crossings(&edges, y);
                 let span = first_sample(left)..first_sample(right).min(side);
                 if span.is_empty() {
                     continue;
@@ -204,18 +206,35 @@ impl<'a> TileBaker<'a> {
 }
 
 /// The first sample, at `index + 0.5`, that is not before a position.
+#[inline]
 fn first_sample(position: f32) -> usize {
     first_centre(f64::from(position))
 }
 
+/// An edge of a triangle from its upper to its lower end.
+struct Edge {
+    top: Vec2,
+    bottom_y: f32,
+    /// Change of x per row.
+    slope: f32,
+}
+
+impl Edge {
+    #[inline]
+    fn new((from, to): (Vec2, Vec2)) -> Self {
+        let (top, bottom) = if from.y <= to.y { (from, to) } else { (to, from) };
+        Self { top, bottom_y: bottom.y, slope: (bottom.x - top.x) / (bottom.y - top.y) }
+    }
+}
+
 /// The smallest and the largest x at which the edges of a triangle cross a row. `y` is between its lowest and its highest
 /// corner.
-fn crossings([a, b, c]: [Vec2; 3], y: f32) -> [f32; 2] {
+#[inline]
+fn crossings(edges: &[Edge; 3], y: f32) -> [f32; 2] {
     let mut found = [f32::INFINITY, f32::NEG_INFINITY];
-    for (from, to) in [(a, b), (b, c), (c, a)] {
-        let (top, bottom) = if from.y <= to.y { (from, to) } else { (to, from) };
-        if top.y <= y && y < bottom.y {
-            let x = top.x + (y - top.y) * ((bottom.x - top.x) / (bottom.y - top.y));
+    for Edge { top, bottom_y, slope } in edges {
+        if top.y <= y && y < *bottom_y {
+            let x = top.x + (y - top.y) * slope;
             found = [found[0].min(x), found[1].max(x)];
         }
     }
@@ -223,6 +242,7 @@ fn crossings([a, b, c]: [Vec2; 3], y: f32) -> [f32; 2] {
 }
 
 /// The plane through the values at the corners of a triangle.
+#[inline]
 fn plane<T>([a, b, c]: [Vec3; 3], doubled_area: f32, [at_a, at_b, at_c]: [T; 3]) -> Plane<T>
 where
     T: Copy + std::ops::Sub<Output = T> + std::ops::Mul<f32, Output = T>,
@@ -235,6 +255,7 @@ where
 }
 
 impl<T: Copy + std::ops::Add<Output = T> + std::ops::Mul<f32, Output = T>> Plane<T> {
+    #[inline]
     fn at(&self, place: Vec2) -> T {
         self.at_origin + self.slope[0] * place.x + self.slope[1] * place.y
     }

@@ -7,8 +7,6 @@
 //! No shader: works on texels on the CPU.
 //! No twin: works on texels on the CPU.
 
-use rayon::prelude::*;
-
 /// Texel with components in the range of the textures.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub(super) struct Texel {
@@ -20,27 +18,40 @@ pub(super) struct Texel {
 
 impl Texel {
     /// Decodes a texel from the bytes of both textures.
+    #[inline]
     fn from_bytes(normal: [u8; 4], surface: [u8; 2]) -> Self {
-        Self {
-            normal: normal.map(|byte| f32::from(byte) / 255.0),
-            surface: surface.map(|byte| f32::from(byte) / 255.0),
-        }
+        let [x, y, z, coverage] = normal;
+        let [albedo, depth] = surface;
+        let share = |byte: u8| f32::from(byte) / 255.0;
+        Self { normal: [share(x), share(y), share(z), share(coverage)], surface: [share(albedo), share(depth)] }
     }
 
+    /// Bytes of both textures.
+    #[inline]
+    fn to_bytes(self) -> ([u8; 4], [u8; 2]) {
+        let [x, y, z, coverage] = self.normal;
+        let [albedo, depth] = self.surface;
+        ([byte(x), byte(y), byte(z), byte(coverage)], [byte(albedo), byte(depth)])
+    }
+
+    #[inline]
     fn coverage(&self) -> f32 {
         self.normal[3]
     }
 
     /// Weighted mean of the colours; coverage is 0.
+    #[inline]
     fn mean(texels: &[(Self, f32)]) -> Self {
-        let (mut normal, mut surface, mut total) = ([0.0; 3], [0.0; 2], 0.0);
+        let (mut x, mut y, mut z, mut albedo, mut depth, mut total) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
         for (texel, weight) in texels {
-            (0..3).for_each(|i| normal[i] += weight * texel.normal[i]);
-            (0..2).for_each(|i| surface[i] += weight * texel.surface[i]);
+            x += weight * texel.normal[0];
+            y += weight * texel.normal[1];
+            z += weight * texel.normal[2];
+            albedo += weight * texel.surface[0];
+            depth += weight * texel.surface[1];
             total += weight;
         }
-        let [x, y, z] = normal.map(|sum| sum / total);
-        Self { normal: [x, y, z, 0.0], surface: surface.map(|sum| sum / total) }
+        Self { normal: [x / total, y / total, z / total, 0.0], surface: [albedo / total, depth / total] }
     }
 }
 
@@ -67,14 +78,21 @@ impl Level {
         let (normals, _) = self.normals.as_chunks::<4>();
         let (surfaces, _) = self.surfaces.as_chunks::<2>();
         let texels = surfaces.iter().zip(normals);
-        texels.flat_map(|([albedo, depth], [.., coverage])| [*albedo, *depth, *coverage, 0]).collect()
+        let mut bytes = Vec::with_capacity(4 * surfaces.len());
+        for ([albedo, depth], [.., coverage]) in texels {
+            bytes.extend_from_slice(&[*albedo, *depth, *coverage, 0]);
+        }
+        bytes
     }
 
     fn from_texels(texels: &[Texel]) -> Self {
-        Self {
-            normals: texels.iter().flat_map(|texel| texel.normal.map(byte)).collect(),
-            surfaces: texels.iter().flat_map(|texel| texel.surface.map(byte)).collect(),
+        let [mut normals, mut surfaces] = TEXEL_BYTES.map(|bytes| Vec::with_capacity(bytes * texels.len()));
+        for texel in texels {
+            let (normal, surface) = texel.to_bytes();
+            normals.extend_from_slice(&normal);
+            surfaces.extend_from_slice(&surface);
         }
+        Self { normals, surfaces }
     }
 
     fn texels(&self) -> Vec<Texel> {
@@ -102,12 +120,14 @@ pub(super) fn write_tile(texels: &[Texel], px: usize, bytes: [&mut [u8]; 2], sid
     for (row, texels) in texels.chunks_exact(px).enumerate() {
         let first = row * side + column * px;
         for (texel, index) in texels.iter().zip(first..) {
-            normals[4 * index..4 * index + 4].copy_from_slice(&texel.normal.map(byte));
-            surfaces[2 * index..2 * index + 2].copy_from_slice(&texel.surface.map(byte));
+            let (normal, surface) = texel.to_bytes();
+            normals[4 * index..4 * index + 4].copy_from_slice(&normal);
+            surfaces[2 * index..2 * index + 2].copy_from_slice(&surface);
         }
     }
 }
 
+#[inline]
 fn byte(value: f32) -> u8 {
     // The conversion truncates and saturates.
     (value * 255.0 + 0.5) as u8
@@ -116,35 +136,43 @@ fn byte(value: f32) -> u8 {
 /// Fills in colours of the uncovered texels of a tile of `px` x `px` texels.
 pub(super) fn bleed(texels: &mut [Texel], px: usize) {
     let mut has_colours: Vec<bool> = texels.iter().map(|texel| texel.coverage() > 0.0).collect();
-    let mut left: Vec<usize> = (0..px * px).filter(|i| !has_colours[*i]).collect();
-    let mut ring: Vec<(usize, Texel)> = Vec::new();
+    let mut ring: Vec<usize> = (0..px * px).filter(|i| has_colours[*i]).collect();
+    let mut means: Vec<Texel> = Vec::new();
     loop {
-        ring.clear();
-        left.retain(|&i| {
-            let (column, line) = (i % px, i / px);
-            let mut neighbours = [(Texel::default(), 0.0); 8];
-            let mut count = 0;
-            for v in line.saturating_sub(1)..(line + 2).min(px) {
-                for u in column.saturating_sub(1)..(column + 2).min(px) {
-                    if has_colours[v * px + u] {
-                        neighbours[count] = (texels[v * px + u], 1.0);
-                        count += 1;
-                    }
-                }
-            }
-            if count > 0 {
-                ring.push((i, Texel::mean(&neighbours[..count])));
-            }
-            count == 0
-        });
+        // Texels without a colour beside those of the last ring; at first beside all that are covered.
+        let mut next: Vec<usize> = Vec::new();
+        for &i in &ring {
+            next.extend(around(i, px).filter(|beside| !has_colours[*beside]));
+        }
+        next.sort_unstable();
+        next.dedup();
+        ring = next;
         if ring.is_empty() {
             return;
         }
-        for (i, texel) in &ring {
-            texels[*i] = *texel;
-            has_colours[*i] = true;
+        means.clear();
+        for &i in &ring {
+            let mut neighbours = [(Texel::default(), 0.0); 8];
+            let mut count = 0;
+            for beside in around(i, px).filter(|beside| has_colours[*beside]) {
+                neighbours[count] = (texels[beside], 1.0);
+                count += 1;
+            }
+            means.push(Texel::mean(&neighbours[..count]));
+        }
+        for (&i, mean) in ring.iter().zip(&means) {
+            texels[i] = *mean;
+            has_colours[i] = true;
         }
     }
+}
+
+/// A texel of a tile and its neighbours in the tile, row by row.
+#[inline]
+fn around(i: usize, px: usize) -> impl Iterator<Item = usize> {
+    let (column, line) = (i % px, i / px);
+    let columns = column.saturating_sub(1)..(column + 2).min(px);
+    (line.saturating_sub(1)..(line + 2).min(px)).flat_map(move |v| columns.clone().map(move |u| v * px + u))
 }
 
 /// Computes all levels of a layer whose finest level has `side` texels along a side.
@@ -154,18 +182,19 @@ pub(super) fn levels(finest: Level, side: u32, count: u32) -> Vec<Level> {
     let mut side = side as usize;
     for _ in 1..count {
         side /= 2;
-        texels = (0..side * side)
-            .into_par_iter()
-            .map(|i| {
-                let first = i / side * 4 * side + i % side * 2;
-                let four = [first, first + 1, first + 2 * side, first + 2 * side + 1].map(|index| texels[index]);
-                let coverage = four.iter().map(Texel::coverage).sum::<f32>() / 4.0;
-                let weighted = four.map(|texel| (texel, if coverage > 0.0 { texel.coverage() } else { 1.0 }));
-                let mut mean = Texel::mean(&weighted);
-                mean.normal[3] = coverage;
-                mean
-            })
-            .collect();
+        let finer = texels;
+        texels = vec![Texel::default(); side * side];
+        for (row, coarser) in texels.chunks_exact_mut(side).enumerate() {
+            for (column, texel) in coarser.iter_mut().enumerate() {
+                let first = row * 4 * side + column * 2;
+                let [a, b] = [finer[first], finer[first + 1]];
+                let [c, d] = [finer[first + 2 * side], finer[first + 2 * side + 1]];
+                let coverage = (a.coverage() + b.coverage() + c.coverage() + d.coverage()) / 4.0;
+                let weight = |texel: &Texel| if coverage > 0.0 { texel.coverage() } else { 1.0 };
+                *texel = Texel::mean(&[(a, weight(&a)), (b, weight(&b)), (c, weight(&c)), (d, weight(&d))]);
+                texel.normal[3] = coverage;
+            }
+        }
         levels.push(Level::from_texels(&texels));
     }
     levels
