@@ -12,6 +12,8 @@ pub const SKY_FACES: u32 = 6;
 /// Margin of a face beyond the cube's corners, texels: the reach of bilinear and B-spline interpolation, plus
 /// rounding.
 const MARGIN_TEXELS: f64 = 4.0;
+/// Limit of half the side of a face, texels: the bytes of all faces are below 2^64.
+const MOST_HALF_SIDE: f64 = 268_435_456.0;
 /// Angle from the centre of a cube's face to its corner, rad.
 const CORNER_RAD: f64 = 0.955_316_618_124_509_3;
 
@@ -32,9 +34,9 @@ pub struct TexelPlace {
 }
 
 impl SkyPictures {
-    /// The smallest faces with texels of at most this size, rad.
+    /// The smallest faces with texels of at most this size, rad; at most of a side that no adapter has.
     pub fn of_texels(texel_rad: f64) -> Self {
-        Self { side: 2 * ((CORNER_RAD / texel_rad).ceil() + MARGIN_TEXELS) as u32 }
+        Self { side: 2 * ((CORNER_RAD / texel_rad).ceil() + MARGIN_TEXELS).min(MOST_HALF_SIDE) as u32 }
     }
 
     /// Angle of a texel along the radius, rad.
@@ -85,6 +87,15 @@ pub fn world_from_face(number: u32) -> DMat3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn texels_of_any_size_have_a_number_of_bytes() {
+        for texel_rad in [0.0, f64::MIN_POSITIVE, 1e-30, 1e-9, 1.0, f64::MAX] {
+            let pictures = SkyPictures::of_texels(texel_rad);
+            assert!(pictures.texels().checked_mul(4).is_some(), "{texel_rad}: {}", pictures.side);
+            assert!(texel_rad < 1e-6 || pictures.texel_rad() <= texel_rad, "{texel_rad}");
+        }
+    }
 
     #[test]
     fn place_finds_each_texel_at_its_direction() {
