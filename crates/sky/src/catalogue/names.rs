@@ -226,10 +226,17 @@ fn canonical(name: &str) -> String {
     if NUMBERED.iter().any(|catalogue| catalogue.eq_ignore_ascii_case(letters)) {
         return format!("{letters}{number}{}", rest.concat());
     }
-    let Some(constellation) = constellation(&rest.join(" ")) else { return words.join(" ") };
+    // The component of a double star may follow: alf Cen A.
+    let (named, component) = match rest.split_last() {
+        Some((component, before)) if component.len() == 1 && constellation(&before.join(" ")).is_some() => {
+            (before, format!(" {component}"))
+        }
+        _ => (rest, String::new()),
+    };
+    let Some(constellation) = constellation(&named.join(" ")) else { return words.join(" ") };
     match greek(first) {
-        Some((letter, digits)) => format!("{letter}{digits} {constellation}"),
-        None => format!("{first} {constellation}"),
+        Some((letter, digits)) => format!("{letter}{digits} {constellation}{component}"),
+        None => format!("{first} {constellation}{component}"),
     }
 }
 
@@ -247,16 +254,32 @@ pub(super) fn of_hyg(text: &str) -> Option<String> {
     greek(after_number).map(|(letter, digits)| format!("{letter}{digits} {short}"))
 }
 
+/// Of the stars that share a letter, those fainter than the brightest by less than this may be meant.
+const ALIKE_MAG: f64 = 0.5;
+
 /// The star with a name or designation, as people write it: `Sirius`, `alf CMa`, `α CMa`, `Alpha Canis Majoris`, `HR 2491`. A Greek letter
-/// without an index also finds the first star that has one: `zet UMa` is `zet1 UMa`.
+/// alone also means the brightest of the stars that have it with an index or a component, or the first of several about as bright:
+/// `gam Vel` is `gam2 Vel`, `alf Cen` is `alf Cen A`.
 pub fn find<'a>(stars: impl Iterator<Item = &'a NamedStar> + Clone, name: &str) -> Option<&'a NamedStar> {
     let wanted = canonical(name);
     let exact = stars.clone().find(|star| star.all().any(|known| canonical(known) == wanted));
     exact.or_else(|| {
         let (letter, constellation) = wanted.split_once(' ')?;
-        GREEK.iter().find(|(short, ..)| *short == letter)?;
-        let indexed: Vec<String> = (1..=9).map(|index| format!("{letter}{index} {constellation}")).collect();
-        stars.clone().find(|star| star.all().any(|known| indexed.contains(&canonical(known))))
+        let bare = letter.trim_end_matches(|c: char| c.is_ascii_digit());
+        GREEK.iter().find(|(short, ..)| *short == bare)?;
+        let has_letter = |known: &str| {
+            let known = canonical(known);
+            let Some((with_index, rest)) = known.split_once(' ') else { return false };
+            let index = with_index.strip_prefix(letter);
+            let component = rest.strip_prefix(constellation).map(str::trim_start);
+            index.is_some_and(|index| index.chars().all(|c| c.is_ascii_digit()))
+                && component.is_some_and(|component| component.chars().count() <= 1)
+        };
+        let mut alike: Vec<&NamedStar> = stars.filter(|star| star.all().any(has_letter)).collect();
+        let magnitude = |star: &NamedStar| star.star.apparent_magnitude();
+        let brightest = alike.iter().map(|star| magnitude(star)).fold(f64::INFINITY, f64::min);
+        alike.retain(|star| magnitude(star) < brightest + ALIKE_MAG);
+        alike.into_iter().min_by_key(|star| star.all().map(canonical).find(|known| has_letter(known)))
     })
 }
 
@@ -276,8 +299,8 @@ pub fn why_no_number<'a>(mut stars: impl Iterator<Item = &'a NamedStar>, name: &
         format!("no star of the scene has this {catalogue} number")
     } else {
         format!(
-            "the stars of the scene have no {catalogue} numbers: builtin:bright has proper names, Bayer and Flamsteed designations and HR \
-             numbers, and files add the numbers of their columns"
+            "the stars of the scene have no {catalogue} numbers: builtin:bright has proper names, a letter of Bayer or else a number of Flamsteed, and \
+             HR numbers, and files add the numbers of their columns"
         )
     })
 }
@@ -302,12 +325,17 @@ mod tests {
             ("zeta1 Ursae Majoris", "zet1 UMa"),
             ("61 Cygni", "61 Cyg"),
             ("theta Ori", "tet1 Ori"),
+            ("alpha Centauri", "alf Cen A"),
+            ("α Cen", "alf Cen A"),
+            ("Alpha Centauri B", "alf Cen B"),
+            ("gamma Velorum", "gam2 Vel"),
+            ("alpha Librae", "alf2 Lib"),
             ("xi Boo", "ksi Boo"),
         ] {
             let found = find(stars.iter(), name).unwrap_or_else(|| panic!("{name} is not found"));
             assert!(found.designation.starts_with(designation), "{name}: {}", found.designation);
         }
-        for name in ["", "HR", "HR 99999", "alf", "alf Xyz", "HIP"] {
+        for name in ["", "HR", "HR 99999", "alf", "alf Xyz", "HIP", "alf Cen C", "alf9 Cen"] {
             assert!(find(stars.iter(), name).is_none(), "{name}");
         }
     }

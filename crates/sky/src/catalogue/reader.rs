@@ -116,6 +116,8 @@ pub struct ReadReport {
     pub used: usize,
     /// Used rows without a distance: the star is at infinity.
     pub without_distance: usize,
+    /// Used rows with a distance below 1 pc, where no star but the Sun is.
+    pub very_near: usize,
     /// Used rows without temperature and colour: the star gets the Sun's temperature.
     pub without_colour: usize,
     /// Used rows with a temperature or colour outside the valid range, which was clamped.
@@ -216,6 +218,7 @@ impl ReadReport {
     fn count(&mut self, notes: row::Notes) {
         self.used += 1;
         self.without_distance += usize::from(notes.without_distance);
+        self.very_near += usize::from(notes.very_near);
         self.without_colour += usize::from(notes.without_colour);
         self.temperature_clamped += usize::from(notes.temperature_clamped);
         self.colour_ignored += usize::from(notes.colour_ignored);
@@ -248,6 +251,7 @@ impl fmt::Display for ReadReport {
         write!(f, "{file}: {used} of {rows} rows used, read as {} ({})", source.name(), source.conventions())?;
         for (count, note) in [
             (self.without_distance, "without distance (at infinity)"),
+            (self.very_near, "nearer than 1 pc, as no star but the Sun is (another unit?)"),
             (self.without_colour, "without colour (5772 K)"),
             (self.temperature_clamped, "with a temperature outside 500 to 100000 K (moved to the edge)"),
             (self.colour_ignored, "with a colour index outside -1.5 to 8.5 (taken as missing)"),
@@ -333,6 +337,17 @@ pub enum CatalogueError {
         /// Description of the problem.
         reason: String,
     },
+    /// A right ascension is in degrees, although its column does not say so. [`read_file`] and [`stream_file`] then read the file as
+    /// degrees; readers of a stream cannot.
+    #[error("file {file}: {place}: {reason}")]
+    Degrees {
+        /// Name of the file.
+        file: String,
+        /// Place of the row.
+        place: RowPlace,
+        /// The value, and what to do.
+        reason: String,
+    },
     /// The receiver of the stars is gone.
     #[error("file {file}: reading was stopped")]
     Stopped {
@@ -378,10 +393,20 @@ pub fn stream_file(
     years: f64,
     stream: SyncSender<Vec<StreamedStar>>,
 ) -> Result<ReadReport, CatalogueError> {
-    read(path, &rows::Reading { years, stream: Some(stream) }).map(|read| read.report)
+    read(path, &rows::Reading { stream: Some(stream), ..years.into() }).map(|read| read.report)
 }
 
 fn read(path: &Path, reading: &rows::Reading) -> Result<CatalogueRead, CatalogueError> {
+    match read_once(path, reading) {
+        // No star was passed on before: without the unit no row has a direction.
+        Err(CatalogueError::Degrees { .. }) => {
+            read_once(path, &rows::Reading { ra_in_degrees: true, ..reading.clone() })
+        }
+        read => read,
+    }
+}
+
+fn read_once(path: &Path, reading: &rows::Reading) -> Result<CatalogueRead, CatalogueError> {
     let name = path.display().to_string();
     let io_error = |source| CatalogueError::Io { file: name.clone(), place: RowPlace::Head, source };
     let (mut source, is_gzip) = files::expanded(open(path)?).map_err(io_error)?;

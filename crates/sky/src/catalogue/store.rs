@@ -44,7 +44,7 @@ pub enum StoreError {
         source: io::Error,
     },
     /// The file is not a store.
-    #[error("{}: not a star store (it does not begin with {:?})", path.display(), "STERSTAR")]
+    #[error("{}: not a star store (it does not begin with {:?}); `steradian catalogue import` makes one of a catalogue", path.display(), "STERSTAR")]
     NotAStore {
         /// The file.
         path: PathBuf,

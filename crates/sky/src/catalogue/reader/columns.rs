@@ -16,6 +16,9 @@ pub(super) const NEEDED: &str = "needed: a direction (ra_deg,dec_deg or x,y,z in
 /// HYG and AT-HYG write this distance in parsecs, or a larger one, if it is unknown.
 pub(super) const HYG_UNKNOWN_DISTANCE_PC: f64 = 100_000.0;
 
+/// Column of SIMBAD's answers: beside it `v` is the magnitude V, and a decimal `ra` is in degrees.
+const SIMBAD: &str = "main_id";
+
 /// Epoch to which motions refer, Julian years.
 pub(super) const J2000_EPOCH: f64 = 2000.0;
 
@@ -71,7 +74,7 @@ pub(super) enum RaUnit {
     Hours,
     /// Radians.
     Radians,
-    /// Unknown: only sexagesimal right ascensions, always in hours, can be read.
+    /// Hours or degrees: only sexagesimal right ascensions, always in hours, can be read.
     Unknown,
 }
 
@@ -218,7 +221,11 @@ struct Brightness {
 impl Brightness {
     /// `has_position`: the file has x, y and z; `has_distance`: it has a parallax or a distance.
     fn find(finder: &mut Finder<'_>, source: Source, has_position: bool, has_distance: bool) -> Result<Self, String> {
-        let v_mag = finder.find(if source.is_hyg() { &["mag"] } else { &["v_mag", "vmag", "mag", "flux_v"] })?;
+        let v_mag = finder.find(match (source.is_hyg(), finder.has(SIMBAD)) {
+            (true, _) => &["mag"],
+            (false, true) => &["v_mag", "vmag", "mag", "flux_v", "v"],
+            (false, false) => &["v_mag", "vmag", "mag", "flux_v"],
+        })?;
         let g_mag = if source.is_gaia() { finder.find(&["phot_g_mean_mag", "gmag"])? } else { None };
         let tycho_mag = finder.pair(&["btmag", "bt_mag"], &["vtmag", "vt_mag"])?;
         let hp_mag = finder.find(&["hpmag"])?;
@@ -328,7 +335,7 @@ fn equatorial(
     }
     let columns = (finder.find(&["ra", "ra_deg"])?, finder.find(&["dec", "dec_deg", "de"])?);
     let (Some(ra), Some(dec)) = columns else { return Ok(None) };
-    let like_gaia = source.is_gaia() || has_parallax;
+    let like_gaia = source.is_gaia() || has_parallax || finder.has(SIMBAD);
     let unit = match (stated_ra_unit(finder, ra)?, source.is_hyg(), like_gaia) {
         (Some(unit), ..) => unit,
         _ if finder.has("ra_deg") => RaUnit::Degrees,
@@ -349,8 +356,18 @@ struct Motion {
 }
 
 impl Motion {
-    fn find(finder: &mut Finder<'_>) -> Result<Self, String> {
-        let pm_ra = finder.find(&["pm_ra_mas_yr", "pmra", "pm_ra", "pm_ra_cosdec", "pm_racosdec"])?;
+    /// `unused` gets a proper motion of which only one half is there.
+    fn find(finder: &mut Finder<'_>, unused: &mut Vec<String>) -> Result<Self, String> {
+        let pm_ra = finder.find(&[
+            "pm_ra_mas_yr",
+            "pmra",
+            "pm_ra",
+            "pm_ra_cosdec",
+            "pm_racosdec",
+            "pmra*",
+            "pm_ra*",
+            "pmracosdec",
+        ])?;
         let pm_dec = finder.find(&["pm_dec_mas_yr", "pmdec", "pm_dec", "pmde"])?;
         let unit = pm_ra.and_then(|column| finder.unit(column)).map(|unit| unit.replace(' ', ""));
         let pm_unit_mas = match unit.as_deref() {
@@ -366,6 +383,13 @@ impl Motion {
         {
             return Err(format!("the radial velocity is in {unit}; it must be in km/s"));
         }
+        let (pm_ra, pm_dec) = match (pm_ra, pm_dec) {
+            (Some(_), Some(_)) | (None, None) => (pm_ra, pm_dec),
+            (Some(half), None) | (None, Some(half)) => {
+                unused.push(format!("{}: the other half of the proper motion is missing", finder.names[half]));
+                (None, None)
+            }
+        };
         Ok(Self { pm_ra, pm_dec, pm_unit_mas, radial_velocity_km_s })
     }
 }
@@ -392,6 +416,16 @@ fn normalised(name: &str) -> String {
 }
 
 impl Columns {
+    /// The same columns with right ascensions in degrees where they may also be in hours.
+    pub fn in_degrees(mut self, ra_in_degrees: bool) -> Self {
+        if let Direction::Equatorial { unit: unit @ RaUnit::Unknown, .. } = &mut self.direction
+            && ra_in_degrees
+        {
+            *unit = RaUnit::Degrees;
+        }
+        self
+    }
+
     /// Recognises the columns by their names, and their units if a line of the file gives them. The error describes a missing or
     /// contradictory column.
     pub fn recognise<S: AsRef<str>>(header: &[S], units: Option<&[S]>) -> Result<Self, String> {
@@ -416,7 +450,7 @@ impl Columns {
         };
         let Brightness { v_mag, g_mag, tycho_mag, hp_mag, abs_mag } =
             Brightness::find(&mut finder, source, cartesian.is_some(), distance.is_known())?;
-        let Motion { pm_ra, pm_dec, pm_unit_mas, radial_velocity_km_s } = Motion::find(&mut finder)?;
+        let Motion { pm_ra, pm_dec, pm_unit_mas, radial_velocity_km_s } = Motion::find(&mut finder, &mut unused)?;
 
         let teff_k = finder.find(&["teff_k", "teff_gspphot", "teff_val", "teff", "temperature"])?;
         let bp_rp = finder.find(&["bp_rp", "bp-rp"])?;

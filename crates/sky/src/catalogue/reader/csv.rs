@@ -108,7 +108,7 @@ pub(super) fn read(source: impl Read, file: &str, reading: &Reading) -> Result<C
         Some(1) => Some(first_rows[0].0.iter().map(str::to_owned).collect()),
         _ => reader.get_ref().units(&names),
     };
-    let columns = recognised(units.as_deref())?;
+    let columns = recognised(units.as_deref())?.in_degrees(reading.ra_in_degrees);
     first_rows.drain(..dashes.map_or(0, |dashes| dashes + 1));
 
     // Rows.

@@ -83,6 +83,7 @@ pub(super) fn read(source: impl Read, file: &str, reading: &Reading) -> Result<C
         reason,
         found: columns::listing(&names),
     })?;
+    let columns = columns.in_degrees(reading.ra_in_degrees);
 
     // Entries.
     let mut rows = Rows::new(file, &columns, reading);

@@ -41,6 +41,8 @@ const IMMEASURABLE_PC: f64 = 1e8;
 /// Smallest distance of a star in parsecs, 0.2 astronomical units. HYG puts the Sun at 5e-6 pc; nothing nearer is
 /// meant as the position of a star.
 const NEAREST_PC: f64 = 1e-6;
+/// No star but the Sun is nearer.
+const NO_STAR_WITHIN_PC: f64 = 1.0;
 
 /// Largest proper motion, mas a year (the largest known is 10,400), and radial velocity, km/s.
 const MOST_MAS_YR: f64 = 1e5;
@@ -53,6 +55,8 @@ const EPOCHS: RangeInclusive<f64> = 1800.0..=2200.0;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Notes {
     pub without_distance: bool,
+    /// Whether the star is nearer than any known one.
+    pub very_near: bool,
     pub without_colour: bool,
     pub temperature_clamped: bool,
     pub colour_ignored: bool,
@@ -78,8 +82,10 @@ pub struct MeasuredParallax {
 pub(super) enum Refusal {
     /// This row is unusable.
     Row(Reason),
-    /// The whole file is unusable: its columns do not define the meaning of this row.
-    File(String),
+    /// The right ascension may be in hours or in degrees; another row may decide.
+    HoursOrDegrees(String),
+    /// The right ascension cannot be in hours, although its column may be.
+    Degrees(String),
 }
 
 /// Reason why a row is unusable.
@@ -175,6 +181,7 @@ pub(super) fn star<'a>(
         ));
     }
     notes.without_distance = distance_pc.is_none();
+    notes.very_near = distance_pc.is_some_and(|distance_pc| distance_pc < NO_STAR_WITHIN_PC);
     notes.parallax = row.measured_parallax()?;
     let record = StarRecord {
         position: row.moved(direction, distance_pc, years, &mut notes)?,
@@ -313,13 +320,16 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
             (Angle::Decimal(v), RaUnit::Degrees) => (v, "is outside -180 to 360 degrees"),
             (Angle::Decimal(v), RaUnit::Radians) => (v.to_degrees(), "is outside 0 to 2 pi radians"),
             (Angle::Decimal(v), RaUnit::Hours) => (v * 15.0, "is outside 0 to 24 hours"),
-            (Angle::Decimal(_), RaUnit::Unknown) => {
-                return Err(Refusal::File(format!(
-                    "{} = \"{}\" may be hours or degrees, and no other column decides which; name it ra_deg if it is \
-                     degrees, or write it as hours, minutes and seconds",
-                    self.columns.name(ra),
-                    excerpt(ra_text)
-                )));
+            (Angle::Decimal(v), RaUnit::Unknown) => {
+                let (name, text) = (self.columns.name(ra), excerpt(ra_text));
+                return Err(if (0.0..=24.0).contains(&v) {
+                    Refusal::HoursOrDegrees(format!(
+                        "{name} = \"{text}\" may be hours or degrees, and no other column or row decides which; name it ra_deg if it is \
+                         degrees, or write it as hours, minutes and seconds"
+                    ))
+                } else {
+                    Refusal::Degrees(format!("{name} = \"{text}\" can only be degrees; name it ra_deg"))
+                });
             }
             (Angle::Sexagesimal { value, unit: Some(Unit::Degrees) }, _) => (value, "is outside 0 to 360 degrees"),
             (Angle::Sexagesimal { value, .. }, _) => (value * 15.0, "is outside 0 to 24 hours"),

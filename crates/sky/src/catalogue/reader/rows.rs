@@ -22,11 +22,13 @@ pub(super) struct Reading {
     pub years: f64,
     /// Receiver of the stars; without one they are kept in memory.
     pub stream: Option<SyncSender<Vec<StreamedStar>>>,
+    /// Whether right ascensions in hours or degrees are in degrees, because the file has one that cannot be hours.
+    pub ra_in_degrees: bool,
 }
 
 impl From<f64> for Reading {
     fn from(years: f64) -> Self {
-        Self { years, stream: None }
+        Self { years, stream: None, ra_in_degrees: false }
     }
 }
 
@@ -41,6 +43,8 @@ pub(super) struct Rows {
     reading: Reading,
     /// Stars that are not sent yet.
     batch: Vec<StreamedStar>,
+    /// Line and reason of the first row whose right ascension may be in hours or degrees.
+    undecided: Option<(usize, String)>,
 }
 
 impl Rows {
@@ -49,6 +53,9 @@ impl Rows {
         let mut report = ReadReport::new(file);
         report.source = columns.source;
         report.unused.clone_from(&columns.unused);
+        if reading.ra_in_degrees {
+            report.notes.push("right ascensions are in degrees, because one of them cannot be hours".to_owned());
+        }
         Self {
             report,
             stars: Vec::new(),
@@ -57,6 +64,7 @@ impl Rows {
             velocities: Vec::new(),
             reading: reading.clone(),
             batch: Vec::new(),
+            undecided: None,
         }
     }
 
@@ -122,10 +130,19 @@ impl Rows {
                 self.report.reject(line, format!("{place}{}", reason.text), reason.kind);
                 Ok(())
             }
-            Refusal::File(reason) => {
-                let reason = format!("{place}{reason}");
-                let place = self.report.place(line);
-                Err(CatalogueError::Malformed { file: self.report.file.clone(), place, reason })
+            Refusal::HoursOrDegrees(reason) => {
+                self.undecided.get_or_insert((line, format!("{place}{reason}")));
+                Ok(())
+            }
+            Refusal::Degrees(reason) => {
+                let (file, place, reason) =
+                    (self.report.file.clone(), self.report.place(line), format!("{place}{reason}"));
+                // Other rows may have hours, minutes and seconds.
+                Err(if self.report.used > 0 {
+                    CatalogueError::Malformed { file, place, reason }
+                } else {
+                    CatalogueError::Degrees { file, place, reason }
+                })
             }
         }
     }
@@ -161,6 +178,10 @@ impl Rows {
 
     /// The result for the whole file; an error if none of its rows is usable.
     pub fn finish(mut self) -> Result<CatalogueRead, CatalogueError> {
+        if let Some((line, reason)) = self.undecided {
+            let place = self.report.place(line);
+            return Err(CatalogueError::Malformed { file: self.report.file, place, reason });
+        }
         self.send()?;
         let Self { mut report, mut stars, hashes, mut names, mut velocities, .. } = self;
         report.check()?;

@@ -287,3 +287,78 @@ fn a_cone_search_of_the_gaia_archive_is_read() {
     // G = 16.610226, BP-RP = 1.9089565; G - V = -0.68633 by hand with the cubic of Riello et al. 2021.
     assert!((stars[2].apparent_magnitude() - 17.296_555).abs() < 1e-4, "{}", stars[2].apparent_magnitude());
 }
+
+#[test]
+fn a_right_ascension_that_cannot_be_hours_decides_for_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let (plain, zipped) = (folder.path().join("stars.csv"), folder.path().join("stars.csv.gz"));
+    let write = |text: &str| {
+        std::fs::write(&plain, text).unwrap();
+        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        std::io::Write::write_all(&mut encoder, text.as_bytes()).unwrap();
+        std::fs::write(&zipped, encoder.finish().unwrap()).unwrap();
+    };
+    // The value that decides is in the last row; the western half of the sky may be negative.
+    for (text, ra_deg) in [
+        ("ra,dec,mag\n10.5,20,1\n101.287,-16.716,-1.46\n", [10.5_f64, 101.287]),
+        ("ra,dec,mag\n10.5,20,1\n-78.713,-16.716,-1.46\n", [10.5, 281.287]),
+    ] {
+        write(text);
+        for file in [&plain, &zipped] {
+            let CatalogueRead { stars, report, .. } = read_file(file, 0.0).unwrap();
+            assert!(report.to_string().contains("right ascensions are in degrees"), "{report}");
+            for (star, ra_deg) in stars.iter().zip(ra_deg) {
+                let found = star.position.y.atan2(star.position.x).to_degrees().rem_euclid(360.0);
+                assert!((found - ra_deg).abs() < 1e-9, "{found} for {ra_deg}");
+            }
+            let (stream, sent) = std::sync::mpsc::sync_channel(4);
+            stream_file(file, 0.0, stream).unwrap();
+            assert_eq!(sent.iter().map(|batch| batch.len()).sum::<usize>(), 2);
+        }
+    }
+    // Without such a row, and beside rows in hours, minutes and seconds, nothing decides.
+    for (text, part) in [
+        ("ra,dec,mag\n10.5,20,1\n24.0,-16.716,-1.46\n", "line 2: ra = \"10.5\" may be hours or degrees"),
+        ("ra,dec,mag\n6 45 8.9,-16.716,-1.46\n101.287,-16.716,-1.46\n", "line 3: ra = \"101.287\" can only be degrees"),
+    ] {
+        write(text);
+        let error = read_file(&plain, 0.0).unwrap_err().to_string();
+        assert!(error.contains(part), "{error}");
+    }
+}
+
+#[test]
+fn motions_with_both_halves_are_read_and_others_are_named() {
+    let csv = |text: &str| read_csv_from(text.as_bytes(), "test.csv", 100.0).unwrap();
+    let whole = csv("ra_deg,dec_deg,v_mag,pmRA*,pmDE\n10,20,1,3600,-1800\n");
+    assert_eq!(whole.report.moving, 1, "{}", whole.report);
+    assert!(off_arcsec(&whole.stars[0], 10.0, 20.0) > 350.0);
+    for (text, half) in [("pmDE\n10,20,1,-1800\n", "pmde"), ("pm_ra_cosdec\n10,20,1,3600\n", "pm_ra_cosdec")] {
+        let read = csv(&format!("ra_deg,dec_deg,v_mag,{text}"));
+        let part = format!("{half}: the other half of the proper motion is missing");
+        assert!(read.report.moving == 0 && read.report.to_string().contains(&part), "{}", read.report);
+        assert!(off_arcsec(&read.stars[0], 10.0, 20.0) < 1e-6);
+    }
+}
+
+#[test]
+fn answers_of_simbad_are_in_degrees_with_v_beside_the_identifier() {
+    let csv = |text: &str| read_csv_from(text.as_bytes(), "test.csv", 0.0);
+    let read = csv("main_id,ra,dec,V\n* alf CMa,10.5,-16.716,-1.46\n").unwrap();
+    assert!(off_arcsec(&read.stars[0], 10.5, -16.716) < 1e-6);
+    assert!((read.stars[0].apparent_magnitude() + 1.46).abs() < 1e-5);
+    // Elsewhere `v` may be anything.
+    let error = csv("id,ra_deg,dec_deg,V\n1,10.5,-16.716,-1.46\n").unwrap_err().to_string();
+    assert!(error.contains("no brightness"), "{error}");
+}
+
+#[test]
+fn stars_nearer_than_any_are_counted() {
+    let csv = |distance: &str| {
+        let text = format!("ra_deg,dec_deg,v_mag,distance_pc\n10,20,1,{distance}\n");
+        read_csv_from(text.as_bytes(), "test.csv", 0.0).unwrap().report
+    };
+    let near = csv("0.003");
+    assert!(near.very_near == 1 && near.to_string().contains("1 nearer than 1 pc"), "{near}");
+    assert!(csv("1.3").very_near == 0);
+}

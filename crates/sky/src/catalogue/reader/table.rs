@@ -80,6 +80,7 @@ impl Table {
             reason,
             found: columns::listing(&head.names),
         })?;
+        let columns = columns.in_degrees(reading.ra_in_degrees);
         let rows = Rows::new(file, &columns, reading).without_lines();
         Ok(Self { columns, rows })
     }
