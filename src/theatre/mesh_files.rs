@@ -152,6 +152,10 @@ fn bourke(text: &str, aspect: f64) -> Result<Loaded, Fault> {
         let problem = format!("{} nodes", mesh.nodes.len());
         return Err(Fault::new("mesh", problem, format!("must be {columns} x {rows} according to its second line")));
     }
+    if mesh.nodes.iter().all(|node| node.intensity <= 0.0) {
+        let allowed = "nodes that get light must have an intensity above 0, 1 for all of it";
+        return Err(Fault::new("mesh", "no node has an intensity above 0: nothing would be drawn", allowed));
+    }
     let unknown = unlit::settle(&mut mesh, columns, rows);
     let notes = if unknown > 0 {
         vec![format!(
@@ -317,7 +321,8 @@ fn sciss(bytes: &[u8]) -> Result<Loaded, Fault> {
     let short = || bad("SGC mesh", "it ends too early".to_owned(), "must have a header, nodes and indices");
     let version = *bytes.get(3).ok_or_else(short)?;
     if ![1, 2, b'1', b'2'].contains(&version) {
-        return Err(bad("version", version.to_string(), "must be 1 or 2"));
+        let shown = if version.is_ascii_digit() { char::from(version).to_string() } else { version.to_string() };
+        return Err(bad("version", shown, "must be 1 or 2"));
     }
     let mut words = Words(&bytes[4..]);
     match words.u32().ok_or_else(short)? {
@@ -351,10 +356,8 @@ fn sciss(bytes: &[u8]) -> Result<Loaded, Fault> {
         let indices = u32::from_le_bytes(*after.first_chunk()?) as usize;
         (after.len() == indices.checked_mul(4)?.checked_add(4)?).then_some(count)
     };
-    let counted = if is_second { fits(second) } else { None };
     let lattice = first.checked_mul(second);
-    let count = counted
-        .or(if version == 2 { Some(second) } else { lattice })
+    let count = if is_second { fits(second).or(lattice.and_then(fits)).or(Some(second)) } else { lattice }
         .filter(|count| (3..=MOST_NODES).contains(count))
         .ok_or_else(|| bad("size", format!("{first}, {second}"), &format!("must have 3 to {MOST_NODES} nodes")))?;
     let mut mesh = Mesh::default();

@@ -4,7 +4,7 @@
 //! level. The raster is the viewport's part of the window. Directions are those of the projection in the room's axes
 //! (+x right, +y up, -z forward).
 
-use std::path::{Component, Path};
+use std::path::{Component, Path, PathBuf};
 
 use glam::{DVec2, DVec3};
 use serde_json::Value;
@@ -124,6 +124,9 @@ impl Reader<'_> {
             {
                 return Err(Fault::new(mirror.place, "a mirrored window", "must be false"));
             }
+        }
+        if let Some(overlay) = viewport.get("overlay")? {
+            self.note(format!("{}: its picture is not imported; [[overlay]] can show it", overlay.place));
         }
         if let Some(stereo) = window.get("stereo")? {
             check_stereo(&stereo)?;
@@ -373,7 +376,7 @@ impl Reader<'_> {
 
     /// Reads the file that a field refers to, in the configuration's folder or below it; returns its location for
     /// messages, and its content.
-    fn referenced_file(&self, field: Option<Field>) -> Result<Option<(String, Vec<u8>)>, Fault> {
+    fn referenced_file(&mut self, field: Option<Field>) -> Result<Option<(String, Vec<u8>)>, Fault> {
         let Some(field) = field else { return Ok(None) };
         let name = field.text()?;
         if name.is_empty() {
@@ -387,11 +390,33 @@ impl Reader<'_> {
         if !inside || portable.contains(':') {
             return Err(Fault::new(place, "it leads out of the folder", allowed));
         }
-        let path = self.path.parent().unwrap_or(Path::new("")).join(relative);
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        let similar = ignoring_case(folder, relative);
+        if let Some(similar) = &similar {
+            self.note(format!("{place}: taken from {}, whose name has other capitals", similar.display()));
+        }
+        let path = similar.unwrap_or_else(|| folder.join(relative));
         let bytes =
             files::read_bounded(&path, MOST_BYTES).map_err(|error| Fault::new(&place, error.to_string(), allowed))?;
         Ok(Some((place, bytes)))
     }
+}
+
+/// The file that a path in a folder means on a system that ignores case; `None` if the path exists as it is, or if no file or several
+/// fit.
+fn ignoring_case(folder: &Path, relative: &Path) -> Option<PathBuf> {
+    if folder.join(relative).exists() {
+        return None;
+    }
+    relative.components().try_fold(folder.to_owned(), |folder, part| {
+        let Component::Normal(wanted) = part else { return Some(folder) };
+        let here = if folder.as_os_str().is_empty() { Path::new(".") } else { &folder };
+        let entries = std::fs::read_dir(here).ok()?.filter_map(|entry| entry.ok().map(|entry| entry.file_name()));
+        let fitting: Vec<_> = entries.filter(|entry| entry.eq_ignore_ascii_case(wanted)).collect();
+        let exact = fitting.iter().find(|entry| *entry == wanted);
+        let only = if fitting.len() == 1 { fitting.first() } else { None };
+        exact.or(only).map(|entry| folder.join(entry))
+    })
 }
 
 /// The name of a window, if it has one.

@@ -140,7 +140,26 @@ fn sgc_meshes_of_version_2_are_triangles_or_a_strip() {
         assert_planar(&one(&[("mesh", &mesh(version, 5, &[0, 1, 2, 3]))]), 0.0, 0.0);
         let whole = mesh(version, 4, &[0, 1, 2, 2, 1, 3]);
         assert!(read_files(&[("mesh", &whole[..whole.len() - 4])], &sized()).is_err());
+        let longer = read_files(&[("mesh", &[&whole[..], &[0; 4]].concat())], &sized()).unwrap_err().to_string();
+        assert!(longer.contains("6 indices in 28 bytes"), "{longer}");
     }
+    let third = read_files(&[("mesh", &mesh(b'3', 4, &[0, 1, 2]))], &sized()).unwrap_err().to_string();
+    assert!(third.contains("version: 3; must be 1 or 2"), "{third}");
+}
+
+#[test]
+fn meshes_without_light_say_so() {
+    let mesh = |intensity: f64| {
+        let nodes = (0..9).map(|i| {
+            let (x, y) = (f64::from(i % 3), f64::from(i / 3));
+            format!("{} {} {} {} {intensity}\n", (x - 1.0) * 16.0 / 9.0, y - 1.0, 0.25 + x / 4.0, 0.25 + y / 4.0)
+        });
+        format!("2\n3 3\n{}", nodes.collect::<String>())
+    };
+    let read = |text: &str| read_files(&[("mesh.data", text.as_bytes())], &sized());
+    assert!(read(&mesh(1.0)).is_ok());
+    let dark = read(&mesh(0.0)).unwrap_err().to_string();
+    assert!(dark.contains("no node has an intensity above 0"), "{dark}");
 }
 
 #[test]
@@ -156,6 +175,17 @@ fn masks_of_sgct_multiply_the_codes() {
     let half = with(black, 128);
     let expected = (128f32 / 255.0).powf(2.2);
     assert!(half.beta.is_none() && half.alpha.unwrap().values.iter().all(|value| (value - expected).abs() < 1e-6));
+    // Masks from a system that ignores capitals.
+    let files = |name: &'static str| {
+        let set = json(r#","blendmask":"M.PNG","overlay":"o.png""#);
+        read_files(&[("set", set.as_bytes()), (name, &grey(128))], &sized())
+    };
+    let set = files("m.png").unwrap();
+    for part in ["m.png, whose name has other capitals", "overlay: its picture is not imported"] {
+        assert!(set.notes.iter().any(|note| note.contains(part)), "{part}: {:?}", set.notes);
+    }
+    assert!(set.regions[0].alpha.as_ref().unwrap().values.iter().all(|value| (value - expected).abs() < 1e-6));
+    assert!(files("n.png").is_err());
     let both = with(r#","blendmask":"m.png","blacklevelmask":"m.png""#, 128);
     assert!(both.alpha.unwrap().values.iter().all(|value| (value - expected * expected).abs() < 1e-6));
 }

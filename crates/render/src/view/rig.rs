@@ -27,7 +27,7 @@ pub enum RigError {
         source: ProjectionError,
     },
     /// A view's name is empty or has characters other than letters, digits, `_` and `-`.
-    #[error("view name `{name}`: must be one or more letters, digits, `_` and `-`")]
+    #[error("`{name}` is no name: must be one or more letters, digits, `_` and `-`")]
     Name {
         /// The name.
         name: String,

@@ -53,16 +53,16 @@ pub enum TabulationError {
     /// The direction of a pixel has its image elsewhere: two points of the picture show the same direction, or the two
     /// functions of the mapping are not inverse.
     #[error(
-        "pixel ({}, {}): its direction is mapped to ({:.3}, {:.3}): the mapping folds, or its two functions are not inverse",
+        "pixel ({}, {}): the picture shows its direction {}: two parts of the picture show the same direction, or the mapping's two \
+         functions are not inverse",
         pixel[0],
         pixel[1],
-        image[0],
-        image[1]
+        where_shown(*image)
     )]
     NotInverse {
         /// Column and row.
         pixel: [u32; 2],
-        /// Image of the pixel's direction.
+        /// Image of the pixel's direction; NaN without one.
         image: [f64; 2],
     },
     /// Neighbouring pixels have directions far apart.
@@ -97,4 +97,20 @@ pub enum TabulationError {
         /// Sum over the pixels, sr.
         sum_sr: f64,
     },
+}
+
+fn where_shown([x, y]: [f64; 2]) -> String {
+    if x.is_nan() || y.is_nan() { "nowhere".to_owned() } else { format!("at ({x:.3}, {y:.3})") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_direction_that_is_shown_nowhere_has_no_position() {
+        let text = |image| TabulationError::NotInverse { pixel: [0, 7], image }.to_string();
+        assert!(text([f64::NAN; 2]).starts_with("pixel (0, 7): the picture shows its direction nowhere: "));
+        assert!(text([1.5, 20.25]).starts_with("pixel (0, 7): the picture shows its direction at (1.500, 20.250): "));
+    }
 }
