@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import datetime
+import threading
+from concurrent import futures
 
+import grpc
 import numpy as np
 import pytest
 from conftest import Daemon, until
@@ -60,7 +63,33 @@ def test_an_unreachable_daemon_raises_unavailable() -> None:
             client.wait_until_ready(0.2)
 
 
+def test_waiting_ends_when_the_daemon_serves_and_not_when_it_listens() -> None:
+    serves = threading.Event()
+
+    class Health(grpc.GenericRpcHandler):  # type: ignore[misc]
+        def service(self, details: grpc.HandlerCallDetails) -> grpc.RpcMethodHandler | None:
+            def check(_: bytes, context: grpc.ServicerContext) -> bytes:
+                # SERVING or NOT_SERVING.
+                return b"\x08\x01" if serves.is_set() else b"\x08\x02"
+
+            return grpc.unary_unary_rpc_method_handler(check) if details.method.endswith("Health/Check") else None
+
+    server = grpc.server(futures.ThreadPoolExecutor(1), handlers=[Health()])
+    port = server.add_insecure_port("127.0.0.1:0")
+    server.start()
+    try:
+        with steradian.Client(f"127.0.0.1:{port}") as client:
+            with pytest.raises(steradian.DeadlineExceeded, match="still starting"):
+                client.wait_until_ready(3.0)
+            serves.set()
+            client.wait_until_ready(30.0)
+    finally:
+        server.stop(None)
+
+
 def test_mistakes_are_detected_before_sending(client: steradian.Client) -> None:
+    with pytest.raises(ValueError, match="name of an object, or longitude_deg"):
+        client.look(roll_deg=3.0)
     with pytest.raises(ValueError, match="RGBA8, PNG, JPEG"):
         client.render("flat", "GIF")
     with pytest.raises(ValueError, match="no service"):

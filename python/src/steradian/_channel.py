@@ -5,6 +5,7 @@ from __future__ import annotations
 import ipaddress
 import os
 import threading
+import time
 import urllib.parse
 from collections.abc import Iterator
 from typing import Any
@@ -31,6 +32,8 @@ _OPTIONS: list[tuple[str, int | str]] = [
     # between all clients of a process.
     ("grpc.use_local_subchannel_pool", 1),
 ]
+# The answer of the health service of a daemon that serves: the message has one field.
+_SERVING = b"\x08\x01"
 # gRPC names the host of a Unix socket by its path, percent-encoded, which the HTTP library of the daemon refuses.
 _UNIX_HOST = ("grpc.default_authority", "localhost")
 
@@ -116,11 +119,22 @@ class Transport:
         self._channel.close()
 
     def wait_until_ready(self, timeout_s: float) -> None:
-        """Waits until the channel is connected."""
-        try:
-            grpc.channel_ready_future(self._channel).result(timeout=timeout_s)
-        except grpc.FutureTimeoutError:
-            raise errors.DeadlineExceeded("DEADLINE_EXCEEDED", f"no connection in {timeout_s} s", "connect") from None
+        """Waits until the daemon says that it serves."""
+        end = time.monotonic() + timeout_s
+        check = self._channel.unary_unary("/grpc.health.v1.Health/Check")
+        found = "no connection"
+        while (left := end - time.monotonic()) > 0:
+            try:
+                answer = check(b"", timeout=left, wait_for_ready=True, metadata=self._metadata)
+            except grpc.RpcError as error:
+                if error.code() not in (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.DEADLINE_EXCEEDED):
+                    raise errors.from_rpc(error, "/grpc.health.v1.Health/Check") from error
+            else:
+                if answer == _SERVING:
+                    return
+                found = "the daemon was still starting"
+            time.sleep(min(0.1, max(end - time.monotonic(), 0.0)))
+        raise errors.DeadlineExceeded("DEADLINE_EXCEEDED", f"{found} after {timeout_s} s", "connect")
 
     def unary(self, service: str, name: str, request: Message, timeout_s: float | None = None) -> Message:
         """Makes a unary call."""

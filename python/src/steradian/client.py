@@ -81,10 +81,10 @@ class Client:
         return made
 
     def wait_until_ready(self, timeout_s: float = 60.0) -> None:
-        """Waits until the daemon accepts the connection.
+        """Waits until the daemon is ready for calls: it listens before its shaders are compiled.
 
         Raises:
-            DeadlineExceeded: it did not within `timeout_s`.
+            DeadlineExceeded: it was not within `timeout_s`.
         """
         self._transport.wait_until_ready(timeout_s)
 
@@ -326,8 +326,8 @@ class Client:
         self,
         at: str = "",
         *,
-        longitude_deg: float = 0.0,
-        latitude_deg: float = 0.0,
+        longitude_deg: float | None = None,
+        latitude_deg: float | None = None,
         roll_deg: float = 0.0,
         above_deg: float = 0.0,
         frame: str | None = None,
@@ -337,8 +337,8 @@ class Client:
 
         Args:
             at: name of a body, star or constellation, as `find` knows it; instead of a direction.
-            longitude_deg: right ascension, longitude or azimuth.
-            latitude_deg: declination, latitude or altitude.
+            longitude_deg: right ascension, longitude or azimuth; 0 if only the other is given.
+            latitude_deg: declination, latitude or altitude; 0 if only the other is given.
             roll_deg: rotation of the top of the image to the left.
             above_deg: angle by which the direction is above the middle of the image, as above the front rim of a dome.
             frame: reference frame of the direction, and of the camera from then on: as for `set_camera`. None: the
@@ -349,14 +349,17 @@ class Client:
             The camera with its new revision.
 
         Raises:
+            ValueError: neither an object nor a direction is given.
             InvalidArgument: no object has the name, or a value is invalid.
             Conflict: the camera has another revision.
             LeaseHeld: another client holds the lease of the camera.
         """
+        if not at and longitude_deg is None and latitude_deg is None:
+            raise ValueError("give the name of an object, or longitude_deg and latitude_deg")
         look = {
             "at": at,
-            "longitude_deg": longitude_deg,
-            "latitude_deg": latitude_deg,
+            "longitude_deg": longitude_deg or 0.0,
+            "latitude_deg": latitude_deg or 0.0,
             "roll_deg": roll_deg,
             "above_deg": above_deg,
             "frame": frame_value(frame),
