@@ -3,8 +3,13 @@
 #import constants/refraction
 #import shared/air_mass
 
+// c[0] / (sine + c[1] / (sine + c[2] / (sine + c[3] / (sine + c[4])))) with one division. The sums of products do not cancel, also for
+// the negative sines in question.
 fn refraction_fraction(c: array<f32, 5>, sine: f32) -> f32 {
-    return c[0] / (sine + c[1] / (sine + c[2] / (sine + c[3] / (sine + c[4]))));
+    let first = sine + c[4];
+    let second = sine * first + c[3];
+    let third = sine * second + c[2] * first;
+    return c[0] * third / (sine * third + c[1] * second);
 }
 
 // Tangent of the refraction divided by the cosine of the altitude, from the sine of the apparent altitude.
