@@ -35,11 +35,24 @@ pub(super) fn deserialise<T: DeserializeOwned>(value: Value, prefix: &str) -> Re
             Some(name) if key != name && !key.ends_with(&format!(".{name}")) => key_below(&key, name),
             _ => key,
         };
-        KeyError::new(
-            key_below(prefix, &key),
-            problem.replace("unknown field", "unknown key").replace("missing field", "missing key"),
-        )
+        KeyError::new(key_below(prefix, &key), in_words(&problem))
     })
+}
+
+/// A message of serde in the words of the file: keys, and the kinds of values that TOML has.
+fn in_words(problem: &str) -> String {
+    let problem = problem.replace("unknown field", "unknown key").replace("missing field", "missing key");
+    let Some((found, expected)) = problem.rsplit_once(", expected ") else { return problem };
+    let kind = match expected {
+        "f32" | "f64" => "a number without quotation marks or unit",
+        "u8" | "u16" | "u32" | "u64" | "usize" | "nonzero u32" | "a nonzero u32" => "a whole number, not negative",
+        "i8" | "i16" | "i32" | "i64" => "a whole number",
+        "a boolean" => "true or false",
+        "a map" => "a table",
+        "a sequence" => "a list in brackets",
+        _ => return problem,
+    };
+    format!("{found}, expected {kind}")
 }
 
 /// Checks the numbers of a value by the ranges of a type.

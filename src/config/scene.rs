@@ -237,6 +237,7 @@ impl CameraConfig {
         Camera::new(position_m, orientation, self.velocity_c.unwrap_or_default()).map_err(|error| {
             let key = match &error {
                 PoseError::NotFinite { key, .. } => key,
+                PoseError::TooFar { .. } => "position_m",
                 PoseError::NotUnit { .. } => "orientation",
                 PoseError::TooFast { .. } => "velocity_c",
             };

@@ -361,6 +361,7 @@ impl ViewGeometry {
 
     fn read(mut table: Table) -> Result<Self, KeyError> {
         let kind = text(&mut table, "type", &VIEW_TYPES.join(", "))?;
+        check_keys(&kind, &table)?;
         let placement = deserialise(taken(&mut table, &keys_of::<Self>()), "")?;
         let keys = Value::Table(table);
         let kind = match kind.as_str() {
@@ -377,6 +378,21 @@ impl ViewGeometry {
             }
         };
         Ok(Self { kind, ..placement })
+    }
+}
+
+/// Refuses keys that a type of view does not have.
+fn check_keys(kind: &str, table: &Table) -> Result<(), KeyError> {
+    let schema = schema_of::<ViewTable>();
+    let mut forms = schema["oneOf"].as_array().into_iter().flatten();
+    let Some(form) = forms.find(|form| form["properties"]["type"]["const"] == kind) else { return Ok(()) };
+    let Some(known) = form["properties"].as_object() else { return Ok(()) };
+    match table.keys().find(|key| !known.contains_key(*key)) {
+        None => Ok(()),
+        Some(unknown) => {
+            let known: Vec<String> = known.keys().map(|key| format!("`{key}`")).collect();
+            Err(KeyError::new(unknown, format!("unknown key `{unknown}`, expected one of {}", known.join(", "))))
+        }
     }
 }
 

@@ -268,6 +268,18 @@ async fn only_the_page_is_served_without_a_token() {
         assert!(answer.starts_with(&format!("HTTP/1.1 {status} ")), "{path} {more}: {answer}");
         assert_eq!(answer.to_ascii_lowercase().contains("www-authenticate: bearer"), status == "401");
     }
+    // A host that is not this daemon's: plain requests get a status and a text that probes and people understand.
+    for path in ["/", "/metrics", "/healthz"] {
+        let mut socket = TcpStream::connect(daemon.address).await.unwrap();
+        let head = format!("GET {path} HTTP/1.1\r\nhost: control.example.org\r\nconnection: close\r\n\r\n");
+        socket.write_all(head.as_bytes()).await.unwrap();
+        let mut answer = String::new();
+        within(socket.read_to_string(&mut answer)).await.unwrap();
+        assert!(
+            answer.starts_with("HTTP/1.1 403 ") && answer.contains("must be one of server.hosts"),
+            "{path}: {answer}"
+        );
+    }
     daemon.shutdown().await.unwrap();
 }
 

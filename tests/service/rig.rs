@@ -192,7 +192,12 @@ async fn refused_changes_keep_the_views() {
         (round("flat", 8), None, Code::AlreadyExists, "view `flat`"),
         (round("new", 8), Some(7), Code::Aborted, "revision 8, not 7"),
         (round("", 8), None, Code::InvalidArgument, "definition.name: "),
-        (round("a b", 8), None, Code::InvalidArgument, "definition.name: view name `a b`: must be one or more letters"),
+        (
+            round("a b", 8),
+            None,
+            Code::InvalidArgument,
+            "definition.name: `a b` is no name: must be one or more letters",
+        ),
         (round(&long, 8), None, Code::InvalidArgument, "definition.name: 65 characters: must have at most 64"),
         (fisheye("new", [8; 2], 400.0), None, Code::InvalidArgument, "definition.fov_deg: 400"),
         (fisheye("new", [8; 2], f64::NAN), None, Code::InvalidArgument, "definition.fov_deg"),

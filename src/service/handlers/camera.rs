@@ -56,6 +56,9 @@ fn lease_of(message: &proto::StreamCameraRequest) -> Result<Option<bool>, Status
     if message.holder.chars().count() > MOST_NAME {
         return wrong(format!("holder: must have at most {MOST_NAME} characters"));
     }
+    if !message.holder.is_empty() && message.holder.trim().is_empty() {
+        return wrong("holder: must not be blank".to_owned());
+    }
     // It is shown to other clients and in the log, where it must not look like anything else.
     if let Some(hidden) = hidden_character(&message.holder) {
         let code = u32::from(hidden);

@@ -10,7 +10,7 @@ use std::{
 };
 
 use bytes::Buf;
-use http::{HeaderValue, Request, Response, header};
+use http::{HeaderValue, Request, Response, StatusCode, header};
 use http_body::{Body as HttpBody, Frame, SizeHint};
 use tokio::{
     io::{AsyncRead, AsyncWrite, ReadBuf},
@@ -27,6 +27,7 @@ use tower_service::Service;
 use super::{
     access::{Access, digest_of},
     clients::{ClientInfo, From, Held, OpenCall, Shares},
+    http_handler::{PLAIN, refused_call, text},
 };
 use crate::platform::{
     process,
@@ -386,7 +387,10 @@ where
         };
         if let Err(problem) = names {
             tracing::info!(client = client.name(), "refused: {problem}");
-            return Box::pin(async { Ok(Status::permission_denied(problem).into_http()) });
+            let status = Status::permission_denied(problem);
+            let refusal = refused_call(&request, &status)
+                .unwrap_or_else(|| text(StatusCode::FORBIDDEN, PLAIN, format!("{}\n", status.message())));
+            return Box::pin(async { Ok(refusal) });
         }
         let is_streamed = STREAMED_REQUESTS.contains(&request.uri().path());
         let request = request.map(|body| match is_streamed {

@@ -195,7 +195,7 @@ fn scene_time_camera_and_catalogues() {
 #[test]
 fn mistakes_in_the_scene() {
     refused("[scene]\ncatalogs = []", &["scene.catalogs", "unknown key", "catalogues"]);
-    refused("[scene]\ncatalogues = 'x.csv'", &["scene.catalogues", "sequence"]);
+    refused("[scene]\ncatalogues = 'x.csv'", &["scene.catalogues", "a list in brackets"]);
     refused("[scene]\ncatalogues = [3]", &["scene.catalogues[0]", "builtin:bright", "galaxy"]);
     refused("[scene]\ncatalogues = ['builtin:hyg']", &["scene.catalogues[0]", "builtin:hyg", "builtin:bright"]);
     refused("[scene]\ncatalogues = ['builtin:galaxy']", &["scene.catalogues[0]", "galaxy = {"]);
@@ -229,6 +229,7 @@ fn mistakes_in_the_scene() {
     refused("[scene.camera]\nposition_m = [0, 0]", &["scene.camera.position_m", "invalid length 2"]);
     refused("[scene.camera]\norientation = [0, 0, 0, 1.01]", &["scene.camera.orientation", "unit quaternion"]);
     refused("[scene.camera]\norientation = [0, 0, inf, 1]", &["scene.camera.orientation", "finite"]);
+    refused("[scene.camera]\nposition_m = [0, 1e26, 0]", &["scene.camera.position_m", "at most 1e25 m"]);
     refused(
         "[scene.camera]\nvelocity_c = [0.99991, 0, 0]",
         &["scene.camera.velocity_c[0]", "0.99991", "between -0.9999 and 0.9999"],
@@ -334,6 +335,22 @@ fn mistakes_in_views() {
         &view("type = 'perspective'\nsize = [4, 4]\nfov_y_deg = 60\nmapping = 'equisolid'"),
         &["views[0].mapping", "unknown key"],
     );
+    // The list has the keys of the type and those of all views.
+    for (kind, wrong) in [
+        ("type = 'perspective'\nsize = [4, 4]\nfov_y_deg = 60", "orientaton = 1"),
+        ("type = 'projector'", "test_patern = 1"),
+    ] {
+        let key = wrong.split(' ').next().unwrap();
+        let expected = if kind.contains("projector") { "`test_pattern`" } else { "`orientation`" };
+        refused(
+            &view(&format!("{kind}\n{wrong}")),
+            &[&format!("views[0].{key}"), "unknown key", expected, "`exposure`", "`name`"],
+        );
+    }
+    refused(
+        &view("type = 'perspective'\nsize = [4, 4]\nfov_y_deg = '60'"),
+        &["views[0].fov_y_deg", "expected a number without quotation marks"],
+    );
     let crossed =
         "type = 'perspective'\nsize = [4, 4]\nfov = { left_deg = 2, right_deg = 1, up_deg = 1, down_deg = -1 }";
     refused(&view(crossed), &["views[0].fov.left_deg", "smaller"]);
@@ -399,7 +416,7 @@ fn mistakes_in_the_headset() {
     for (key, wrong, expected) in [
         ("enabled", "1", "invalid type"),
         ("name", "''", "letters, digits, `_` and `-`"),
-        ("name", "'a b'", "view name `a b`"),
+        ("name", "'a b'", "`a b` is no name"),
         ("swapchains", "'three'", "`auto`, `array`, `two`"),
         ("format", "'rgb565'", "`rgba8_srgb`"),
         ("reference_space", "'floor'", "`stage`"),

@@ -32,6 +32,12 @@ pub enum PoseError {
         /// Its components.
         value: Vec<f64>,
     },
+    /// A position is farther from the barycentre than bodies can be.
+    #[error("position_m = {value:?}: components must be at most {:e} m", bodies::FARTHEST_M)]
+    TooFar {
+        /// The position.
+        value: [f64; 3],
+    },
     /// The length of the quaternion is off by more than 1e-3.
     #[error(
         "{key} = {value:?}: must be a unit quaternion (x, y, z, w), but its length is {length}; a length within 1e-3 of 1 is normalised"
@@ -119,8 +125,12 @@ impl Camera {
         if speed > MAX_SPEED_C {
             return Err(PoseError::TooFast { value: velocity_c, speed });
         }
+        let position = finite_vector("position_m", position_m)?;
+        if position.abs().max_element() > bodies::FARTHEST_M {
+            return Err(PoseError::TooFar { value: position_m });
+        }
         Ok(Self {
-            position_m: finite_vector("position_m", position_m)?,
+            position_m: position,
             world_from_camera: unit_quaternion(orientation)?,
             velocity_c: velocity,
             frame: Frame::Icrs,

@@ -13,7 +13,7 @@ const TARGET: &str = "steradian::changes";
 /// Maximum number of changed parts in a line.
 const MOST_PARTS: usize = 16;
 /// Camera poses of a client within this time share a line.
-const MOVES: Duration = Duration::from_secs(1);
+const MOVES: Duration = Duration::from_secs(60);
 
 /// The caller of a change.
 #[derive(Clone, Debug)]
@@ -109,12 +109,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_pose_is_logged_once_and_lines_are_a_second_apart() {
+    fn every_pose_is_logged_once_and_lines_are_a_minute_apart() {
         let begin = Instant::now();
         let mut moves = None;
         let mut lines = Vec::new();
         for step in 0..2500_u32 {
-            let now = begin + Duration::from_millis(u64::from(step));
+            let now = begin + Duration::from_millis(60 * u64::from(step));
             lines.extend(Moves::note(&mut moves, 11 + u64::from(step), now).map(|line| (step, line)));
         }
         lines.extend(moves.and_then(Moves::rest).map(|line| (2500, line)));

@@ -53,6 +53,8 @@ pub struct Access {
     pub tls: Option<Arc<rustls::ServerConfig>>,
     /// The time in which the daemon's certificate is valid.
     pub certificate_validity: Option<Validity>,
+    /// Clients by certificate, with the time in which it is valid.
+    pub client_validities: Vec<(String, Validity)>,
     /// Names of `server.hosts` that the daemon's certificate has.
     pub certified_hosts: Vec<String>,
     /// The other ones: clients that use them refuse the certificate.
@@ -143,13 +145,18 @@ impl Access {
         ))
     }
 
-    /// Returns what is wrong with the certificate or soon will be.
+    /// Returns what is wrong with the certificates or soon will be.
     pub(crate) fn warnings(&self, now: SystemTime) -> Vec<String> {
         let unnamed = self.uncertified_hosts.iter();
         let unnamed = unnamed.map(|host| {
             format!("server.tls.certificate: it does not name `{host}` of server.hosts: clients that use this name refuse it")
         });
-        self.certificate_validity.and_then(|validity| validity.warning(now)).into_iter().chain(unnamed).collect()
+        let clients = self.client_validities.iter().filter_map(|(name, validity)| {
+            let problem = validity.check(now).err()?;
+            Some(format!("server.certificates, `{name}`: {problem}: this client cannot connect"))
+        });
+        let own = self.certificate_validity.and_then(|validity| validity.warning(now));
+        own.into_iter().chain(unnamed).chain(clients).collect()
     }
 
     /// Checks that a running daemon may switch to other rules. A file that is read while it is being written may be
@@ -203,12 +210,16 @@ impl Access {
     fn caller(&self, credentials: CallerCredentials) -> Result<Caller, Rejection> {
         let (those, digest, unknown) = match credentials {
             CallerCredentials::Nothing => return Ok(Caller { name: "local".into(), role: Role::Admin, credentials }),
-            CallerCredentials::Token(digest) => {
-                (&self.tokens, digest, "the token is not, or no longer, in [[server.tokens]]")
-            }
-            CallerCredentials::Certificate(digest) => {
-                (&self.certificates, digest, "the certificate is not, or no longer, in [[server.certificates]]")
-            }
+            CallerCredentials::Token(digest) => (
+                &self.tokens,
+                digest,
+                "this token is unknown, or no longer valid: the daemon's configuration has the valid ones ([[server.tokens]])",
+            ),
+            CallerCredentials::Certificate(digest) => (
+                &self.certificates,
+                digest,
+                "this certificate is unknown, or no longer valid: the daemon's configuration has the valid ones ([[server.certificates]])",
+            ),
         };
         let Admitted { name, role, .. } = admitted(those, &digest).ok_or(Rejection::Refused(unknown))?;
         Ok(Caller { name: name.as_str().into(), role: *role, credentials })

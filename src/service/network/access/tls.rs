@@ -49,7 +49,7 @@ fn server(
 ) -> Result<(ServerConfig, Validity, [Vec<String>; 2]), String> {
     let chain = certificates("server.tls.certificate", &folder.join(&of.certificate))?;
     let wrong = |problem: String| format!("server.tls.certificate = {}: {problem}", of.certificate.display());
-    let validity = Validity::of(&chain[0]).map_err(wrong)?;
+    let validity = Validity::of_chain(&chain).map_err(wrong)?;
     let hosts = split_hosts(&chain[0], hosts).map_err(wrong)?;
     let path = folder.join(&of.key);
     let key = PrivateKeyDer::from_pem_slice(&read("server.tls.key", &path)?).map_err(|error| {
@@ -72,9 +72,14 @@ fn server(
             builder.with_client_cert_verifier(verifier.build().map_err(|error| wrong(error.to_string()))?)
         }
     };
-    let mut server = builder
-        .with_single_cert(chain, key)
-        .map_err(|error| format!("server.tls.certificate and server.tls.key: {error}"))?;
+    let mut server = builder.with_single_cert(chain, key).map_err(|error| match error {
+        rustls::Error::InconsistentKeys(_) => format!(
+            "server.tls.key = {}: it does not belong to server.tls.certificate = {}",
+            of.key.display(),
+            of.certificate.display()
+        ),
+        error => format!("server.tls.certificate and server.tls.key: {error}"),
+    })?;
     server.alpn_protocols = PROTOCOLS.map(<[u8]>::to_vec).to_vec();
     Ok((server, validity, hosts))
 }
@@ -104,15 +109,21 @@ impl Access {
         });
         let certificates = config.certificates.iter().map(|certificate| {
             let all = certificates("server.certificates.file", &folder.join(&certificate.file))?;
+            let file = certificate.file.display();
+            let validity =
+                Validity::of(&all[0]).map_err(|problem| format!("server.certificates.file = {file}: {problem}"))?;
             let digest = digest_of(&all[0]);
-            Ok(Admitted { name: certificate.name.clone(), role: certificate.role, digest })
+            let client = Admitted { name: certificate.name.clone(), role: certificate.role, digest };
+            Ok((client, (certificate.name.clone(), validity)))
         });
         let certificates = certificates.collect::<Result<Vec<_>, String>>()?;
+        let (certificates, client_validities) = certificates.into_iter().unzip();
         Ok(Self {
             tokens: tokens.collect(),
             certificates,
             tls,
             certificate_validity,
+            client_validities,
             certified_hosts,
             uncertified_hosts,
         })

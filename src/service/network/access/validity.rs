@@ -10,12 +10,21 @@ use der::{
 /// Warnings begin this long before the end of a certificate.
 const WARNS_BEFORE: Duration = Duration::from_secs(14 * DAY_S);
 const DAY_S: u64 = 86_400;
+/// Longer than certificates can last: to the year 9999.
+const FOREVER: Duration = Duration::from_secs(8000 * 366 * DAY_S);
 
-/// The first and the last moment of a certificate.
+/// The first and the last moment of a certificate, or of all in a chain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Validity {
     from: SystemTime,
     until: SystemTime,
+    /// Numbers in their chain of the certificates that are valid last and that end first; 0: the owner's own.
+    places: [usize; 2],
+}
+
+/// A certificate by its number in the chain.
+fn named(place: usize) -> String {
+    if place == 0 { "it".to_owned() } else { format!("certificate {} of its chain", place + 1) }
 }
 
 /// Returns the content of the next element, which must have this tag.
@@ -45,7 +54,7 @@ fn read(certificate: &[u8]) -> der::Result<Validity> {
         AnyRef::decode(&mut signed)?;
     }
     let mut validity = content(&mut signed, Tag::Sequence)?;
-    Ok(Validity { from: time(&mut validity)?, until: time(&mut validity)? })
+    Ok(Validity { from: time(&mut validity)?, until: time(&mut validity)?, places: [0; 2] })
 }
 
 impl Validity {
@@ -56,6 +65,25 @@ impl Validity {
     /// It is no certificate, or its times are before 1970.
     pub(super) fn of(certificate: &[u8]) -> Result<Self, String> {
         read(certificate).map_err(|error| format!("the time in which it is valid cannot be read: {error}"))
+    }
+
+    /// Reads the time in which all certificates of a chain are valid.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::of`].
+    pub(super) fn of_chain(chain: &[impl AsRef<[u8]>]) -> Result<Self, String> {
+        let mut all = Self { from: SystemTime::UNIX_EPOCH, until: SystemTime::UNIX_EPOCH + FOREVER, places: [0; 2] };
+        for (place, certificate) in chain.iter().enumerate() {
+            let Self { from, until, .. } = Self::of(certificate.as_ref())?;
+            if from > all.from {
+                (all.from, all.places[0]) = (from, place);
+            }
+            if until < all.until {
+                (all.until, all.places[1]) = (until, place);
+            }
+        }
+        Ok(all)
     }
 
     /// Returns the seconds until its end, negative after it.
@@ -76,10 +104,10 @@ impl Validity {
         if let Ok(wait) = self.from.duration_since(now)
             && !wait.is_zero()
         {
-            return Err(format!("it is valid only in {} days", days(wait)));
+            return Err(format!("{} is valid only in {} days", named(self.places[0]), days(wait)));
         }
         match now.duration_since(self.until) {
-            Ok(gone) if !gone.is_zero() => Err(format!("it expired {} days ago", days(gone))),
+            Ok(gone) if !gone.is_zero() => Err(format!("{} expired {} days ago", named(self.places[1]), days(gone))),
             _ => Ok(()),
         }
     }
@@ -91,7 +119,8 @@ impl Validity {
         }
         let left = self.until.duration_since(now).unwrap_or_default();
         let days = left.as_secs() / DAY_S;
-        (left < WARNS_BEFORE).then(|| format!("server.tls.certificate: it expires in {days} days: renew it"))
+        let ending = named(self.places[1]);
+        (left < WARNS_BEFORE).then(|| format!("server.tls.certificate: {ending} expires in {days} days: renew it"))
     }
 }
 
@@ -117,7 +146,7 @@ mod tests {
             (params.not_before, params.not_after) = (date_time_ymd(2020, 1, 1), date_time_ymd(year, 1, 1));
             let certificate = params.self_signed(&KeyPair::generate().unwrap()).unwrap();
             let validity = Validity::of(certificate.der()).unwrap();
-            assert_eq!(validity, Validity { from: at(0), until: at(days) });
+            assert_eq!(validity, Validity { from: at(0), until: at(days), places: [0; 2] });
             assert_eq!(validity.left_s(at(days - 1)), 86_400.0);
             assert_eq!(validity.left_s(at(days + 1)), -86_400.0);
             assert_eq!(validity.check(at(-2)).unwrap_err(), "it is valid only in 2 days");
@@ -134,6 +163,24 @@ mod tests {
                 assert!(part.is_none_or(|part| warning.unwrap().contains(part)), "{day}");
             }
         }
+        // A chain lasts from the last beginning to the first end.
+        let lasting = |from: i32, until: i32| {
+            let mut params = CertificateParams::new(["localhost".to_owned()]).unwrap();
+            (params.not_before, params.not_after) = (date_time_ymd(from, 1, 1), date_time_ymd(until, 1, 1));
+            params.self_signed(&KeyPair::generate().unwrap()).unwrap().der().to_vec()
+        };
+        let chain = Validity::of_chain(&[lasting(2020, 2052), lasting(2020, 2021), lasting(2019, 2060)]).unwrap();
+        assert_eq!(chain, Validity { from: at(0), until: at(366), places: [0, 1] });
+        assert_eq!(chain.check(at(369)).unwrap_err(), "certificate 2 of its chain expired 3 days ago");
+        assert_eq!(chain.check(at(-2)).unwrap_err(), "it is valid only in 2 days");
+        assert!(chain.warning(at(360)).unwrap().contains("certificate 2 of its chain expires in 6 days"));
+        // A client's certificate.
+        let client = Validity::of(&lasting(2020, 2021)).unwrap();
+        let access =
+            super::super::Access { client_validities: vec![("desk".to_owned(), client)], ..Default::default() };
+        assert_eq!(access.warnings(at(10)), Vec::<String>::new());
+        let warnings = access.warnings(at(369));
+        assert_eq!(warnings, ["server.certificates, `desk`: it expired 3 days ago: this client cannot connect"]);
         for damaged in [&b""[..], b"\x30\x03\x02\x01\x01", b"no certificate"] {
             assert!(Validity::of(damaged).is_err());
         }
