@@ -2,6 +2,7 @@
 //!
 //! | subject | Unix | Windows |
 //! |---|---|---|
+//! | `clock`: monotonic time, International Atomic Time and whether it is disciplined | `clock_gettime`, `adjtimex` (Linux only) | monotonic time only |
 //! | `openxr_clock`: extension that reads the clock of a headset's runtime | `timespec` | performance counter |
 //! | `process`: priority of threads, resident memory, open files | `nice` and `/proc` (Linux only), `getrlimit` | thread priority, working set, no limit |
 //! | `signals`: end, and reload of the access rules | SIGINT, SIGTERM; SIGHUP | Ctrl-C, Ctrl-Break, console closed, logoff, shutdown; no reload |
@@ -29,4 +30,17 @@ pub(crate) use self::system::openxr_clock;
 #[cfg(feature = "cli")]
 pub(crate) use self::system::supervisor;
 #[cfg(feature = "service")]
-pub(crate) use self::system::{process, signals, sockets};
+pub(crate) use self::system::{clock, process, signals, sockets};
+
+/// How well the system clock is disciplined.
+#[cfg(feature = "service")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(not(target_os = "linux"), allow(dead_code, reason = "only Linux reports it"))]
+pub(crate) struct ClockState {
+    /// TAI minus UTC, s; 0: it was not set.
+    pub(crate) tai_offset_s: i32,
+    /// Whether a time service steers the clock.
+    pub(crate) is_synchronised: bool,
+    /// Bound of its error, us.
+    pub(crate) largest_error_us: i64,
+}

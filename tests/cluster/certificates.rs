@@ -21,7 +21,13 @@ impl Authority {
 
     /// Writes `NAME.pem` and `NAME.key` with a common name.
     pub fn issue(&self, folder: &Path, name: &str, common_name: &str) {
-        let mut params = CertificateParams::new(vec!["localhost".to_owned(), "127.0.0.1".to_owned()]).unwrap();
+        self.issue_for(folder, name, common_name, &["127.0.0.1"]);
+    }
+
+    /// The same with the addresses of the process.
+    pub fn issue_for(&self, folder: &Path, name: &str, common_name: &str, addresses: &[&str]) {
+        let addresses: Vec<String> = addresses.iter().map(|address| (*address).to_owned()).collect();
+        let mut params = CertificateParams::new(addresses).unwrap();
         params.distinguished_name.push(DnType::CommonName, common_name);
         let key = KeyPair::generate().unwrap();
         let certificate = params.signed_by(&key, &*self.0).unwrap();

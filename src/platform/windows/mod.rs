@@ -1,5 +1,7 @@
 //! The subjects of `platform` on Windows.
 
+#[cfg(feature = "service")]
+pub(crate) mod clock;
 #[cfg(feature = "xr")]
 pub(crate) mod openxr_clock;
 #[cfg(feature = "service")]

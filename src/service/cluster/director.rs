@@ -14,7 +14,7 @@ use std::{
 use steradian_lock::{
     clock::Now,
     director::{Action, Director, Phase, Place},
-    messages::{Cue as LockCue, FrameId, NodeId, OutReason, Refusal, ToDirector},
+    messages::{Cue as LockCue, FrameId, NodeId, OutReason, Refusal, SkipReason, ToDirector, ToNode},
 };
 
 use super::{
@@ -25,7 +25,7 @@ use super::{
     messages::{decode_to_director, encode_to_node},
     queue::Queue,
     report,
-    station::Station,
+    station::{FRAMES, Station, frame_name},
     wire::{Heard, To, Wire},
 };
 use crate::service::{engine::render_handle::RenderHandle, threads::RunningThread};
@@ -153,7 +153,7 @@ impl Conductor {
 
     /// States once which nodes have not said HELLO while the director waited for them.
     fn tell_absent(&mut self, now: Now) {
-        if self.told_absent || now.monotonic_ns < self.station.party.rules.gather_ns {
+        if self.told_absent || now.monotonic_ns < self.station.begun_ns + self.station.party.rules.gather_ns {
             return;
         }
         self.told_absent = true;
@@ -220,6 +220,8 @@ impl Conductor {
                     *slowest_ns = (*slowest_ns).max(ready.drawn_ns);
                 }
                 notes.drawn.note(ready.drawn_ns);
+                let (frame, at) = (ready.id, now.monotonic_ns);
+                tracing::trace!(target: FRAMES, "ready {} at {at} {name} {}", frame_name(frame), ready.drawn_ns);
                 notes.has_clock = ready.has_clock;
                 if let Some(report) = report::decode(&ready.report.0) {
                     notes.report = report;
@@ -256,11 +258,11 @@ impl Conductor {
     }
 
     fn carry_out(&mut self, now: Now, action: Action) {
-        use steradian_lock::messages::ToNode;
         match action {
             Action::Send { to, message } => self.station.send(To::Node(to), &encode_to_node(&message)),
             Action::SendAll(message) => {
                 self.station.send(To::Nodes, &encode_to_node(&message));
+                self.trace(&message);
                 match message {
                     ToNode::State(state) => {
                         self.states.insert(state.id.number, (now.monotonic_ns, 0));
@@ -296,6 +298,18 @@ impl Conductor {
                 );
             }
         }
+    }
+
+    /// Logs a message to all nodes.
+    fn trace(&self, message: &ToNode) {
+        let (what, frame, rest) = match message {
+            ToNode::State(state) => ("state", state.id, String::new()),
+            ToNode::Commit(commit) => ("commit", commit.id, format!(" {}", commit.mask.len())),
+            ToNode::Skip(skip) => ("skip", skip.id, format!(" {}", skip_name(skip.why))),
+            ToNode::Welcome(_) | ToNode::Refused(_) | ToNode::Out(_) => return,
+        };
+        let at = self.station.clock.monotonic_ns();
+        tracing::trace!(target: FRAMES, "{what} {} at {at}{rest}", frame_name(frame));
     }
 
     fn tell_phase(&mut self) {
@@ -372,5 +386,14 @@ fn why(reason: OutReason) -> &'static str {
         OutReason::Misses => "it was not ready in time",
         OutReason::Lost => "its connection ended",
         OutReason::Unknown => "it has to say HELLO",
+    }
+}
+
+/// Name of a reason to skip a frame.
+fn skip_name(reason: SkipReason) -> &'static str {
+    match reason {
+        SkipReason::Starting => "starting",
+        SkipReason::Quorum => "quorum",
+        SkipReason::Deadline => "deadline",
     }
 }

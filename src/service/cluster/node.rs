@@ -25,7 +25,7 @@ use super::{
     queue::Queue,
     report::{self, Report},
     scene,
-    station::Station,
+    station::{FRAMES, Station, frame_name},
     wire::{Heard, To, Wire},
 };
 use crate::service::{
@@ -267,6 +267,8 @@ impl Player {
                 if let Some(pictures) = self.pictures.remove(&id) {
                     self.render.show(&pictures);
                     self.shown = id.number;
+                    let at = self.station.clock.monotonic_ns();
+                    tracing::trace!(target: FRAMES, "shown {} at {at}", frame_name(id));
                     if let Some(last_ns) = self.shown_ns.replace(now.monotonic_ns) {
                         self.intervals.note(now.monotonic_ns - last_ns);
                     }
@@ -313,7 +315,7 @@ impl Player {
             reason,
             locked: self.lock.led_by().is_some()
                 && self.lock.shown().is_some()
-                && self.station.clock.now().tai_ns.is_some(),
+                && self.station.clock.distrusted().is_none(),
             epoch: self.lock.led_by().map_or(0, |epoch| epoch.counter),
             frame_number: self.shown,
             scene_hash: short(&self.scene.1),

@@ -5,7 +5,7 @@ use std::{
     time::Duration,
 };
 
-use steradian_lock::clock::Now;
+use steradian_lock::{clock::Now, messages::FrameId};
 
 use super::{
     Party,
@@ -14,6 +14,9 @@ use super::{
     wire::{To, Wire},
 };
 
+/// Log target of frames: one line per message of a director and per shown frame of a node, with the monotonic time in ns, which is the same in all
+/// processes of a machine. `cargo bench --bench cluster` reads them.
+pub(super) const FRAMES: &str = "steradian::cluster::frames";
 /// Time between two updates of the figures, ns.
 const FIGURES_NS: u64 = 200_000_000;
 
@@ -29,12 +32,18 @@ pub(super) struct Station {
     real_time: bool,
     figures: Arc<SharedFigures>,
     figures_ns: u64,
+    /// Time at which the process began to take part.
+    pub(super) begun_ns: u64,
 }
 
 impl Station {
     /// `real_time`: whether the threads of the wire have real-time scheduling.
     pub(super) fn new(party: Party, (wire, real_time): (Box<dyn Wire>, bool), figures: Arc<SharedFigures>) -> Self {
-        Self { party, clock: Clock::new(), wire, unreadable: 0, unsent: 0, real_time, figures, figures_ns: 0 }
+        let mut clock = Clock::new();
+        let now = clock.now();
+        clock.check(now);
+        let begun_ns = now.monotonic_ns;
+        Self { party, clock, wire, unreadable: 0, unsent: 0, real_time, figures, figures_ns: 0, begun_ns }
     }
 
     /// Waits for an event, until `wake_ns` or until figures are due; returns the time then, and all events.
@@ -61,6 +70,7 @@ impl Station {
         let is_due = now.monotonic_ns >= self.figures_ns;
         if is_due {
             self.figures_ns = now.monotonic_ns + FIGURES_NS;
+            self.clock.check(now);
         }
         is_due
     }
@@ -72,7 +82,7 @@ impl Station {
             process: self.party.name.clone(),
             version: self.party.identity.version.clone(),
             configuration: short(&self.party.identity.configuration.0),
-            clock: self.clock.now().tai_ns.is_some(),
+            clock: self.clock.distrusted().is_none(),
             real_time: self.real_time,
             ..ClusterFigures::default()
         }
@@ -81,4 +91,9 @@ impl Station {
     pub(super) fn publish(&self, figures: ClusterFigures) {
         self.figures.set(figures);
     }
+}
+
+/// Name of a frame in lines of [`FRAMES`]: the epoch's counter and the director's random number, and the number of the frame.
+pub(super) fn frame_name(FrameId { epoch, number }: FrameId) -> String {
+    format!("{}.{:016x} {number}", epoch.counter, epoch.run)
 }

@@ -1,0 +1,167 @@
+//! Measures a cluster: a director and nodes as processes of this machine, with small views. Nodes and directors are killed, stopped and cut off at random
+//! moments; the logs of all processes say what each of them showed, and when. `cargo bench --bench cluster -- --help`.
+//!
+//! All processes are on one machine, so their times are of one monotonic clock. The time at which a node shows a frame is that at which it hands it to
+//! streams and windows.
+
+#[allow(clippy::unwrap_used, reason = "a bench may panic on unexpected values")]
+#[path = "../../tests/cluster/certificates.rs"]
+mod certificates;
+mod events;
+mod network;
+mod processes;
+mod report;
+mod runs;
+
+use std::{error::Error, fs};
+
+use clap::{Parser, Subcommand};
+
+use network::Network;
+use processes::{Cluster, Form};
+
+/// Measures a cluster of processes on this machine.
+#[derive(Debug, Parser)]
+struct Arguments {
+    #[command(subcommand)]
+    run: Run,
+    /// Number of nodes.
+    #[arg(long, global = true, default_value_t = 6)]
+    nodes: usize,
+    /// Frames per second.
+    #[arg(long, global = true, default_value_t = 20.0)]
+    rate: f64,
+    /// Pixels of each node's view, as WIDTHxHEIGHT.
+    #[arg(long, global = true, default_value = "64x48", value_parser = size)]
+    size: [u32; 2],
+    /// What happens at the deadline: together or apart.
+    #[arg(long, global = true, default_value = "together")]
+    at_deadline: String,
+    /// Program of all processes.
+    #[arg(long, global = true, default_value = env!("CARGO_BIN_EXE_steradian"))]
+    program: String,
+    /// Seed of the random moments.
+    #[arg(long, global = true, default_value_t = 1)]
+    seed: u64,
+    /// A network namespace per process, with TLS, in place of loopback. Needs root, `ip` and `nft`.
+    #[arg(long, global = true)]
+    namespaces: bool,
+    /// With --namespaces: share of the packets that are lost where they arrive, in thousandths.
+    #[arg(long, global = true, value_parser = clap::value_parser!(u32).range(1..1000))]
+    loss: Option<u32>,
+    /// With --namespaces: the shortest time-out of TCP, us (`tcp_rto_min_us` of Linux 6.11 and later).
+    #[arg(long, global = true)]
+    rto_min_us: Option<u32>,
+    /// Keeps configuration and logs, and prints their folder.
+    #[arg(long, global = true)]
+    keep: bool,
+    /// Option that cargo passes to every benchmark.
+    #[arg(long, hide = true, global = true)]
+    bench: bool,
+}
+
+#[derive(Clone, Copy, Debug, Subcommand)]
+enum Run {
+    /// Nothing is harmed.
+    Steady {
+        /// Frames to ask for.
+        #[arg(long, default_value_t = 20_000)]
+        frames: u64,
+    },
+    /// Nodes are killed and started again.
+    Kills {
+        #[arg(long, default_value_t = 50)]
+        count: u32,
+    },
+    /// Nodes are stopped and resumed.
+    Hangs {
+        #[arg(long, default_value_t = 20)]
+        count: u32,
+    },
+    /// The director is killed and started again.
+    DirectorKills {
+        #[arg(long, default_value_t = 20)]
+        count: u32,
+    },
+    /// The director is stopped, another one is started, the first one is resumed.
+    OldDirector {
+        #[arg(long, default_value_t = 5)]
+        count: u32,
+    },
+    /// Two directors, each reached by half of the nodes, then by some more or less. Needs --namespaces.
+    Partition {
+        /// Length of each part, seconds.
+        #[arg(long, default_value_t = 15.0)]
+        seconds: f64,
+    },
+}
+
+impl Run {
+    fn directors(self) -> usize {
+        match self {
+            Self::OldDirector { .. } | Self::Partition { .. } => 2,
+            _ => 1,
+        }
+    }
+}
+
+/// Reads WIDTHxHEIGHT.
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let sides = text.split_once('x').and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
+    sides.ok_or_else(|| "must be WIDTHxHEIGHT, such as 64x48".to_owned())
+}
+
+/// Load averages of the machine.
+fn load() -> String {
+    let text = fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    text.split_whitespace().take(3).collect::<Vec<_>>().join(" ")
+}
+
+#[tokio::main(flavor = "multi_thread", worker_threads = 1)]
+async fn main() -> Result<(), Box<dyn Error>> {
+    let arguments = Arguments::parse();
+    let directors = arguments.run.directors();
+    let form = Form {
+        nodes: arguments.nodes,
+        program: arguments.program.clone(),
+        rate_hz: arguments.rate,
+        size: arguments.size,
+        at_deadline: arguments.at_deadline.clone(),
+    };
+    let is_namespaced = arguments.namespaces;
+    if !is_namespaced && (arguments.loss.is_some() || arguments.rto_min_us.is_some()) {
+        return Err("--loss and --rto-min-us need --namespaces".into());
+    }
+    let timeout_us = arguments.rto_min_us;
+    let mut cluster = Cluster::new(&form, move |folder, nodes| {
+        if is_namespaced {
+            Network::namespaces(folder, directors, nodes, timeout_us)
+        } else {
+            Network::loopback(directors)
+        }
+    })?;
+    println!(
+        "{:?}, {} nodes of {} x {} pixels, {} Hz, {}, {}, seed {}; load {}",
+        arguments.run,
+        form.nodes,
+        form.size[0],
+        form.size[1],
+        form.rate_hz,
+        form.at_deadline,
+        match (is_namespaced, arguments.loss) {
+            (false, _) => "loopback".to_owned(),
+            (true, None) => "namespaces, TLS".to_owned(),
+            (true, Some(loss)) => format!("namespaces, TLS, {} % of packets lost", f64::from(loss) * 0.1),
+        },
+        arguments.seed,
+        load()
+    );
+    let outcome = runs::run(&mut cluster, &form, arguments.run, arguments.loss, arguments.seed).await;
+    println!("load at the end {}", load());
+    cluster.end();
+    if arguments.keep {
+        cluster.folder.disable_cleanup(true);
+        println!("logs: {}", cluster.folder.path().display());
+    }
+    outcome
+}

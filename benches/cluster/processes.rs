@@ -1,0 +1,247 @@
+//! The processes of a measured cluster: started, killed, stopped and resumed, with the times of each.
+
+use std::{
+    error::Error,
+    fs::{self, File},
+    path::{Path, PathBuf},
+    process::{Child, Stdio},
+    thread,
+    time::{Duration, Instant},
+};
+
+use rustix::{
+    process::{Pid, Signal, kill_process},
+    time::{ClockId, clock_gettime},
+};
+use steradian::service::{Client, proto};
+
+use crate::network::Network;
+
+type Outcome<T> = Result<T, Box<dyn Error>>;
+
+/// A process that does not reach a state within this time has failed.
+pub const PATIENCE: Duration = Duration::from_secs(180);
+/// Interval between two looks at a process.
+const LOOK: Duration = Duration::from_millis(20);
+/// Frames of directors and nodes in their logs.
+const LOG: &str = "info,zenoh=error,wgpu=warn,wgpu_core=warn,wgpu_hal=warn,naga=warn,steradian::cluster::frames=trace";
+
+/// Monotonic time, ns: that of the lines in the logs.
+pub fn now_ns() -> u64 {
+    let time = clock_gettime(ClockId::Monotonic);
+    u64::try_from(i128::from(time.tv_sec) * 1_000_000_000 + i128::from(time.tv_nsec)).unwrap_or(0)
+}
+
+/// One run of a director or node.
+#[derive(Clone, Debug)]
+pub struct Life {
+    /// Name of the node; `None`: a director.
+    pub node: Option<String>,
+    pub log: PathBuf,
+    pub killed_ns: Option<u64>,
+    /// Times at which it was stopped and resumed.
+    pub stops: Vec<(u64, u64)>,
+}
+
+/// A running process.
+struct Process {
+    child: Child,
+    socket: String,
+    life: usize,
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It may have ended already. SIGKILL also ends a stopped process.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Size and rate of a cluster.
+#[derive(Clone, Debug)]
+pub struct Form {
+    pub nodes: usize,
+    /// Program of all processes.
+    pub program: String,
+    pub rate_hz: f64,
+    pub size: [u32; 2],
+    pub at_deadline: String,
+}
+
+/// A cluster of processes. Hosts are `d0`, `d1` and the names of the nodes.
+pub struct Cluster {
+    pub folder: tempfile::TempDir,
+    pub network: Network,
+    pub nodes: Vec<String>,
+    program: String,
+    running: Vec<(String, Process)>,
+    pub lives: Vec<Life>,
+}
+
+/// Names of the nodes.
+pub fn names(nodes: usize) -> Vec<String> {
+    (1..=nodes).map(|node| format!("n{node}")).collect()
+}
+
+fn configuration(form: &Form, nodes: &[String], network: &Network) -> String {
+    let mut text = format!(
+        "[scene]\ncatalogues = ['builtin:bright']\ntime = 2026-01-01T00:00:00Z\n[cluster]\nendpoints = {:?}\n\
+         rate_hz = {}\nat_deadline = '{}'\ngather_s = 3\n{}\n",
+        network.endpoints(),
+        form.rate_hz,
+        form.at_deadline,
+        network.keys()
+    );
+    for (index, node) in nodes.iter().enumerate() {
+        let half_rad = 0.2 * index as f64;
+        text += &format!(
+            "[[views]]\nname = 'of_{node}'\ntype = 'perspective'\nsize = {:?}\nfov_y_deg = 50.0\n\
+             orientation = [0.0, {}, 0.0, {}]\n[[nodes]]\nname = '{node}'\nviews = ['of_{node}']\n",
+            form.size,
+            half_rad.sin(),
+            half_rad.cos(),
+        );
+    }
+    text
+}
+
+impl Cluster {
+    /// A cluster without processes.
+    pub fn new(form: &Form, network: impl FnOnce(&Path, &[String]) -> Outcome<Network>) -> Outcome<Self> {
+        let folder = tempfile::tempdir()?;
+        let nodes = names(form.nodes);
+        let network = network(folder.path(), &nodes)?;
+        fs::write(folder.path().join("cluster.toml"), configuration(form, &nodes, &network))?;
+        let program = form.program.clone();
+        Ok(Self { folder, network, nodes, program, running: Vec::new(), lives: Vec::new() })
+    }
+
+    /// Starts the process of a host without waiting for it.
+    pub fn start(&mut self, host: &str) -> Outcome<()> {
+        let life = self.lives.len();
+        let path = |kind: &str| self.folder.path().join(format!("{host}.{life}.{kind}"));
+        let (socket, log) = (format!("unix:{}", path("socket").display()), path("log"));
+        let director = host.strip_prefix('d').map(str::parse::<usize>).transpose()?;
+        let mut command = self.network.command(host, &self.program);
+        command.args(["--log", LOG, "serve", "--config", "cluster.toml", "--listen", &socket]);
+        match director {
+            Some(director) => command.args(["--role", "director", "--endpoint", &self.network.endpoints()[director]]),
+            None => command.args(["--role", "node", "--node", host]),
+        };
+        command.current_dir(self.folder.path()).stdin(Stdio::null());
+        command.stdout(Stdio::null()).stderr(File::create(&log)?);
+        let node = director.is_none().then(|| host.to_owned());
+        self.lives.push(Life { node, log, killed_ns: None, stops: Vec::new() });
+        self.running.push((host.to_owned(), Process { child: command.spawn()?, socket, life }));
+        Ok(())
+    }
+
+    fn process(&self, host: &str) -> Outcome<&Process> {
+        let found = self.running.iter().find(|(name, _)| name == host);
+        Ok(&found.ok_or_else(|| format!("{host} does not run"))?.1)
+    }
+
+    /// Kills a process; returns the time.
+    pub fn kill(&mut self, host: &str) -> Outcome<u64> {
+        let index = self.running.iter().position(|(name, _)| name == host);
+        let (_, process) = self.running.remove(index.ok_or_else(|| format!("{host} does not run"))?);
+        let at_ns = now_ns();
+        self.lives[process.life].killed_ns = Some(at_ns);
+        drop(process);
+        Ok(at_ns)
+    }
+
+    fn signal(&self, host: &str, signal: Signal) -> Outcome<usize> {
+        let process = self.process(host)?;
+        let id = i32::try_from(process.child.id())?;
+        kill_process(Pid::from_raw(id).ok_or("no process number")?, signal)?;
+        Ok(process.life)
+    }
+
+    /// Stops a process, as if it hung; returns the time.
+    pub fn stop(&mut self, host: &str) -> Outcome<u64> {
+        let at_ns = now_ns();
+        let life = self.signal(host, Signal::STOP)?;
+        self.lives[life].stops.push((at_ns, u64::MAX));
+        Ok(at_ns)
+    }
+
+    /// Resumes a stopped process; returns the time.
+    pub fn resume(&mut self, host: &str) -> Outcome<u64> {
+        let at_ns = now_ns();
+        let life = self.signal(host, Signal::CONT)?;
+        if let Some((_, resumed_ns)) = self.lives[life].stops.last_mut() {
+            *resumed_ns = at_ns;
+        }
+        Ok(at_ns)
+    }
+
+    /// A client of a process, which may still be starting.
+    pub async fn client(&self, host: &str) -> Outcome<Client> {
+        let begin = Instant::now();
+        let process = self.process(host)?;
+        loop {
+            match Client::connect(&process.socket).await {
+                Ok(client) => return Ok(client),
+                Err(error) if begin.elapsed() > PATIENCE => {
+                    let log = fs::read_to_string(&self.lives[process.life].log)?;
+                    return Err(format!("{host} does not serve: {error}; its log:\n{log}").into());
+                }
+                Err(_) => tokio::time::sleep(LOOK).await,
+            }
+        }
+    }
+
+    /// Statistics of the cluster by a process, which may still be starting.
+    pub async fn stats(&self, host: &str) -> Outcome<proto::ClusterStats> {
+        let begin = Instant::now();
+        loop {
+            let mut client = self.client(host).await?;
+            match client.watch_stats(Some(0.1)).await {
+                Ok(mut stats) => {
+                    let stats = stats.next().await?.ok_or("the daemon ended")?;
+                    return Ok(stats.cluster.ok_or("the daemon is in no cluster")?);
+                }
+                Err(error) if begin.elapsed() > PATIENCE => return Err(format!("{host}: {error}").into()),
+                Err(_) => tokio::time::sleep(LOOK).await,
+            }
+        }
+    }
+
+    /// Waits until the statistics of a process satisfy a condition.
+    pub async fn until(
+        &self,
+        host: &str,
+        what: &str,
+        is_it: impl Fn(&proto::ClusterStats) -> bool,
+    ) -> Outcome<proto::ClusterStats> {
+        let begin = Instant::now();
+        loop {
+            let stats = self.stats(host).await?;
+            if is_it(&stats) {
+                return Ok(stats);
+            }
+            if begin.elapsed() > PATIENCE {
+                return Err(format!("{host} is not {what}: {stats:#?}").into());
+            }
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+    }
+
+    /// Waits until all nodes take part with the scene of a director.
+    pub async fn all_in(&self, director: &str) -> Outcome<proto::ClusterStats> {
+        self.until(director, "with all nodes", |stats| {
+            let is_in = |node: &proto::ClusterNodeStats| node.state == "in" && node.scene_hash == stats.scene_hash;
+            stats.state == "running" && stats.nodes.iter().all(is_in)
+        })
+        .await
+    }
+
+    /// Ends all processes.
+    pub fn end(&mut self) {
+        self.running.clear();
+        // Logs are complete once their writers have ended.
+        thread::sleep(LOOK);
+    }
+}

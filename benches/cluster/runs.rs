@@ -1,0 +1,273 @@
+//! The runs: what is harmed, when, and how long nodes and director take to go on.
+
+use std::{error::Error, time::Duration};
+
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use steradian::service::SceneUpdate;
+
+use crate::{
+    Run,
+    events::Events,
+    processes::{Cluster, Form, now_ns},
+    report::{self, Spread, row},
+};
+
+type Outcome<T> = Result<T, Box<dyn Error>>;
+
+/// A fault's effects are looked for within this time, ns.
+const EFFECT_NS: u64 = 2_000_000_000;
+/// A stopped director is given up after this time: longer than the lease of a connection.
+const STOPPED: Duration = Duration::from_millis(2_500);
+
+/// A fault: the host, and when it was harmed and could go on.
+struct Fault {
+    host: String,
+    at_ns: u64,
+    until_ns: u64,
+}
+
+struct Random(ChaCha8Rng);
+
+impl Random {
+    fn seconds(&mut self, from: f64, to: f64) -> Duration {
+        Duration::from_secs_f64(self.0.random_range(from..to))
+    }
+
+    fn node(&mut self, cluster: &Cluster) -> String {
+        cluster.nodes[self.0.random_range(0..cluster.nodes.len())].clone()
+    }
+}
+
+/// Starts all processes, waits until all take part, and changes the scene: a process that starts again has to fetch it.
+async fn begin(cluster: &mut Cluster) -> Outcome<()> {
+    cluster.start("d0")?;
+    for node in cluster.nodes.clone() {
+        cluster.start(&node)?;
+    }
+    cluster.all_in("d0").await?;
+    let revision = change_scene(cluster, "d0").await?;
+    cluster.until("d0", "leading the changed scene", |stats| stats.scene_revision >= revision).await?;
+    cluster.all_in("d0").await?;
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    Ok(())
+}
+
+/// Gives the director a scene that differs from the configuration; returns its revision.
+async fn change_scene(cluster: &Cluster, director: &str) -> Outcome<u64> {
+    let update = SceneUpdate { magnitude_limit: Some(7.25), ..SceneUpdate::default() };
+    Ok(cluster.client(director).await?.update_scene(&update, None).await?.revision)
+}
+
+/// Carries out a run and prints its figures.
+pub async fn run(cluster: &mut Cluster, form: &Form, run: Run, loss: Option<u32>, seed: u64) -> Outcome<()> {
+    let mut random = Random(ChaCha8Rng::seed_from_u64(seed));
+    begin(cluster).await?;
+    if let Some(loss) = loss {
+        cluster.network.lose(loss)?;
+        tokio::time::sleep(Duration::from_secs(1)).await;
+    }
+    let from_ns = now_ns();
+    let mut leader = "d0";
+    let faults = match run {
+        Run::Steady { frames } => steady(cluster, form, frames).await?,
+        Run::Kills { count } => kills(cluster, &mut random, count).await?,
+        Run::Hangs { count } => hangs(cluster, &mut random, count).await?,
+        Run::DirectorKills { count } => director_kills(cluster, &mut random, count).await?,
+        Run::OldDirector { count } => {
+            let faults = old_directors(cluster, &mut random, count).await?;
+            leader = if count % 2 == 0 { "d0" } else { "d1" };
+            faults
+        }
+        Run::Partition { seconds } => return partition(cluster, Duration::from_secs_f64(seconds)).await,
+    };
+    let until_ns = now_ns();
+    // All take part in the end, with the same scene.
+    let stats = cluster.all_in(leader).await?;
+    cluster.end();
+    let events = Events::read(&cluster.lives)?.within(from_ns, until_ns);
+    let period_ns = (1e9 / form.rate_hz) as u64;
+    report::print(&events, &cluster.lives, form.nodes, period_ns);
+    row("nodes with the scene of the director at the end", format!("{} of {}", stats.nodes.len(), form.nodes));
+    row("threads of the network in real time", stats.real_time);
+    print_faults(cluster, &events, &faults, matches!(run, Run::DirectorKills { .. } | Run::OldDirector { .. }));
+    if let Run::OldDirector { .. } = run {
+        print_epochs(&events, &faults);
+    }
+    Ok(())
+}
+
+async fn steady(cluster: &Cluster, form: &Form, frames: u64) -> Outcome<Vec<Fault>> {
+    let length = Duration::from_secs_f64(frames as f64 / form.rate_hz);
+    let before = cluster.stats("d0").await?;
+    tokio::time::sleep(length).await;
+    let after = cluster.stats("d0").await?;
+    let since = |name: &str| after.counts.get(name).unwrap_or(&0) - before.counts.get(name).unwrap_or(&0);
+    for name in ["ticks_lost", "ready_late", "out", "unsent"] {
+        row(&format!("director: {name}"), since(name));
+    }
+    Ok(Vec::new())
+}
+
+async fn kills(cluster: &mut Cluster, random: &mut Random, count: u32) -> Outcome<Vec<Fault>> {
+    let mut faults = Vec::new();
+    for _ in 0..count {
+        tokio::time::sleep(random.seconds(0.5, 3.0)).await;
+        let host = random.node(cluster);
+        let at_ns = cluster.kill(&host)?;
+        tokio::time::sleep(random.seconds(0.1, 1.0)).await;
+        let until_ns = now_ns();
+        cluster.start(&host)?;
+        faults.push(Fault { host, at_ns, until_ns });
+    }
+    tokio::time::sleep(Duration::from_secs(3)).await;
+    Ok(faults)
+}
+
+async fn hangs(cluster: &mut Cluster, random: &mut Random, count: u32) -> Outcome<Vec<Fault>> {
+    let mut faults = Vec::new();
+    for _ in 0..count {
+        tokio::time::sleep(random.seconds(1.0, 3.0)).await;
+        let host = random.node(cluster);
+        let at_ns = cluster.stop(&host)?;
+        tokio::time::sleep(random.seconds(0.2, 5.0)).await;
+        let until_ns = cluster.resume(&host)?;
+        faults.push(Fault { host, at_ns, until_ns });
+    }
+    tokio::time::sleep(Duration::from_secs(3)).await;
+    Ok(faults)
+}
+
+async fn director_kills(cluster: &mut Cluster, random: &mut Random, count: u32) -> Outcome<Vec<Fault>> {
+    let mut faults = Vec::new();
+    for _ in 0..count {
+        tokio::time::sleep(random.seconds(1.0, 4.0)).await;
+        let at_ns = cluster.kill("d0")?;
+        tokio::time::sleep(random.seconds(0.1, 1.0)).await;
+        let until_ns = now_ns();
+        cluster.start("d0")?;
+        cluster.all_in("d0").await?;
+        faults.push(Fault { host: "d0".to_owned(), at_ns, until_ns });
+    }
+    tokio::time::sleep(Duration::from_secs(3)).await;
+    Ok(faults)
+}
+
+/// Stops the director that leads, starts the other one, and resumes the first, which is ended when it is deposed.
+async fn old_directors(cluster: &mut Cluster, random: &mut Random, count: u32) -> Outcome<Vec<Fault>> {
+    let mut faults = Vec::new();
+    for round in 0..count {
+        let (old, new) = if round % 2 == 0 { ("d0", "d1") } else { ("d1", "d0") };
+        tokio::time::sleep(random.seconds(1.0, 3.0)).await;
+        let at_ns = cluster.stop(old)?;
+        tokio::time::sleep(STOPPED).await;
+        cluster.start(new)?;
+        cluster.all_in(new).await?;
+        tokio::time::sleep(random.seconds(0.5, 2.0)).await;
+        let until_ns = cluster.resume(old)?;
+        cluster.until(old, "deposed", |stats| stats.state == "deposed").await?;
+        tokio::time::sleep(random.seconds(1.0, 2.0)).await;
+        cluster.kill(old)?;
+        faults.push(Fault { host: old.to_owned(), at_ns, until_ns });
+    }
+    Ok(faults)
+}
+
+fn print_faults(cluster: &Cluster, events: &Events, faults: &[Fault], are_of_directors: bool) {
+    if faults.is_empty() {
+        return;
+    }
+    let gaps = report::gaps(events, &cluster.lives);
+    let longest = faults.iter().filter_map(|fault| report::longest_after(&gaps, fault.at_ns, EFFECT_NS));
+    row(&format!("longest gap of the other nodes after each of {} faults, ms", faults.len()), Spread::of_ns(longest));
+    // A director's end is over when all nodes have shown a frame of the next one.
+    let back = faults.iter().map(|fault| {
+        let next = |node: &str| {
+            let after = if are_of_directors { fault.at_ns + 200_000_000 } else { fault.until_ns };
+            events.shown.iter().filter(|shown| shown.node == node && shown.at_ns > after).map(|shown| shown.at_ns).min()
+        };
+        if are_of_directors {
+            cluster.nodes.iter().map(|node| next(node)).max().flatten().map(|at_ns| at_ns - fault.at_ns)
+        } else {
+            next(&fault.host).map(|at_ns| at_ns - fault.until_ns)
+        }
+    });
+    let back: Vec<Option<u64>> = back.collect();
+    let what = if are_of_directors {
+        "from the fault until all nodes show frames again"
+    } else {
+        "from start or resumption to the node's next frame"
+    };
+    row(&format!("{what}, ms"), Spread::of_ns(back.iter().flatten().copied()));
+    row("faults after which a node shows no frame", back.iter().filter(|back| back.is_none()).count());
+}
+
+fn print_epochs(events: &Events, faults: &[Fault]) {
+    let epochs = report::epochs(events);
+    row("epochs that committed frames", epochs.iter().filter(|(_, committed, _)| *committed > 0).count());
+    // After a director was resumed, its epoch must neither commit nor show a frame.
+    let mut late = 0;
+    for fault in faults {
+        let before = events.committed().into_iter().rfind(|(.., at_ns)| *at_ns < fault.at_ns);
+        let Some((name, ..)) = before else { continue };
+        let is_old = |epoch: (u64, u64)| epoch == name.epoch;
+        late += events.committed().iter().filter(|(name, .., at)| is_old(name.epoch) && *at > fault.until_ns).count();
+        late += events.shown.iter().filter(|shown| is_old(shown.frame.epoch) && shown.at_ns > fault.until_ns).count();
+    }
+    row("frames of an old director committed or shown after it was resumed", late);
+}
+
+/// One director leads all nodes; then each director reaches half of them, then the second one all but two.
+async fn partition(cluster: &mut Cluster, length: Duration) -> Outcome<()> {
+    let half = cluster.nodes.len() / 2;
+    let nodes = cluster.nodes.clone();
+    let mut parts: Vec<(String, u64, u64)> = Vec::new();
+    let mut part = |name: String, from_ns: u64| parts.push((name, from_ns, now_ns()));
+
+    let from_ns = now_ns();
+    tokio::time::sleep(length).await;
+    part("all nodes reach the first director".to_owned(), from_ns);
+
+    for (index, node) in nodes.iter().enumerate() {
+        cluster.network.cut_off(node, &[if index < half { 1 } else { 0 }])?;
+    }
+    cluster.start("d1")?;
+    let from_ns = now_ns();
+    tokio::time::sleep(length).await;
+    part(format!("{half} reach the first, {} the second", nodes.len() - half), from_ns);
+
+    cluster.network.cut_off(&nodes[half - 1], &[0])?;
+    let from_ns = now_ns();
+    tokio::time::sleep(length).await;
+    part(format!("{} reach the first, {} the second", half - 1, nodes.len() - half + 1), from_ns);
+
+    for node in &nodes {
+        cluster.network.cut_off(node, &[])?;
+    }
+    let from_ns = now_ns();
+    tokio::time::sleep(length).await;
+    part("all reach both".to_owned(), from_ns);
+
+    let states = [cluster.stats("d0").await?, cluster.stats("d1").await?];
+    cluster.end();
+    let events = Events::read(&cluster.lives)?;
+    let mut known: Vec<(u64, u64)> = report::epochs(&events).iter().map(|(epoch, ..)| *epoch).collect();
+    known.sort_unstable();
+    println!("| part | seconds | frames committed and shown by epoch |");
+    println!("|---|---|---|");
+    for (name, from_ns, until_ns) in &parts {
+        // The first two seconds belong to the change.
+        let settled = events.within(from_ns + 2_000_000_000, *until_ns);
+        let epochs = report::epochs(&settled);
+        let texts: Vec<String> = epochs
+            .iter()
+            .map(|((counter, _), committed, shown)| format!("{counter}: {committed} committed, {shown} shown"))
+            .collect();
+        let texts = if texts.is_empty() { "none".to_owned() } else { texts.join("; ") };
+        println!("| {name} | {:.1} | {texts} |", (until_ns - from_ns) as f64 * 1e-9 - 2.0);
+        row(&format!("{name}: epochs that alternate"), report::alternations(&settled.shown));
+    }
+    row("whole run: epochs that alternate", report::alternations(&events.shown));
+    row("state of the directors in the end", format!("{}, {}", states[0].state, states[1].state));
+    Ok(())
+}
