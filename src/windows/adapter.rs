@@ -68,6 +68,19 @@ impl WindowGpu {
         surface(&self.instance, window, name)
     }
 
+    /// Waits until the device has finished everything that was submitted.
+    ///
+    /// # Errors
+    ///
+    /// The device is lost.
+    pub(super) fn finish(&self) -> Result<(), WindowsError> {
+        // Writes to textures are submitted with the next commands.
+        self.queue.submit([]);
+        let done = self.device.poll(wgpu::PollType::wait_indefinitely());
+        done.map_err(|error| WindowsError::Refused(error.to_string()))?;
+        self.take_failure()
+    }
+
     /// Returns the driver error reported since the last call, if any.
     pub(super) fn take_failure(&self) -> Result<(), WindowsError> {
         match self.failure.lock().unwrap_or_else(PoisonError::into_inner).take() {

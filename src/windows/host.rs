@@ -35,6 +35,8 @@ pub enum WindowImage {
     AsBefore,
     /// Black: its view no longer exists.
     NoView,
+    /// Black, until the next image.
+    Black,
 }
 
 /// Content of all windows at the same time.
@@ -53,6 +55,12 @@ pub enum Next {
     Drawing,
     /// Nothing for now: the displayed frame is still current.
     Unchanged,
+    /// Prepare a frame under a number: upload it, wait for the device and acquire the next textures of the surfaces, then call [`Host::prepared`].
+    Prepare(u64, WindowFrame),
+    /// Present the prepared frame of this number.
+    Present(u64),
+    /// The prepared frame of this number is not presented.
+    Discard(u64),
     /// Close the windows.
     End,
 }
@@ -71,6 +79,9 @@ pub trait Host: Send + Sync {
     /// Returns the next action; `shown` states which windows are visible. May wait for a frame for at most a tenth of a
     /// second.
     fn next(&self, shown: &[bool]) -> Next;
+
+    /// A frame of [`Next::Prepare`] is prepared; `false`: the device was lost with it. Must not block.
+    fn prepared(&self, _number: u64, _is_ready: bool) {}
 
     /// Receives a command. Must not block.
     fn command(&self, command: Command);

@@ -3,8 +3,12 @@
 //! The images of a frame are uploaded to the device first. Then the thread waits for every window's next texture, draws
 //! all windows in one submission, and presents them one after the other. If images wait for refreshes, the slowest
 //! monitor sets the pace of all.
+//!
+//! A host may separate both steps: it has a frame prepared (uploaded, the device polled, the next textures acquired), and presented later, or not at
+//! all. A texture that was acquired for a frame that is not presented is kept for the next one, because Vulkan cannot return it.
 
 use std::{
+    collections::HashMap,
     sync::Arc,
     thread,
     time::{Duration, Instant},
@@ -15,7 +19,7 @@ use super::{
     adapter::WindowGpu,
     desk::{Desk, DeskState, DeskWindow},
     host::{Host, Next, WindowFrame, WindowImage},
-    picture::Pipelines,
+    picture::{Picture, Pipelines},
     pixels::texels,
     plate::PlateText,
     recorder::Recorder,
@@ -40,9 +44,21 @@ struct Place {
     presented: Option<(Shown, u64)>,
     /// Whether its view no longer exists.
     no_view: bool,
+    /// Whether the host wants it black.
+    is_black: bool,
     /// Reason why it cannot be shown at all.
     refused: Option<String>,
 }
+
+/// An image of a prepared frame.
+enum Prepared {
+    Picture { picture: Picture, number: u64 },
+    NoView,
+    Black,
+}
+
+/// A window that is drawn and presented, with its content and the number of its new frame.
+type Due = (usize, Shown, Option<u64>);
 
 pub(super) struct Presenter {
     configs: Vec<WindowConfig>,
@@ -53,6 +69,8 @@ pub(super) struct Presenter {
     gpu: Option<WindowGpu>,
     pipelines: Pipelines,
     places: Vec<Place>,
+    /// Prepared frames by their numbers: the images of windows by their indices.
+    prepared: HashMap<u64, Vec<(usize, Prepared)>>,
     /// Number of losses of the device since the last presented frame.
     losses: u32,
 }
@@ -60,7 +78,17 @@ pub(super) struct Presenter {
 impl Presenter {
     pub(super) fn new(configs: Vec<WindowConfig>, host: Arc<dyn Host>, desk: Arc<Desk>, preferred: String) -> Self {
         let places = configs.iter().map(|_| Place::default()).collect();
-        Self { configs, host, desk, preferred, gpu: None, pipelines: Pipelines::default(), places, losses: 0 }
+        Self {
+            configs,
+            host,
+            desk,
+            preferred,
+            gpu: None,
+            pipelines: Pipelines::default(),
+            places,
+            prepared: HashMap::new(),
+            losses: 0,
+        }
     }
 
     /// Shows frames until the host or the event loop ends it.
@@ -83,18 +111,33 @@ impl Presenter {
         while !self.desk.has_ended() {
             let desk = self.desk.state().clone();
             let shown: Vec<bool> = self.is_shown(&desk);
-            let frame = match self.host.next(&shown) {
-                Next::End => break,
-                Next::Frame(frame) => Some(frame),
-                Next::Drawing => None,
-                Next::Unchanged => {
-                    self.places.iter_mut().for_each(|place| place.recorder.pause());
-                    None
-                }
-            };
+            let next = self.host.next(&shown);
+            let brings_frame = matches!(next, Next::Frame(_));
             // Read the state again: changes during the wait count.
             let desk = self.desk.state().clone();
-            let presented = match self.present(&desk, frame.as_ref()) {
+            let done = match next {
+                Next::End => break,
+                Next::Frame(frame) => self.present(&desk, Some(&frame)),
+                Next::Drawing => self.present(&desk, None),
+                Next::Unchanged => {
+                    self.places.iter_mut().for_each(|place| place.recorder.pause());
+                    self.present(&desk, None)
+                }
+                Next::Prepare(number, frame) => {
+                    let done = self.prepare(&desk, number, &frame);
+                    self.host.prepared(number, done.is_ok());
+                    match done {
+                        Ok(()) => continue,
+                        Err(error) => Err(error),
+                    }
+                }
+                Next::Present(number) => self.present_prepared(&desk, number),
+                Next::Discard(number) => {
+                    self.discard(number);
+                    continue;
+                }
+            };
+            let presented = match done {
                 Err(WindowsError::Refused(problem)) if self.losses < MOST_LOSSES => {
                     self.lose(&problem);
                     continue;
@@ -104,7 +147,7 @@ impl Presenter {
             if presented {
                 self.losses = 0;
             }
-            if presented || frame.is_none() {
+            if presented || !brings_frame {
                 self.host.figures(self.figures(&desk));
             }
             if !presented && !shown.contains(&true) {
@@ -121,6 +164,7 @@ impl Presenter {
         for place in &mut self.places {
             (place.screen, place.presented) = (None, None);
         }
+        self.prepared.clear();
         self.pipelines = Pipelines::default();
         self.gpu = None;
     }
@@ -130,10 +174,10 @@ impl Presenter {
         desk.windows.iter().zip(&self.places).map(is_visible).collect()
     }
 
-    /// Updates all windows for which the frame has an image or whose picture is stale. Returns whether there was one.
-    fn present(&mut self, desk: &DeskState, frame: Option<&WindowFrame>) -> Result<bool, WindowsError> {
+    /// Opens and resizes the surfaces of all visible windows; returns the indices of those that can be drawn.
+    fn ready_windows(&mut self, desk: &DeskState) -> Result<Vec<usize>, WindowsError> {
         let shown = self.is_shown(desk);
-        let mut due = Vec::new();
+        let mut ready = Vec::new();
         for (index, window) in desk.windows.iter().enumerate() {
             if !shown[index] {
                 self.places[index].recorder.pause();
@@ -147,6 +191,17 @@ impl Presenter {
             }
             let (Some(gpu), Some(screen)) = (&self.gpu, &mut self.places[index].screen) else { continue };
             screen.resize(gpu, window.size);
+            ready.push(index);
+        }
+        Ok(ready)
+    }
+
+    /// Updates all windows for which the frame has an image or whose picture is stale. Returns whether there was one.
+    fn present(&mut self, desk: &DeskState, frame: Option<&WindowFrame>) -> Result<bool, WindowsError> {
+        let mut due = Vec::new();
+        for index in self.ready_windows(desk)? {
+            let place = &mut self.places[index];
+            let (Some(gpu), Some(screen)) = (&self.gpu, &mut place.screen) else { continue };
             let mut number = None;
             match frame.and_then(|frame| frame.images.get(index)) {
                 Some(WindowImage::Image(image)) => {
@@ -154,27 +209,84 @@ impl Presenter {
                     if let Some(texels) = texels(shown, image.frame.exposure_ev100, &image.tone_map, format) {
                         screen.fill(gpu, [shown.width, shown.height], &texels);
                         number = Some(image.frame.number);
-                        self.places[index].no_view = false;
+                        (place.no_view, place.is_black) = (false, false);
                     }
                 }
-                Some(WindowImage::NoView) => self.places[index].no_view = true,
+                Some(WindowImage::NoView) => place.no_view = true,
+                Some(WindowImage::Black) => place.is_black = true,
                 Some(WindowImage::AsBefore) | None => {}
             }
-            let place = &self.places[index];
-            let shown = Shown { black: desk.blackout || place.no_view, plate: self.plate(desk, index) };
-            let up_to_date = place.presented.as_ref() == Some(&(shown.clone(), window.stale));
-            if number.is_some() || !up_to_date {
-                due.push((index, shown, number));
-            }
+            due.extend(self.due(desk, index, number));
         }
         self.present_together(desk, due)
     }
 
-    fn present_together(
-        &mut self,
-        desk: &DeskState,
-        due: Vec<(usize, Shown, Option<u64>)>,
-    ) -> Result<bool, WindowsError> {
+    /// Prepares a frame: uploads its images, acquires the next textures of all windows, and waits for the device.
+    fn prepare(&mut self, desk: &DeskState, number: u64, frame: &WindowFrame) -> Result<(), WindowsError> {
+        let mut prepared = Vec::new();
+        for index in self.ready_windows(desk)? {
+            let (Some(gpu), Some(screen)) = (&self.gpu, &mut self.places[index].screen) else { continue };
+            match frame.images.get(index) {
+                Some(WindowImage::Image(image)) => {
+                    let (shown, format) = (image.image(), self.configs[index].format);
+                    if let Some(texels) = texels(shown, image.frame.exposure_ev100, &image.tone_map, format) {
+                        let picture = screen.upload(gpu, [shown.width, shown.height], &texels);
+                        prepared.push((index, Prepared::Picture { picture, number: image.frame.number }));
+                    }
+                }
+                Some(WindowImage::NoView) => prepared.push((index, Prepared::NoView)),
+                Some(WindowImage::Black) => prepared.push((index, Prepared::Black)),
+                Some(WindowImage::AsBefore) | None => {}
+            }
+            screen.acquire_ahead(gpu);
+        }
+        self.prepared.insert(number, prepared);
+        self.gpu.as_ref().map_or(Ok(()), WindowGpu::finish)
+    }
+
+    /// Presents a prepared frame, and every window whose picture is stale.
+    fn present_prepared(&mut self, desk: &DeskState, number: u64) -> Result<bool, WindowsError> {
+        // The device may have been lost since it was prepared.
+        let mut prepared = self.prepared.remove(&number).unwrap_or_default();
+        let mut due = Vec::new();
+        for index in self.ready_windows(desk)? {
+            let place = &mut self.places[index];
+            let Some(screen) = &mut place.screen else { continue };
+            let mut number = None;
+            match prepared.iter().position(|(of, _)| *of == index).map(|found| prepared.swap_remove(found)) {
+                Some((_, Prepared::Picture { picture, number: of_frame })) => {
+                    screen.put(picture);
+                    number = Some(of_frame);
+                    (place.no_view, place.is_black) = (false, false);
+                }
+                Some((_, Prepared::NoView)) => place.no_view = true,
+                Some((_, Prepared::Black)) => place.is_black = true,
+                None => {}
+            }
+            due.extend(self.due(desk, index, number));
+        }
+        self.present_together(desk, due)
+    }
+
+    /// Keeps the textures of a prepared frame for another one.
+    fn discard(&mut self, number: u64) {
+        for (index, image) in self.prepared.remove(&number).unwrap_or_default() {
+            if let (Prepared::Picture { picture, .. }, Some(screen)) = (image, &mut self.places[index].screen) {
+                screen.take_back(picture);
+            }
+        }
+    }
+
+    /// The content of a window with this new frame; `None`: what it shows is up to date.
+    fn due(&self, desk: &DeskState, index: usize, number: Option<u64>) -> Option<Due> {
+        let place = &self.places[index];
+        let black = desk.blackout || place.no_view || place.is_black;
+        let shown = Shown { black, plate: self.plate(desk, index) };
+        let up_to_date = place.presented.as_ref() == Some(&(shown.clone(), desk.windows[index].stale));
+        (number.is_some() || !up_to_date).then_some((index, shown, number))
+    }
+
+    fn present_together(&mut self, desk: &DeskState, due: Vec<Due>) -> Result<bool, WindowsError> {
         let Some(gpu) = self.gpu.as_ref().filter(|_| !due.is_empty()) else { return Ok(false) };
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("windows") });
         let mut drawn = Vec::new();

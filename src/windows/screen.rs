@@ -51,6 +51,10 @@ pub(super) struct Screen {
     configuration: wgpu::SurfaceConfiguration,
     format: WindowFormat,
     picture: Option<Picture>,
+    /// Pictures that are not shown, to be filled again.
+    spare: Vec<Picture>,
+    /// The surface's next texture, if it was acquired ahead of the frame.
+    acquired: Option<wgpu::SurfaceTexture>,
     plate: Option<(PlateText, Picture)>,
 }
 
@@ -92,7 +96,16 @@ impl Screen {
         };
         surface.configure(&gpu.device, &configuration);
         tracing::debug!("window `{}`: {texture_format:?}, {color_space:?}, {size:?}", config.name);
-        Ok(Self { surface, window, configuration, format: config.format, picture: None, plate: None })
+        Ok(Self {
+            surface,
+            window,
+            configuration,
+            format: config.format,
+            picture: None,
+            spare: Vec::new(),
+            acquired: None,
+            plate: None,
+        })
     }
 
     /// Whether it is the surface of this window.
@@ -105,22 +118,57 @@ impl Screen {
         let size = size.map(|side| side.max(1));
         if [self.configuration.width, self.configuration.height] != size {
             [self.configuration.width, self.configuration.height] = size;
+            // A texture of the previous size must be returned before.
+            self.acquired = None;
             self.surface.configure(&gpu.device, &self.configuration);
         }
     }
 
-    /// Uploads the texels of an image.
-    pub(super) fn fill(&mut self, gpu: &WindowGpu, size: [u32; 2], texels: &[u8]) {
-        let picture = match self.picture.take().filter(|picture| picture.size() == size) {
-            Some(picture) => picture,
-            None => Picture::new(gpu, size, texture_format(self.format)),
+    /// Uploads the texels of an image, which is not shown yet.
+    pub(super) fn upload(&mut self, gpu: &WindowGpu, size: [u32; 2], texels: &[u8]) -> Picture {
+        let fits = self.spare.iter().position(|picture| picture.size() == size);
+        let picture = match fits {
+            Some(index) => self.spare.swap_remove(index),
+            None => {
+                self.spare.clear();
+                Picture::new(gpu, size, texture_format(self.format))
+            }
         };
         picture.fill(gpu, texels);
+        picture
+    }
+
+    /// Uploads the texels of an image, which the screen shows from the next drawing on.
+    pub(super) fn fill(&mut self, gpu: &WindowGpu, size: [u32; 2], texels: &[u8]) {
+        // Its texture is filled again: nothing else is drawn before.
+        self.spare.extend(self.picture.take());
+        let picture = self.upload(gpu, size, texels);
         self.picture = Some(picture);
     }
 
-    /// Acquires the surface's next texture. `None`: not available now; it is tried again with the next frame.
-    pub(super) fn acquire(&self, gpu: &WindowGpu) -> Option<wgpu::SurfaceTexture> {
+    /// From the next drawing on, the screen shows this picture.
+    pub(super) fn put(&mut self, picture: Picture) {
+        self.spare.extend(self.picture.replace(picture));
+    }
+
+    /// Keeps the texture of a picture that is not shown for another one.
+    pub(super) fn take_back(&mut self, picture: Picture) {
+        self.spare.push(picture);
+    }
+
+    /// Acquires the surface's next texture ahead of the frame, unless that was done before.
+    pub(super) fn acquire_ahead(&mut self, gpu: &WindowGpu) {
+        if self.acquired.is_none() {
+            self.acquired = self.acquire_now(gpu);
+        }
+    }
+
+    /// Returns the surface's next texture. `None`: not available now; it is tried again with the next frame.
+    pub(super) fn acquire(&mut self, gpu: &WindowGpu) -> Option<wgpu::SurfaceTexture> {
+        self.acquired.take().or_else(|| self.acquire_now(gpu))
+    }
+
+    fn acquire_now(&self, gpu: &WindowGpu) -> Option<wgpu::SurfaceTexture> {
         use wgpu::CurrentSurfaceTexture as Current;
         for _ in 0..2 {
             match self.surface.get_current_texture() {

@@ -32,6 +32,7 @@ use crate::service::{
     engine::{
         led::{CueError, Pictures},
         render_handle::RenderHandle,
+        stage::Stage,
     },
     threads::RunningThread,
 };
@@ -48,6 +49,11 @@ pub(super) enum Event {
         id: FrameId,
         pictures: Result<Pictures, CueError>,
     },
+    /// The windows have prepared a frame, or have lost their device with it.
+    Prepared {
+        id: FrameId,
+        is_ready: bool,
+    },
     /// The director's scene was adopted: its revision and hash.
     Adopted(Result<(u64, [u8; 32]), String>),
     Stop,
@@ -60,8 +66,14 @@ struct Player {
     queue: Arc<Queue<Event>>,
     /// Scenes of the director for the thread that adopts them.
     scenes: SyncSender<Vec<u8>>,
-    /// Pictures that wait for a verdict.
-    pictures: HashMap<FrameId, Pictures>,
+    /// Hands pictures to windows.
+    stage: Arc<Stage>,
+    /// Pictures that are being prepared or wait for a verdict, with their numbers on the stage.
+    pictures: HashMap<FrameId, (Pictures, u64)>,
+    /// Pictures that were handed to the stage.
+    staged: u64,
+    /// What streams show, to be shown in black.
+    last: Option<Pictures>,
     /// Revision and hash of the scene.
     scene: (u64, [u8; 32]),
     adopting: bool,
@@ -105,13 +117,17 @@ pub(super) fn spawn(
         let lock = Node::new(party.rules, id, party.run, promised, party.identity.clone(), station.clock.now());
         let begun = render.scene().map_err(|_| "the daemon is shutting down".to_owned())?;
         let scene = (begun.revision, scene::hash(&begun, render.time()));
+        let stage = render.stage().ok_or("the worker of a node is led")?;
         let mut player = Player {
             station,
             lock,
             render,
             queue,
             scenes,
+            stage,
             pictures: HashMap::new(),
+            staged: 0,
+            last: None,
             scene,
             adopting: false,
             asked_ns: None,
@@ -147,6 +163,7 @@ impl Player {
                     Event::Stop => return Ok(()),
                     Event::Heard(heard) => self.hear(now, heard),
                     Event::Drawn { id, pictures } => self.drawn(now, id, pictures),
+                    Event::Prepared { id, is_ready } => self.prepared(now, id, is_ready),
                     Event::Adopted(adopted) => self.adopted(adopted),
                 }
             }
@@ -239,13 +256,15 @@ impl Player {
     fn drawn(&mut self, now: Now, id: FrameId, pictures: Result<Pictures, CueError>) {
         match pictures {
             Ok(pictures) => {
-                let drawn_ns = u64::try_from(pictures.took.as_nanos()).unwrap_or(u64::MAX);
-                self.drawn.note(drawn_ns);
                 self.problem.clear();
                 self.asked_ns = None;
-                self.pictures.insert(id, pictures);
-                let report = Report { scene_hash: Some(self.scene.1), shown: self.shown };
-                self.lock.drawn(now, id, drawn_ns, LockReport(report::encode(&report).into()));
+                self.staged += 1;
+                let queue = Arc::clone(&self.queue);
+                let reply = Box::new(move |is_ready| queue.push_surely(Event::Prepared { id, is_ready }));
+                self.pictures.insert(id, (pictures.clone(), self.staged));
+                if !self.stage.prepare(self.staged, &pictures, reply) {
+                    self.prepared(now, id, true);
+                }
             }
             Err(error) => {
                 self.lock.failed(now, id);
@@ -258,14 +277,31 @@ impl Player {
         }
     }
 
+    /// The device has drawn a frame, and the windows are prepared to present it: the node is ready.
+    fn prepared(&mut self, now: Now, id: FrameId, is_ready: bool) {
+        let Some((pictures, _)) = self.pictures.get(&id) else { return };
+        if !is_ready {
+            self.pictures.remove(&id);
+            self.report("the device of the windows was lost".to_owned());
+            self.lock.failed(now, id);
+            return;
+        }
+        let drawn_ns = u64::try_from(pictures.start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        self.drawn.note(drawn_ns);
+        let report = Report { scene_hash: Some(self.scene.1), shown: self.shown };
+        self.lock.drawn(now, id, drawn_ns, LockReport(report::encode(&report).into()));
+    }
+
     fn carry_out(&mut self, now: Now, action: Action) -> Result<(), String> {
         match action {
             Action::Remember(epoch) => epoch_file::write(&self.station.party.epoch_file, epoch)?,
             Action::Send(message) => self.station.send(To::Directors, &encode_to_director(&message)),
             Action::Draw { id, cue, .. } => self.draw(now, id, cue.bytes()),
             Action::Show { id } => {
-                if let Some(pictures) = self.pictures.remove(&id) {
+                if let Some((pictures, staged)) = self.pictures.remove(&id) {
+                    self.stage.present(staged);
                     self.render.show(&pictures);
+                    self.last = Some(pictures);
                     self.shown = id.number;
                     let at = self.station.clock.monotonic_ns();
                     tracing::trace!(target: FRAMES, "shown {} at {at}", frame_name(id));
@@ -275,9 +311,17 @@ impl Player {
                     self.is_black = false;
                 }
             }
-            Action::Discard { id } => drop(self.pictures.remove(&id)),
+            Action::Discard { id } => {
+                if let Some((_, staged)) = self.pictures.remove(&id) {
+                    self.stage.discard(staged);
+                }
+            }
             Action::Black => {
                 self.is_black = true;
+                self.stage.black();
+                if let Some(last) = self.last.take() {
+                    self.render.show(&last.blackened());
+                }
                 tracing::warn!("cluster: no frame to show for {} s", self.station.party.rules.hold_ns as f64 * 1e-9);
             }
         }

@@ -26,7 +26,10 @@ use crate::{
     config::WindowConfig,
     render::Wanted,
     service::{
-        engine::render_handle::RenderHandle,
+        engine::{
+            render_handle::RenderHandle,
+            stage::{Stage, StageWork},
+        },
         frames::{errors::RenderFailure, rendered_frame::RenderedFrame, schedule::Revisions},
         scene::{state::SceneState, views::ViewId},
         threads::{RunningThread, panic_message},
@@ -135,6 +138,9 @@ impl Windows {
             // State left by a panicking run is not used again.
             let end = catch_unwind(AssertUnwindSafe(|| open(host)))
                 .unwrap_or_else(|payload| WindowsEnd::Failed(format!("panic: {}", panic_message(payload.as_ref()))));
+            if let Some(stage) = self.render.stage() {
+                stage.end_windows();
+            }
             let problem = match end {
                 WindowsEnd::InOrder => return,
                 WindowsEnd::NoDisplay(problem) => {
@@ -156,8 +162,8 @@ impl Windows {
         }
     }
 
-    /// Requests the next frame of the views of all visible windows.
-    fn ask(&self, scene: SceneState, shown: &[bool], state: &mut State) -> Option<()> {
+    /// Images that all visible windows show.
+    fn wanted(&self, scene: &SceneState, shown: &[bool]) -> Vec<(ViewId, Wanted)> {
         let mut wanted: Vec<(ViewId, Wanted)> = Vec::new();
         for (config, _) in self.configs.iter().zip(shown).filter(|(_, shown)| **shown) {
             let Some((id, _)) = scene.views.named(&config.view) else { continue };
@@ -168,21 +174,42 @@ impl Windows {
                 None => wanted.push((id, of_window)),
             }
         }
+        wanted
+    }
+
+    /// Requests the next frame of the views of all visible windows.
+    fn ask(&self, scene: SceneState, shown: &[bool], state: &mut State) -> Option<()> {
+        let wanted = self.wanted(&scene, shown);
         let replies = self.render.next_of_views(&wanted, &state.seen).ok()?;
         let frames = wanted.iter().map(|(id, _)| *id).zip(replies.into_iter().map(Err)).collect();
         state.asked = Some(Asked { frames, scene });
         Some(())
     }
 
-    /// Returns the images that the windows show.
+    /// Returns the images that the windows show: of the requested frames.
     fn images(&self, asked: &Asked, shown: &[bool]) -> WindowFrame {
-        let image = |(config, shown): (&WindowConfig, &bool)| {
-            let Some((id, index)) = asked.scene.views.named(&config.view) else { return WindowImage::NoView };
-            let frame = asked.frames.iter().find(|(of, _)| *of == id).and_then(|(_, frame)| match frame {
+        let frame = |id: ViewId, _| {
+            asked.frames.iter().find(|(of, _)| *of == id).and_then(|(_, frame)| match frame {
                 Ok(Ok(rendered)) => Some(rendered),
                 _ => None,
-            });
-            let (Some(rendered), true) = (frame, *shown) else { return WindowImage::AsBefore };
+            })
+        };
+        self.images_of(&asked.scene, shown, frame)
+    }
+
+    /// Returns the images that the windows show; `frame` finds the frame of a view with the images that a window wants.
+    fn images_of<'a>(
+        &self,
+        scene: &SceneState,
+        shown: &[bool],
+        frame: impl Fn(ViewId, Wanted) -> Option<&'a Arc<RenderedFrame>>,
+    ) -> WindowFrame {
+        let image = |(config, shown): (&WindowConfig, &bool)| {
+            let Some((id, index)) = scene.views.named(&config.view) else { return WindowImage::NoView };
+            let patterned = scene.objects.drawn.overlay.test_patterns.contains(&config.view);
+            let (Some(rendered), true) = (frame(id, config.format.wanted(patterned)), *shown) else {
+                return WindowImage::AsBefore;
+            };
             let number = rendered.views.iter().position(|known| *known == id);
             let is_it = |image: &crate::render::FrameImage| {
                 Some(image.view) == number && image.part.name() == config.part.as_deref()
@@ -191,13 +218,32 @@ impl Windows {
                 Some(image) => WindowImage::Image(ShownImage {
                     frame: Arc::clone(&rendered.frame),
                     image,
-                    tone_map: asked.scene.views.settings[index].tone_map,
+                    tone_map: scene.views.settings[index].tone_map,
                 }),
                 // A client has changed the view, and it no longer has this part.
                 None => WindowImage::NoView,
             }
         };
         WindowFrame { images: self.configs.iter().zip(shown).map(image).collect() }
+    }
+
+    /// The next action of the windows of a led worker: what the cluster has decided.
+    fn next_staged(&self, stage: &Stage, scene: &SceneState, shown: &[bool]) -> Next {
+        self.render.show_in_windows(self.wanted(scene, shown));
+        match stage.next(PATIENCE) {
+            None => Next::Drawing,
+            Some(StageWork::Prepare(number, pictures)) => {
+                // A window with more than 8 bits shows the codes of the display image until the worker knows that it wants another one.
+                let frame =
+                    |id, wanted| pictures.frame_of(id, wanted).or_else(|| pictures.frame_of(id, Wanted::display()));
+                Next::Prepare(number, self.images_of(scene, shown, frame))
+            }
+            Some(StageWork::Present(number)) => Next::Present(number),
+            Some(StageWork::Discard(number)) => Next::Discard(number),
+            Some(StageWork::Black) => {
+                Next::Frame(WindowFrame { images: self.configs.iter().map(|_| WindowImage::Black).collect() })
+            }
+        }
     }
 
     /// Waits for the requested frames; returns whether all have arrived.
@@ -233,6 +279,10 @@ impl Host for Windows {
         let mut state = self.state();
         if state.ending {
             return Next::End;
+        }
+        if let Some(stage) = self.render.stage() {
+            drop(state);
+            return self.next_staged(&stage, &scene, shown);
         }
         let nothing_wanted = || {
             let views = self.configs.iter().zip(shown).filter(|(_, shown)| **shown);
@@ -280,6 +330,12 @@ impl Host for Windows {
             return Next::End;
         }
         Next::Frame(frame)
+    }
+
+    fn prepared(&self, number: u64, is_ready: bool) {
+        if let Some(stage) = self.render.stage() {
+            stage.prepared(number, is_ready);
+        }
     }
 
     fn command(&self, command: Command) {

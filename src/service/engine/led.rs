@@ -6,12 +6,13 @@
 use std::{
     collections::VecDeque,
     sync::Arc,
-    time::{Duration, Instant, SystemTime},
+    time::{Instant, SystemTime},
 };
 
 use super::{
     render_handle::RenderHandle,
     shared_state::{Request, State, Subscriber},
+    stage::Stage,
 };
 use crate::{
     plan::{Limits, settings::RenderSettings},
@@ -55,8 +56,6 @@ pub(crate) struct Pictures {
     pub(crate) frames: Vec<LedFrame>,
     /// Time at which their drawing began.
     pub(crate) start: Instant,
-    /// Duration of drawing.
-    pub(crate) took: Duration,
 }
 
 /// Receives the result of drawing a cue.
@@ -101,6 +100,10 @@ pub(crate) struct Led {
     pub(crate) views: Arc<[String]>,
     /// The cue to be drawn next.
     pub(crate) next: Option<CueRequest>,
+    /// Images that its windows show, besides display images.
+    pub(crate) of_windows: Vec<(ViewId, Wanted)>,
+    /// Hands frames to its windows.
+    pub(crate) stage: Arc<Stage>,
 }
 
 /// Content of a frame at a time, for the director.
@@ -121,7 +124,17 @@ fn satisfies(has: Wanted, wanted: Wanted) -> bool {
 }
 
 impl Pictures {
-    fn frame_of(&self, view: ViewId, wanted: Wanted) -> Option<&Arc<RenderedFrame>> {
+    /// The same frames in black: what a node shows that has had no frame for a long time.
+    pub(crate) fn blackened(&self) -> Self {
+        let frames = self
+            .frames
+            .iter()
+            .map(|LedFrame { frame, views }| LedFrame { frame: Arc::new(frame.blackened()), views: views.clone() });
+        Self { frames: frames.collect(), ..*self }
+    }
+
+    /// The frame with these images of a view.
+    pub(crate) fn frame_of(&self, view: ViewId, wanted: Wanted) -> Option<&Arc<RenderedFrame>> {
         let has = |frame: &&LedFrame| frame.views.iter().any(|(of, has)| *of == view && satisfies(*has, wanted));
         self.frames.iter().find(has).map(|led| &led.frame)
     }
@@ -132,20 +145,34 @@ impl State {
     pub(super) fn wanted_by_clients(&self) -> Vec<(ViewId, Wanted)> {
         let of_requests = self.queue.requests.iter().map(|request| (request.view, request.wanted));
         let of_streams = self.queue.subscribers.iter().map(|stream| (stream.view, stream.wanted));
-        of_requests.chain(of_streams).filter(|(_, wanted)| wanted.reads_hdr()).collect()
+        let of_windows = self.led.iter().flat_map(|led| led.of_windows.iter().copied());
+        of_requests.chain(of_streams).chain(of_windows).filter(|(_, wanted)| wanted.reads_hdr()).collect()
     }
 }
 
 impl RenderHandle {
     /// From now on, frames are drawn only for cues, with these views.
     pub(crate) fn be_led(&self, views: Vec<String>) {
-        self.shared.state().led = Some(Led { views: views.into(), next: None });
+        let stage = Arc::default();
+        self.shared.state().led = Some(Led { views: views.into(), next: None, of_windows: Vec::new(), stage });
         self.shared.wake.notify_one();
     }
 
     /// The views that a led worker draws; `None`: the worker is not led.
     pub(crate) fn led_views(&self) -> Option<Arc<[String]>> {
         self.shared.state().led.as_ref().map(|led| Arc::clone(&led.views))
+    }
+
+    /// The stage of a led worker's windows; `None`: the worker is not led.
+    pub(crate) fn stage(&self) -> Option<Arc<Stage>> {
+        self.shared.state().led.as_ref().map(|led| Arc::clone(&led.stage))
+    }
+
+    /// Images that the windows of a led worker show.
+    pub(crate) fn show_in_windows(&self, wanted: Vec<(ViewId, Wanted)>) {
+        if let Some(led) = &mut self.shared.state().led {
+            led.of_windows = wanted;
+        }
     }
 
     /// Draws a cue. The reply comes from the render thread after the device has finished; it is dropped if the daemon ends.

@@ -10,3 +10,4 @@ pub(crate) mod quality;
 pub(crate) mod render_handle;
 pub(crate) mod render_thread;
 pub(crate) mod shared_state;
+pub(crate) mod stage;

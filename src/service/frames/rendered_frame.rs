@@ -38,6 +38,28 @@ impl RenderedFrame {
         let number = self.views.iter().position(|known| *known == view);
         self.frame.images.iter().filter(move |image| Some(image.view) == number)
     }
+
+    /// The same frame with black images.
+    pub(crate) fn blackened(&self) -> Self {
+        let mut frame = Frame::clone(&self.frame);
+        for image in &mut frame.images {
+            image
+                .display
+                .iter_mut()
+                .flatten()
+                .enumerate()
+                .filter(|(byte, _)| byte % 4 != 3)
+                .for_each(|(_, code)| *code = 0);
+            image.hdr.iter_mut().flatten().for_each(|pixel| pixel[..3].fill(0.0));
+        }
+        Self {
+            frame: Arc::new(frame),
+            views: Arc::clone(&self.views),
+            given_up: self.given_up.clone(),
+            encoded: EncodedImages::default(),
+            ..*self
+        }
+    }
 }
 
 /// Reductions of quality of a frame.

@@ -56,7 +56,7 @@ impl Worker {
             Err(_) => Err(CueError::Frame(RenderFailure::Ended.to_string())),
         });
         let frames = arrived.collect::<Result<Vec<_>, CueError>>();
-        reply(frames.map(|frames| Pictures { frames, start, took: start.elapsed() }));
+        reply(frames.map(|frames| Pictures { frames, start }));
         Ok(())
     }
 
