@@ -33,6 +33,8 @@ pub fn start(argument: Option<&str>) -> Result<Option<Exporting>, CliError> {
         .with_filter(filter);
     let (exporting, traces) = telemetry::start()?.unzip();
     let all = tracing_subscriber::registry().with(lines).with(traces);
+    #[cfg(feature = "cluster")]
+    let all = all.with(crate::service::cluster::watch_refusals());
     all.try_init().map_err(|error| wrong(error.to_string()))?;
     Ok(exporting)
 }

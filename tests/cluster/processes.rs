@@ -75,7 +75,12 @@ fn collect(stream: impl std::io::Read + Send + 'static) -> Arc<Mutex<String>> {
 impl Process {
     /// Starts a process of the cluster in a folder, without waiting for it.
     pub fn spawn(folder: &Path, configuration: &str, arguments: &[&str]) -> Self {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_steradian"))
+        Self::spawn_program(env!("CARGO_BIN_EXE_steradian"), folder, configuration, arguments)
+    }
+
+    /// The same of another program.
+    pub fn spawn_program(program: &str, folder: &Path, configuration: &str, arguments: &[&str]) -> Self {
+        let mut child = Command::new(program)
             .args(["--log", "info", "serve", "--config", configuration, "--listen", "127.0.0.1:0"])
             .args(arguments)
             .current_dir(folder)

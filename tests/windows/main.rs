@@ -7,20 +7,24 @@ use testkit::theatre;
 use testkit::trials;
 
 mod absent;
+#[cfg(feature = "cluster")]
+mod cluster;
 mod desktop;
 mod frames;
 mod keys;
 mod monitors;
 mod pictures;
 mod program;
+#[cfg(feature = "cluster")]
+mod stamps;
 
 use std::process::ExitCode;
 
 pub use trials::Test;
 
 fn main() -> ExitCode {
-    trials::main(
-        "STERADIAN_REQUIRE_WINDOWS",
-        &[absent::TESTS, pictures::TESTS, frames::TESTS, keys::TESTS, monitors::TESTS],
-    )
+    let mut tests = vec![absent::TESTS, pictures::TESTS, frames::TESTS, keys::TESTS, monitors::TESTS];
+    #[cfg(feature = "cluster")]
+    tests.push(cluster::TESTS);
+    trials::main("STERADIAN_REQUIRE_WINDOWS", &tests)
 }

@@ -64,6 +64,17 @@ impl Scene {
             ["serve", "--config", &path, "--listen", "127.0.0.1:0", "--log", "info,steradian::windows=trace"];
         Running::start(steradian(&arguments, display), self.folder.path())
     }
+
+    /// Starts `serve` as a process of a cluster, whose log has a name.
+    #[cfg(feature = "cluster")]
+    pub fn serve_as(&self, name: &str, display: Option<&str>, arguments: &[&str]) -> Running {
+        let path = self.path();
+        let log = ["--log", "info,zenoh=error,steradian::windows=trace"];
+        let all = [&["serve", "--config", &path, "--listen", "127.0.0.1:0"], &log[..], arguments].concat();
+        let folder = self.folder.path().join(name);
+        fs::create_dir_all(&folder).unwrap();
+        Running::start(steradian(&all, display), &folder)
+    }
 }
 
 pub fn describe(output: &Output) -> String {
@@ -113,11 +124,23 @@ impl Running {
         self.child.try_wait().unwrap().is_none()
     }
 
+    /// Sends a signal, such as `STOP`.
+    pub fn signal(&self, name: &str) {
+        let sent = Command::new("kill").arg(format!("-{name}")).arg(self.child.id().to_string()).status().unwrap();
+        assert!(sent.success());
+    }
+
     /// Sends SIGTERM.
     pub fn terminate(&mut self) -> ExitStatus {
-        let sent = Command::new("kill").arg("-TERM").arg(self.child.id().to_string()).status().unwrap();
-        assert!(sent.success());
+        self.signal("TERM");
         self.wait()
+    }
+
+    /// Ends it at once.
+    #[cfg(feature = "cluster")]
+    pub fn kill(&mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
     }
 
     /// Waits for its end.

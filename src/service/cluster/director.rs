@@ -24,11 +24,15 @@ use super::{
     figures::{ClusterFigures, NodeFigures, SharedFigures, Window, phase_name, short},
     messages::{decode_to_director, encode_to_node},
     queue::Queue,
+    refusals::{Refusals, refusals},
     report,
     station::{FRAMES, Station, frame_name},
     wire::{Heard, To, Wire},
 };
 use crate::service::{engine::render_handle::RenderHandle, threads::RunningThread};
+
+/// Time for which a refused connection is reported as a problem, ns.
+const RECENT_NS: u64 = 10_000_000_000;
 
 /// An event of the director's thread.
 pub(super) enum Event {
@@ -71,6 +75,9 @@ struct Conductor {
     problem: String,
     phase: Phase,
     told_absent: bool,
+    refusals: Refusals,
+    /// Time of the last failed handshake, ns.
+    handshake_ns: Option<u64>,
 }
 
 /// Starts the threads of a director.
@@ -123,6 +130,8 @@ pub(super) fn spawn(
             problem: String::new(),
             phase: Phase::Gathering,
             told_absent: false,
+            refusals: Refusals::default(),
+            handshake_ns: None,
         };
         conductor.run(&events);
         Ok(())
@@ -145,10 +154,32 @@ impl Conductor {
             }
             self.tell_phase();
             if self.station.is_figures_time(now) {
-                self.publish();
+                self.tell_refusals(now);
+                self.publish(now);
                 self.tell_absent(now);
             }
         }
+    }
+
+    /// Notes what the network has refused; the log states each new reason.
+    fn tell_refusals(&mut self, now: Now) {
+        let new = refusals();
+        if new.handshakes > self.refusals.handshakes {
+            self.handshake_ns = Some(now.monotonic_ns);
+            if new.handshake != self.refusals.handshake {
+                tracing::error!("cluster: a connection was refused, {} in all: {}", new.handshakes, new.handshake);
+            }
+        }
+        for (node, denied) in &new.denied {
+            let known = self.refusals.denied.get(node);
+            if known.is_none_or(|known| known.common_name != denied.common_name) {
+                tracing::error!(
+                    "cluster: refused: a process with the certificate of `{}` says that it is node `{node}`",
+                    denied.common_name
+                );
+            }
+        }
+        self.refusals = new;
     }
 
     /// States once which nodes have not said HELLO while the director waited for them.
@@ -321,8 +352,18 @@ impl Conductor {
         }
     }
 
-    fn publish(&mut self) {
+    /// The problem, if there is one: no frame can be asked for, or a connection was refused a short time ago.
+    fn reason(&self, now: Now) -> String {
+        let is_recent = |at_ns: u64| now.monotonic_ns < at_ns + RECENT_NS;
+        if self.problem.is_empty() && self.handshake_ns.is_some_and(is_recent) {
+            return format!("a connection was refused: {}", self.refusals.handshake);
+        }
+        self.problem.clone()
+    }
+
+    fn publish(&mut self, now: Now) {
         let counts = self.lock.counts();
+        let denied = |name: &str| self.refusals.denied.get(name).cloned().unwrap_or_default();
         let nodes = self.station.party.nodes.iter().enumerate().map(|(index, node)| {
             let notes = &self.notes[index];
             let id = NodeId(u16::try_from(index).unwrap_or(u16::MAX));
@@ -330,6 +371,10 @@ impl Conductor {
                 Some(Place::In { .. }) => ("in", String::new()),
                 Some(Place::Out { why: reason, .. }) => ("out", why(*reason).to_owned()),
                 Some(Place::Refused(refusal)) => ("refused", refusal.to_string()),
+                Some(Place::Absent) | None if denied(&node.name).count > 0 => {
+                    let of = denied(&node.name).common_name;
+                    ("absent", format!("refused: a process with the certificate of `{of}` says that it is this node"))
+                }
                 Some(Place::Absent) | None => ("absent", "it has not said HELLO".to_owned()),
             };
             NodeFigures {
@@ -339,7 +384,7 @@ impl Conductor {
                 ready: notes.ready.times(),
                 drawn: notes.drawn.times(),
                 out: notes.out,
-                refused: notes.refused,
+                refused: notes.refused + denied(&node.name).count,
                 version: notes.version.clone(),
                 adapter: notes.adapter.clone(),
                 scene_hash: notes.report.scene_hash.as_ref().map(short).unwrap_or_default(),
@@ -349,7 +394,7 @@ impl Conductor {
         });
         let figures = ClusterFigures {
             state: phase_name(self.lock.phase()).to_owned(),
-            reason: self.problem.clone(),
+            reason: self.reason(now),
             locked: self.lock.is_locked(),
             epoch: self.lock.epoch().counter,
             frame_number: self.committed,
@@ -365,6 +410,8 @@ impl Conductor {
                 ("ticks_lost", counts.ticks_lost),
                 ("ready_late", counts.ready_late),
                 ("refused", counts.refused),
+                ("refused_handshakes", self.refusals.handshakes),
+                ("refused_certificates", self.refusals.denied.values().map(|denied| denied.count).sum()),
                 ("out", counts.out),
                 ("taken_in", counts.taken_in),
                 ("clock_steps", self.lock.clock_steps()),

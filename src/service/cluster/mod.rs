@@ -8,6 +8,7 @@
 //! | `node`, `epoch_file` | the node's thread, and the epoch that it has promised |
 //! | `station` | what both threads have in common |
 //! | `figures` | figures for clients |
+//! | `refusals` | refusals that the network states in its log only |
 //!
 //! The thread of a director or node owns the state machine of the lock and the wire. Callbacks of the network, the render thread and the composer
 //! push events into its queue; nothing else is shared, and nothing waits on the path of a frame.
@@ -21,6 +22,7 @@ pub(crate) mod figures;
 mod messages;
 mod node;
 mod queue;
+mod refusals;
 mod report;
 mod scene;
 mod station;
@@ -39,6 +41,8 @@ use steradian_lock::{
     rules::Rules,
 };
 
+#[cfg(feature = "cluster")]
+pub use self::refusals::watch as watch_refusals;
 pub use self::wire::{Hear, Heard, OpenWire, To, Wire};
 use self::{figures::SharedFigures, queue::Queue};
 use super::{engine::render_handle::RenderHandle, threads::RunningThread};

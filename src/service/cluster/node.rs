@@ -23,6 +23,7 @@ use super::{
     figures::{ClusterFigures, SharedFigures, Window, short},
     messages::{decode_to_node, encode_to_director},
     queue::Queue,
+    refusals::{Refusals, refusals},
     report::{self, Report},
     scene,
     station::{FRAMES, Station, frame_name},
@@ -89,6 +90,7 @@ struct Player {
     state: &'static str,
     problem: String,
     adopted: u64,
+    refusals: Refusals,
 }
 
 /// Starts the thread of a node.
@@ -141,6 +143,7 @@ pub(super) fn spawn(
             state: "",
             problem: String::new(),
             adopted: 0,
+            refusals: Refusals::default(),
         };
         player.run(&events)
     })
@@ -172,6 +175,7 @@ impl Player {
             }
             self.tell_state(now);
             if self.station.is_figures_time(now) {
+                self.tell_refusals();
                 self.publish();
             }
         }
@@ -328,6 +332,15 @@ impl Player {
         Ok(())
     }
 
+    /// Notes what the network has refused; the log states each new reason.
+    fn tell_refusals(&mut self) {
+        let new = refusals();
+        if !new.connection.is_empty() && new.connection != self.refusals.connection {
+            tracing::warn!("cluster: cannot connect to a director: {}", new.connection);
+        }
+        self.refusals = new;
+    }
+
     fn state_name(&self) -> &'static str {
         match (self.lock.refused(), self.lock.is_led(self.station.clock.now())) {
             (Some(_), _) => "refused",
@@ -353,7 +366,11 @@ impl Player {
 
     fn publish(&mut self) {
         let counts = self.lock.counts();
-        let reason = self.lock.refused().map_or_else(|| self.problem.clone(), ToString::to_string);
+        let reason = match self.lock.refused() {
+            Some(refusal) => refusal.to_string(),
+            None if self.problem.is_empty() && self.state == "looking" => self.refusals.connection.clone(),
+            None => self.problem.clone(),
+        };
         self.station.publish(ClusterFigures {
             state: self.state.to_owned(),
             reason,
@@ -378,6 +395,7 @@ impl Player {
                 ("lower_epoch", counts.lower_epoch),
                 ("black", counts.black),
                 ("adopted", self.adopted),
+                ("refused_connections", self.refusals.connections),
                 ("clock_steps", self.lock.clock_steps()),
                 ("unreadable", self.station.unreadable),
                 ("unsent", self.station.unsent),

@@ -1,0 +1,118 @@
+//! Sky stamps: the director turns the camera, so that one bright star is in another column in every frame. One image of the X server shows a line over all
+//! windows at one moment; the columns of the star say which frame each window shows.
+
+use std::time::{Duration, Instant};
+
+use crate::desktop::Desktop;
+
+/// Codes below this are not of the star.
+const DARK: u8 = 60;
+/// Columns of one frame differ by less, pixels.
+const SAME_PX: f64 = 0.5;
+
+/// Windows next to each other at the upper edge of the desktop.
+#[derive(Clone, Copy, Debug)]
+pub struct Line {
+    /// Width of each window, pixels.
+    pub width: u16,
+    pub windows: u16,
+    /// First row, and number of rows, that contain the star.
+    pub rows: [u16; 2],
+}
+
+/// The columns of the star in all windows at one moment; `None`: it is not there.
+#[derive(Clone, Debug)]
+pub struct Sample {
+    pub at: Duration,
+    pub columns: Vec<Option<f64>>,
+}
+
+/// Brightness-weighted centre of a row of pixels.
+fn centre(codes: impl Iterator<Item = u8>) -> Option<f64> {
+    let (mut sum, mut moment) = (0.0, 0.0);
+    for (column, code) in codes.enumerate().filter(|(_, code)| *code >= DARK) {
+        sum += f64::from(code);
+        moment += f64::from(code) * column as f64;
+    }
+    (sum > 0.0).then(|| moment / sum)
+}
+
+/// Reads the windows about once a millisecond for a time.
+pub fn samples(desktop: &Desktop, line: Line, length: Duration) -> Vec<Sample> {
+    let (begin, mut samples) = (Instant::now(), Vec::new());
+    let width = usize::from(line.width);
+    while begin.elapsed() < length {
+        let at = begin.elapsed();
+        let pixels = desktop.pixels([0, line.rows[0] as i16], [line.width * line.windows, line.rows[1]]);
+        let brightest = |column: usize| {
+            let row = |row: usize| pixels.codes[row * pixels.size[0] + column];
+            (0..pixels.size[1]).flat_map(row).max().unwrap_or(0)
+        };
+        let columns =
+            (0..usize::from(line.windows)).map(|window| centre((0..width).map(|x| brightest(window * width + x))));
+        samples.push(Sample { at, columns: columns.collect() });
+        std::thread::sleep(Duration::from_millis(1).saturating_sub(begin.elapsed() - at));
+    }
+    samples
+}
+
+/// What the samples of some windows show.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Verdict {
+    /// Frames that all windows showed.
+    pub frames: usize,
+    /// Times at which windows showed different frames.
+    pub transitions: usize,
+    /// Of these, the number that lasted this long: between the first and the last sample, ms.
+    pub lasted_ms: Vec<f64>,
+    /// Transitions in which a window showed a frame that was neither the one before nor the one after: that frame was shown by some windows only.
+    pub mixed: usize,
+}
+
+impl Verdict {
+    /// Transitions that lasted at least this time, ms.
+    pub fn longer_than(&self, ms: f64) -> usize {
+        self.lasted_ms.iter().filter(|lasted| **lasted >= ms).count()
+    }
+
+    /// Judges some windows. The samples before the first and after the last common frame do not count.
+    pub fn of(samples: &[Sample], windows: &[usize]) -> Self {
+        let is_same = |one: Option<f64>, other: Option<f64>| match (one, other) {
+            (Some(one), Some(other)) => (one - other).abs() < SAME_PX,
+            (None, None) => true,
+            _ => false,
+        };
+        let common = |sample: &Sample| {
+            let first = sample.columns[windows[0]];
+            windows.iter().all(|window| is_same(sample.columns[*window], first)).then_some(first)
+        };
+        let mut verdict = Self::default();
+        let mut before: Option<Option<f64>> = None;
+        let mut differing: Vec<&Sample> = Vec::new();
+        for sample in samples {
+            let Some(after) = common(sample) else {
+                if before.is_some() {
+                    differing.push(sample);
+                }
+                continue;
+            };
+            if let (Some(first), Some(last)) = (differing.first(), differing.last()) {
+                verdict.transitions += 1;
+                verdict.lasted_ms.push((last.at - first.at).as_secs_f64() * 1e3);
+                let is_known = |column: Option<f64>| {
+                    is_same(column, after) || before.is_some_and(|before| is_same(column, before))
+                };
+                let all = differing.iter().flat_map(|sample| windows.iter().map(|window| sample.columns[*window]));
+                verdict.mixed += usize::from(!all.into_iter().all(is_known));
+            }
+            if before.is_none_or(|before| !is_same(before, after)) {
+                verdict.frames += 1;
+            }
+            before = Some(after);
+            differing.clear();
+        }
+        // Windows that never show a common frame again are mixed, too.
+        verdict.mixed += usize::from(differing.len() > 1 && before.is_some());
+        verdict
+    }
+}
