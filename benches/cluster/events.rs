@@ -106,10 +106,14 @@ impl Events {
     pub fn within(&self, from_ns: u64, until_ns: u64) -> Self {
         let is_in = |at_ns: u64| (from_ns..=until_ns).contains(&at_ns);
         let frames = self.frames.iter().filter(|(_, frame)| frame.state_ns.is_some_and(is_in));
-        Self {
-            frames: frames.map(|(name, frame)| (*name, frame.clone())).collect(),
-            shown: self.shown.iter().filter(|shown| is_in(shown.at_ns)).cloned().collect(),
-        }
+        let frames: HashMap<FrameName, Frame> = frames.map(|(name, frame)| (*name, frame.clone())).collect();
+        // A frame belongs to the time of its STATE, also if it was shown a little later.
+        let belongs = |shown: &&Shown| match self.frames.get(&shown.frame) {
+            Some(_) => frames.contains_key(&shown.frame),
+            None => is_in(shown.at_ns),
+        };
+        let shown = self.shown.iter().filter(belongs).cloned().collect();
+        Self { frames, shown }
     }
 
     /// Frames that were committed, in their order.

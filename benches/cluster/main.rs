@@ -7,16 +7,22 @@
 #[allow(clippy::unwrap_used, reason = "a bench may panic on unexpected values")]
 #[path = "../../tests/cluster/certificates.rs"]
 mod certificates;
+#[allow(clippy::unwrap_used, dead_code, reason = "the tests of windows use more of it, and panic on unexpected values")]
+#[path = "../../tests/windows/desktop.rs"]
+mod desktop;
 mod events;
 mod network;
 mod processes;
 mod report;
 mod runs;
+#[path = "../../tests/windows/stamps.rs"]
+mod stamps;
 
 use std::{error::Error, fs};
 
 use clap::{Parser, Subcommand};
 
+use desktop::Desktop;
 use network::Network;
 use processes::{Cluster, Form};
 
@@ -52,6 +58,9 @@ struct Arguments {
     /// With --namespaces: the shortest time-out of TCP, us (`tcp_rto_min_us` of Linux 6.11 and later).
     #[arg(long, global = true)]
     rto_min_us: Option<u32>,
+    /// Nodes have windows on an Xvfb, and show one star that is in another column in every frame. The columns are read during a steady run.
+    #[arg(long, global = true)]
+    windows: bool,
     /// Keeps configuration and logs, and prints their folder.
     #[arg(long, global = true)]
     keep: bool,
@@ -121,9 +130,11 @@ fn load() -> String {
 async fn main() -> Result<(), Box<dyn Error>> {
     let arguments = Arguments::parse();
     let directors = arguments.run.directors();
+    let desktop = arguments.windows.then(Desktop::virtual_frame_buffer).transpose()?;
     let form = Form {
         nodes: arguments.nodes,
         program: arguments.program.clone(),
+        display: desktop.as_ref().map(|desktop| desktop.display.clone()),
         rate_hz: arguments.rate,
         size: arguments.size,
         at_deadline: arguments.at_deadline.clone(),
@@ -156,7 +167,7 @@ async fn main() -> Result<(), Box<dyn Error>> {
         arguments.seed,
         load()
     );
-    let outcome = runs::run(&mut cluster, &form, arguments.run, arguments.loss, arguments.seed).await;
+    let outcome = runs::run(&mut cluster, &form, arguments.run, (desktop, arguments.loss), arguments.seed).await;
     println!("load at the end {}", load());
     cluster.end();
     if arguments.keep {

@@ -15,7 +15,7 @@ use rustix::{
 };
 use steradian::service::{Client, proto};
 
-use crate::network::Network;
+use crate::{network::Network, stamps::STAR};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -64,6 +64,8 @@ pub struct Form {
     pub nodes: usize,
     /// Program of all processes.
     pub program: String,
+    /// Display of the windows in which nodes show a sky of one star; `None`: no windows, and the sky of the bright stars.
+    pub display: Option<String>,
     pub rate_hz: f64,
     pub size: [u32; 2],
     pub at_deadline: String,
@@ -75,9 +77,13 @@ pub struct Cluster {
     pub network: Network,
     pub nodes: Vec<String>,
     program: String,
+    display: Option<String>,
     running: Vec<(String, Process)>,
     pub lives: Vec<Life>,
 }
+
+/// Width of a window, pixels.
+pub const SKY_WIDTH: u16 = 160;
 
 /// Names of the nodes.
 pub fn names(nodes: usize) -> Vec<String> {
@@ -85,8 +91,12 @@ pub fn names(nodes: usize) -> Vec<String> {
 }
 
 fn configuration(form: &Form, nodes: &[String], network: &Network) -> String {
+    let (stars, glare) = match form.display {
+        Some(_) => ("star.csv", "[glare]\nmethod = 'none'\n"),
+        None => ("builtin:bright", ""),
+    };
     let mut text = format!(
-        "[scene]\ncatalogues = ['builtin:bright']\ntime = 2026-01-01T00:00:00Z\n[cluster]\nendpoints = {:?}\n\
+        "[scene]\ncatalogues = ['{stars}']\ntime = 2026-01-01T00:00:00Z\n{glare}[cluster]\nendpoints = {:?}\n\
          rate_hz = {}\nat_deadline = '{}'\ngather_s = 3\n{}\n",
         network.endpoints(),
         form.rate_hz,
@@ -94,6 +104,16 @@ fn configuration(form: &Form, nodes: &[String], network: &Network) -> String {
         network.keys()
     );
     for (index, node) in nodes.iter().enumerate() {
+        if form.display.is_some() {
+            // All show the same part of the sky.
+            text += &format!(
+                "[[views]]\nname = 'of_{node}'\ntype = 'perspective'\nsize = [{SKY_WIDTH}, 24]\nfov_y_deg = 5.0\n\
+                 [[windows]]\nview = 'of_{node}'\nposition = [{}, 0]\n\
+                 [[nodes]]\nname = '{node}'\nviews = ['of_{node}']\n",
+                usize::from(SKY_WIDTH) * index,
+            );
+            continue;
+        }
         let half_rad = 0.2 * index as f64;
         text += &format!(
             "[[views]]\nname = 'of_{node}'\ntype = 'perspective'\nsize = {:?}\nfov_y_deg = 50.0\n\
@@ -113,8 +133,9 @@ impl Cluster {
         let nodes = names(form.nodes);
         let network = network(folder.path(), &nodes)?;
         fs::write(folder.path().join("cluster.toml"), configuration(form, &nodes, &network))?;
-        let program = form.program.clone();
-        Ok(Self { folder, network, nodes, program, running: Vec::new(), lives: Vec::new() })
+        fs::write(folder.path().join("star.csv"), STAR)?;
+        let (program, display) = (form.program.clone(), form.display.clone());
+        Ok(Self { folder, network, nodes, program, display, running: Vec::new(), lives: Vec::new() })
     }
 
     /// Starts the process of a host without waiting for it.
@@ -130,6 +151,8 @@ impl Cluster {
             None => command.args(["--role", "node", "--node", host]),
         };
         command.current_dir(self.folder.path()).stdin(Stdio::null());
+        command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
+        command.envs(self.display.iter().map(|display| ("DISPLAY", display)));
         command.stdout(Stdio::null()).stderr(File::create(&log)?);
         let node = director.is_none().then(|| host.to_owned());
         self.lives.push(Life { node, log, killed_ns: None, stops: Vec::new() });

@@ -8,13 +8,19 @@ use steradian::service::SceneUpdate;
 
 use crate::{
     Run,
+    desktop::Desktop,
     events::Events,
-    processes::{Cluster, Form, now_ns},
+    processes::{Cluster, Form, SKY_WIDTH, now_ns},
     report::{self, Spread, row},
+    stamps::{self, Line, Verdict},
 };
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
+/// Turn of the camera: some pixels per frame.
+const TURN_RAD_S: f64 = 0.4;
+/// Angle after which the camera jumps back.
+const SWEEP_RAD: f64 = 0.5;
 /// A fault's effects are looked for within this time, ns.
 const EFFECT_NS: u64 = 2_000_000_000;
 /// A stopped director is given up after this time: longer than the lease of a connection.
@@ -60,7 +66,13 @@ async fn change_scene(cluster: &Cluster, director: &str) -> Outcome<u64> {
 }
 
 /// Carries out a run and prints its figures.
-pub async fn run(cluster: &mut Cluster, form: &Form, run: Run, loss: Option<u32>, seed: u64) -> Outcome<()> {
+pub async fn run(
+    cluster: &mut Cluster,
+    form: &Form,
+    run: Run,
+    (desktop, loss): (Option<Desktop>, Option<u32>),
+    seed: u64,
+) -> Outcome<()> {
     let mut random = Random(ChaCha8Rng::seed_from_u64(seed));
     begin(cluster).await?;
     if let Some(loss) = loss {
@@ -70,7 +82,7 @@ pub async fn run(cluster: &mut Cluster, form: &Form, run: Run, loss: Option<u32>
     let from_ns = now_ns();
     let mut leader = "d0";
     let faults = match run {
-        Run::Steady { frames } => steady(cluster, form, frames).await?,
+        Run::Steady { frames } => steady(cluster, form, frames, desktop).await?,
         Run::Kills { count } => kills(cluster, &mut random, count).await?,
         Run::Hangs { count } => hangs(cluster, &mut random, count).await?,
         Run::DirectorKills { count } => director_kills(cluster, &mut random, count).await?,
@@ -97,16 +109,40 @@ pub async fn run(cluster: &mut Cluster, form: &Form, run: Run, loss: Option<u32>
     Ok(())
 }
 
-async fn steady(cluster: &Cluster, form: &Form, frames: u64) -> Outcome<Vec<Fault>> {
+async fn steady(cluster: &Cluster, form: &Form, frames: u64, desktop: Option<Desktop>) -> Outcome<Vec<Fault>> {
     let length = Duration::from_secs_f64(frames as f64 / form.rate_hz);
     let before = cluster.stats("d0").await?;
-    tokio::time::sleep(length).await;
+    match desktop {
+        None => tokio::time::sleep(length).await,
+        Some(desktop) => read_windows(cluster, desktop, length).await?,
+    }
     let after = cluster.stats("d0").await?;
     let since = |name: &str| after.counts.get(name).unwrap_or(&0) - before.counts.get(name).unwrap_or(&0);
     for name in ["ticks_lost", "ready_late", "out", "unsent"] {
         row(&format!("director: {name}"), since(name));
     }
     Ok(Vec::new())
+}
+
+/// Reads all windows for a time while the camera turns, and prints what they show.
+async fn read_windows(cluster: &Cluster, desktop: Desktop, length: Duration) -> Outcome<()> {
+    desktop.park_pointer([1500, 850]);
+    let turning = tokio::spawn(stamps::turn(cluster.client("d0").await?, TURN_RAD_S, SWEEP_RAD));
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    let windows = u16::try_from(cluster.nodes.len())?;
+    let line = Line { width: SKY_WIDTH, windows, rows: [8, 8] };
+    let samples = tokio::task::spawn_blocking(move || stamps::samples(&desktop, line, length)).await?;
+    let verdict = Verdict::of(&samples, &(0..usize::from(windows)).collect::<Vec<_>>());
+    let with_star = samples.iter().filter(|sample| sample.columns.iter().all(Option::is_some)).count();
+    row("images of all windows per second", format!("{:.0}", samples.len() as f64 / length.as_secs_f64()));
+    row("images with the star in every window", format!("{with_star} of {}", samples.len()));
+    row("frames seen in all windows at once", verdict.frames);
+    row("changes of frame in which windows differed", verdict.transitions);
+    row("of these 5 ms or longer", verdict.longer_than(5.0));
+    row("duration of these changes, ms", Spread::of_ns(verdict.lasted_ms.iter().map(|ms| (ms * 1e6) as u64)));
+    row("frames that only some windows showed", verdict.mixed);
+    turning.abort();
+    Ok(())
 }
 
 async fn kills(cluster: &mut Cluster, random: &mut Random, count: u32) -> Outcome<Vec<Fault>> {

@@ -7,7 +7,7 @@ use steradian::{
     service::{CameraUpdate, Client, ReceivedFrame},
 };
 
-use crate::processes::{Process, configuration, free_port};
+use crate::processes::{PATIENCE, Process, configuration, free_port};
 
 const NODES: [&str; 2] = ["left", "right"];
 
@@ -106,4 +106,27 @@ async fn of_two_directors_one_leads() {
     let committed = first.stats_when("deposed", |_| true).await.counts["committed"];
     second.advances(10).await;
     assert_eq!(first.stats_when("deposed", |_| true).await.counts["committed"], committed);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn streams_are_black_after_hold_s_without_a_director() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    configuration(folder, &NODES, &[endpoint()], "hold_s = 1.0");
+    let director = Process::director(folder);
+    let [left, _right] = NODES.map(|name| Process::node(folder, name));
+    director.all_in().await;
+    let mut stream = left.client().await.stream_frames("of_left", Encoding::Rgba8, 0.0).await.unwrap();
+    let is_black = |frame: &ReceivedFrame| pixels(frame).chunks(4).all(|pixel| pixel == [0, 0, 0, 255]);
+    // A machine with other work may have been black before.
+    while is_black(&stream.next().await.unwrap().unwrap()) {}
+    director.kill();
+    let black = async { while !is_black(&stream.next().await.unwrap().unwrap()) {} };
+    tokio::time::timeout(PATIENCE, black).await.unwrap();
+    left.stats_when("black", |cluster| cluster.counts["black"] >= 1).await;
+    // Another director brings the pictures back.
+    let director = Process::director(folder);
+    let back = async { while is_black(&stream.next().await.unwrap().unwrap()) {} };
+    tokio::time::timeout(PATIENCE, back).await.unwrap();
+    director.advances(3).await;
 }

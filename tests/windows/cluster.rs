@@ -2,14 +2,14 @@
 
 use std::{net::TcpListener, time::Duration};
 
-use steradian::service::{CameraUpdate, Client, Lease, proto::ClusterStats};
+use steradian::service::{Client, proto::ClusterStats};
 use tokio::runtime::Runtime;
 
 use crate::{
     Test,
     desktop::{Desktop, until},
     program::{Running, Scene},
-    stamps::{Line, Sample, Verdict, samples},
+    stamps::{Line, STAR, Sample, Verdict, samples, turn},
 };
 
 pub const TESTS: &[Test] = &[
@@ -28,9 +28,6 @@ const SWEEP_RAD: f64 = 0.9;
 const WIDTH: u16 = 320;
 const NODES: [&str; 3] = ["n1", "n2", "n3"];
 const LINE: Line = Line { width: WIDTH, windows: 3, rows: [8, 8] };
-
-/// A star ahead of the camera.
-const STAR: &str = "ra_deg,dec_deg,v_mag\n0.0,-90.0,-1.0\n";
 
 /// Configuration of a view for each window, next to each other.
 fn configuration(views: &[&str], first_x: u16, rest: &str) -> String {
@@ -107,23 +104,9 @@ impl Theatre {
     }
 
     /// Turns the camera of a daemon from now on, as a function of the time of the machine.
-    fn turn(&self, mut client: Client) {
-        self.runtime.spawn(async move {
-            let mut steering = client.steer(Lease::None, "stamps").await.unwrap();
-            loop {
-                let time = std::time::SystemTime::now() + Duration::from_millis(300);
-                let since_s = time.duration_since(std::time::UNIX_EPOCH).unwrap().as_secs_f64();
-                let half_rad = ((since_s * TURN_RAD_S).rem_euclid(SWEEP_RAD) - SWEEP_RAD / 2.0) / 2.0;
-                let update = CameraUpdate {
-                    orientation: Some([0.0, half_rad.sin(), 0.0, half_rad.cos()]),
-                    ..CameraUpdate::default()
-                };
-                if !steering.send_for(&update, time).await {
-                    return;
-                }
-                tokio::time::sleep(Duration::from_millis(20)).await;
-            }
-        });
+    fn turn(&self, client: Client) {
+        // It ends with the daemon.
+        drop(self.runtime.spawn(turn(client, TURN_RAD_S, SWEEP_RAD)));
     }
 
     fn turn_director(&self) {

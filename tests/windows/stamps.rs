@@ -1,9 +1,14 @@
 //! Sky stamps: the director turns the camera, so that one bright star is in another column in every frame. One image of the X server shows a line over all
 //! windows at one moment; the columns of the star say which frame each window shows.
 
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use steradian::service::{CameraUpdate, Client, ClientError, Lease};
 
 use crate::desktop::Desktop;
+
+/// Catalogue of one star ahead of the camera.
+pub const STAR: &str = "ra_deg,dec_deg,v_mag\n0.0,-90.0,-1.0\n";
 
 /// Codes below this are not of the star.
 const DARK: u8 = 60;
@@ -114,5 +119,20 @@ impl Verdict {
         // Windows that never show a common frame again are mixed, too.
         verdict.mixed += usize::from(differing.len() > 1 && before.is_some());
         verdict
+    }
+}
+
+/// Turns the camera of a daemon until it ends, as a function of the time of the machine, back and forth over an angle.
+pub async fn turn(mut client: Client, rad_s: f64, sweep_rad: f64) -> Result<(), ClientError> {
+    let mut steering = client.steer(Lease::None, "stamps").await?;
+    loop {
+        let time = SystemTime::now() + Duration::from_millis(300);
+        let since_s = time.duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64();
+        let half_rad = ((since_s * rad_s).rem_euclid(sweep_rad) - sweep_rad / 2.0) / 2.0;
+        let orientation = Some([0.0, half_rad.sin(), 0.0, half_rad.cos()]);
+        if !steering.send_for(&CameraUpdate { orientation, ..CameraUpdate::default() }, time).await {
+            return steering.end().await.map(drop);
+        }
+        tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }
