@@ -47,6 +47,9 @@ use crate::{
 
 /// Times that a COMMIT is sent again within its lead.
 const COPIES: u64 = 2;
+/// Interval of the copies of a COMMIT without a time of presentation, ns. Nodes show it on receipt, so a copy repairs a loss only if it comes soon; on TCP
+/// it reveals the loss of the first one. A copy that comes more than a period after a node's READY is not shown.
+const COPY_ON_RECEIPT_NS: u64 = 1_000_000;
 /// Times that a STATE is sent again, within its deadline and to nodes that are not READY. It asks a node that is READY to say so again, so it repairs
 /// the loss of either message. On TCP, the acknowledgement of the second copy reveals the loss of the first one long before its time-out.
 const STATE_COPIES: u64 = 2;
@@ -479,11 +482,13 @@ impl Director {
         self.counts.committed += 1;
         self.last_commit = Some(commit);
         self.actions.push(Action::SendAll(ToNode::Commit(commit)));
-        if commit.present_at.is_none() {
+        let interval_ns = if commit.present_at.is_some() {
+            self.rules.lead_ns / (COPIES + 1)
+        } else {
             self.counts.committed_on_receipt += 1;
-            return;
-        }
-        let copies = (1..=COPIES).map(|copy| (now.monotonic_ns + self.rules.lead_ns * copy / (COPIES + 1), commit));
+            COPY_ON_RECEIPT_NS
+        };
+        let copies = (1..=COPIES).map(|copy| (now.monotonic_ns + interval_ns * copy, commit));
         self.copies.extend(copies);
         self.copies.make_contiguous().sort_by_key(|(at_ns, _)| *at_ns);
     }

@@ -190,6 +190,27 @@ fn all_ready_is_committed_at_once_with_the_time_of_the_state() {
 }
 
 #[test]
+fn a_commit_without_a_time_is_repeated_after_one_and_two_milliseconds() {
+    let mut director = running();
+    let id = FrameId { epoch: director.epoch(), number: 4 };
+    director.act(at(30));
+    director.composed(at(30), id, Cue::default());
+    director.act(at(30));
+    // One node has no trusted clock, so all show the frame on receipt.
+    for node in 0..3 {
+        let ready = Ready { id, drawn_ns: 1, has_clock: node != 1, report: Report::default() };
+        director.hear(at(32), NodeId(node), ToDirector::Ready(ready));
+    }
+    let mask: Mask = [0, 1, 2].map(NodeId).into_iter().collect();
+    let expected = Commit { id, present_at: None, mask };
+    for ms in [32, 33, 34] {
+        assert_eq!(commits(&director.act(at(ms))), [expected], "at {ms} ms");
+    }
+    assert_eq!(commits(&director.act(at(39))), []);
+    assert_eq!(director.counts().committed_on_receipt, 1);
+}
+
+#[test]
 fn at_the_deadline_together_skips_and_apart_commits_with_a_mask() {
     let mut director = running();
     assert_eq!(skips(&frame(&mut director, 30, 4, &[0, 2])), [SkipReason::Deadline]);
