@@ -18,7 +18,7 @@ mod runs;
 #[path = "../../tests/windows/stamps.rs"]
 mod stamps;
 
-use std::{error::Error, fs};
+use std::{error::Error, fs, path::PathBuf};
 
 use clap::{Parser, Subcommand};
 
@@ -69,7 +69,7 @@ struct Arguments {
     bench: bool,
 }
 
-#[derive(Clone, Copy, Debug, Subcommand)]
+#[derive(Clone, Debug, Subcommand)]
 enum Run {
     /// Nothing is harmed.
     Steady {
@@ -103,10 +103,20 @@ enum Run {
         #[arg(long, default_value_t = 15.0)]
         seconds: f64,
     },
+    /// Prints the figures of logs that another run has kept (--keep), without those of faults.
+    Report {
+        folder: PathBuf,
+        /// Time after the first frame that does not count, seconds.
+        #[arg(long, default_value_t = 5.0)]
+        skip: f64,
+        /// Number of the last frame that counts.
+        #[arg(long, default_value_t = u64::MAX)]
+        frames: u64,
+    },
 }
 
 impl Run {
-    fn directors(self) -> usize {
+    fn directors(&self) -> usize {
         match self {
             Self::OldDirector { .. } | Self::Partition { .. } => 2,
             _ => 1,
@@ -139,6 +149,9 @@ async fn main() -> Result<(), Box<dyn Error>> {
         size: arguments.size,
         at_deadline: arguments.at_deadline.clone(),
     };
+    if let Run::Report { folder, skip, frames } = &arguments.run {
+        return runs::report_logs(folder, &form, *skip, *frames);
+    }
     let is_namespaced = arguments.namespaces;
     if !is_namespaced && (arguments.loss.is_some() || arguments.rto_min_us.is_some()) {
         return Err("--loss and --rto-min-us need --namespaces".into());
@@ -167,7 +180,8 @@ async fn main() -> Result<(), Box<dyn Error>> {
         arguments.seed,
         load()
     );
-    let outcome = runs::run(&mut cluster, &form, arguments.run, (desktop, arguments.loss), arguments.seed).await;
+    let outcome =
+        runs::run(&mut cluster, &form, arguments.run.clone(), (desktop, arguments.loss), arguments.seed).await;
     println!("load at the end {}", load());
     cluster.end();
     if arguments.keep {

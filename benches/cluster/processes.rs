@@ -126,6 +126,20 @@ fn configuration(form: &Form, nodes: &[String], network: &Network) -> String {
     text
 }
 
+/// Processes whose logs are in a folder, as `HOST.NUMBER.log`. When they were killed or stopped is not known.
+pub fn lives(folder: &Path) -> Outcome<Vec<Life>> {
+    let mut lives = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let log = entry?.path();
+        let name = log.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        if let Some((host, _)) = name.split_once('.').filter(|_| name.ends_with(".log")) {
+            let node = host.starts_with('n').then(|| host.to_owned());
+            lives.push(Life { node, log, killed_ns: None, stops: Vec::new() });
+        }
+    }
+    Ok(lives)
+}
+
 impl Cluster {
     /// A cluster without processes.
     pub fn new(form: &Form, network: impl FnOnce(&Path, &[String]) -> Outcome<Network>) -> Outcome<Self> {

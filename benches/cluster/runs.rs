@@ -1,16 +1,16 @@
 //! The runs: what is harmed, when, and how long nodes and director take to go on.
 
-use std::{error::Error, time::Duration};
+use std::{error::Error, path::Path, sync::Arc, time::Duration};
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use steradian::service::SceneUpdate;
+use steradian::service::{SceneUpdate, proto};
 
 use crate::{
     Run,
     desktop::Desktop,
     events::Events,
-    processes::{Cluster, Form, SKY_WIDTH, now_ns},
+    processes::{self, Cluster, Form, SKY_WIDTH, now_ns},
     report::{self, Spread, row},
     stamps::{self, Line, Verdict},
 };
@@ -73,6 +73,8 @@ pub async fn run(
     (desktop, loss): (Option<Desktop>, Option<u32>),
     seed: u64,
 ) -> Outcome<()> {
+    // The windows need their display until the end.
+    let desktop = desktop.map(Arc::new);
     let mut random = Random(ChaCha8Rng::seed_from_u64(seed));
     begin(cluster).await?;
     if let Some(loss) = loss {
@@ -82,7 +84,7 @@ pub async fn run(
     let from_ns = now_ns();
     let mut leader = "d0";
     let faults = match run {
-        Run::Steady { frames } => steady(cluster, form, frames, desktop).await?,
+        Run::Steady { frames } => steady(cluster, form, frames, desktop.as_ref()).await?,
         Run::Kills { count } => kills(cluster, &mut random, count).await?,
         Run::Hangs { count } => hangs(cluster, &mut random, count).await?,
         Run::DirectorKills { count } => director_kills(cluster, &mut random, count).await?,
@@ -91,6 +93,7 @@ pub async fn run(
             leader = if count % 2 == 0 { "d0" } else { "d1" };
             faults
         }
+        Run::Report { .. } => return Ok(()),
         Run::Partition { seconds } => return partition(cluster, Duration::from_secs_f64(seconds)).await,
     };
     let until_ns = now_ns();
@@ -109,12 +112,12 @@ pub async fn run(
     Ok(())
 }
 
-async fn steady(cluster: &Cluster, form: &Form, frames: u64, desktop: Option<Desktop>) -> Outcome<Vec<Fault>> {
+async fn steady(cluster: &Cluster, form: &Form, frames: u64, desktop: Option<&Arc<Desktop>>) -> Outcome<Vec<Fault>> {
     let length = Duration::from_secs_f64(frames as f64 / form.rate_hz);
     let before = cluster.stats("d0").await?;
     match desktop {
         None => tokio::time::sleep(length).await,
-        Some(desktop) => read_windows(cluster, desktop, length).await?,
+        Some(desktop) => read_windows(cluster, Arc::clone(desktop), length).await?,
     }
     let after = cluster.stats("d0").await?;
     let since = |name: &str| after.counts.get(name).unwrap_or(&0) - before.counts.get(name).unwrap_or(&0);
@@ -125,7 +128,7 @@ async fn steady(cluster: &Cluster, form: &Form, frames: u64, desktop: Option<Des
 }
 
 /// Reads all windows for a time while the camera turns, and prints what they show.
-async fn read_windows(cluster: &Cluster, desktop: Desktop, length: Duration) -> Outcome<()> {
+async fn read_windows(cluster: &Cluster, desktop: Arc<Desktop>, length: Duration) -> Outcome<()> {
     desktop.park_pointer([1500, 850]);
     let turning = tokio::spawn(stamps::turn(cluster.client("d0").await?, TURN_RAD_S, SWEEP_RAD));
     tokio::time::sleep(Duration::from_secs(1)).await;
@@ -149,6 +152,10 @@ async fn kills(cluster: &mut Cluster, random: &mut Random, count: u32) -> Outcom
     let mut faults = Vec::new();
     for _ in 0..count {
         tokio::time::sleep(random.seconds(0.5, 3.0)).await;
+        // Without this, a slow start of processes leaves no majority.
+        let least = cluster.nodes.len() / 2 + 2;
+        let is_in = |node: &&proto::ClusterNodeStats| node.state == "in";
+        cluster.until("d0", "with a spare node", |stats| stats.nodes.iter().filter(is_in).count() >= least).await?;
         let host = random.node(cluster);
         let at_ns = cluster.kill(&host)?;
         tokio::time::sleep(random.seconds(0.1, 1.0)).await;
@@ -207,6 +214,18 @@ async fn old_directors(cluster: &mut Cluster, random: &mut Random, count: u32) -
         faults.push(Fault { host: old.to_owned(), at_ns, until_ns });
     }
     Ok(faults)
+}
+
+/// Prints the figures of logs that a run has kept.
+pub fn report_logs(folder: &Path, form: &Form, skip_s: f64, frames: u64) -> Outcome<()> {
+    let lives = processes::lives(folder)?;
+    let events = Events::read(&lives)?;
+    let times = events.frames.iter().filter(|(name, _)| name.number <= frames).filter_map(|(_, frame)| frame.state_ns);
+    let times: Vec<u64> = times.collect();
+    let first_ns = times.iter().min().ok_or("no frame in the logs")?;
+    let events = events.within(first_ns + (skip_s * 1e9) as u64, *times.iter().max().unwrap_or(first_ns));
+    report::print(&events, &lives, form.nodes, (1e9 / form.rate_hz) as u64);
+    Ok(())
 }
 
 fn print_faults(cluster: &Cluster, events: &Events, faults: &[Fault], are_of_directors: bool) {

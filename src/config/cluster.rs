@@ -50,7 +50,7 @@ pub struct ClusterConfig {
     #[serde(default = "gather_s")]
     #[schemars(range(min = 0.0, max = 3600.0), extend("x-unit" = "s"))]
     pub gather_s: f64,
-    /// Time without a new frame after which a node reports that it holds no picture.
+    /// Time without a new frame after which windows and streams of a node are black.
     #[serde(default = "hold_s")]
     #[schemars(range(min = 0.1, max = 3600.0), extend("x-unit" = "s"))]
     pub hold_s: f64,

@@ -444,17 +444,19 @@ impl ApplicationHandler<Notice> for App {
                 return;
             }
         };
-        let proxy = self.proxy.clone();
+        let (proxy, host) = (self.proxy.clone(), Arc::clone(&self.host));
         let started = thread::Builder::new().name("present".to_owned()).spawn(move || {
             // Notify the event loop, which waits for this, even on a panic.
-            struct EndNotice(EventLoopProxy<Notice>);
+            struct EndNotice(EventLoopProxy<Notice>, Arc<dyn Host>);
             impl Drop for EndNotice {
                 fn drop(&mut self) {
+                    // An event loop without its display may never end.
+                    self.1.presenting_ended();
                     // The event loop may have ended already.
                     let _ = self.0.send_event(Notice::Ended);
                 }
             }
-            let _farewell = EndNotice(proxy);
+            let _farewell = EndNotice(proxy, host);
             presenter.run()
         });
         match started {

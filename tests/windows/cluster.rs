@@ -17,6 +17,7 @@ pub const TESTS: &[Test] = &[
     ("cluster::windows_of_three_nodes_show_the_same_frames", three_nodes),
     ("cluster::a_window_that_does_not_wait_for_commit_is_found", without_commit),
     ("cluster::windows_are_black_without_a_director_and_return", without_director),
+    ("cluster::nodes_without_their_display_go_on", without_display),
 ];
 
 /// Frames per second: a stamp stays far longer than a software driver and a scheduler delay a window.
@@ -213,5 +214,22 @@ fn without_director() -> Result<(), String> {
     theatre.director = theatre.scene.serve_as("director2", None, &["--role", "director"]);
     theatre.all_in();
     shows(true, "black for ever");
+    Ok(())
+}
+
+fn without_display() -> Result<(), String> {
+    let desktop = Desktop::virtual_frame_buffer()?;
+    let theatre = Theatre::open(&desktop, 60.0);
+    drop(desktop);
+    // Frames that waited for the windows do not hold the nodes up: clients still get them.
+    for node in &theatre.nodes {
+        node.wait_for_log("panicked");
+    }
+    theatre.all_in();
+    let committed = theatre.stats().counts["committed"];
+    until(
+        || (theatre.stats().counts["committed"] >= committed + 10).then_some(()),
+        || format!("no frames: {:#?}\n{}", theatre.stats(), theatre.nodes[0].log()),
+    );
     Ok(())
 }

@@ -138,9 +138,6 @@ impl Windows {
             // State left by a panicking run is not used again.
             let end = catch_unwind(AssertUnwindSafe(|| open(host)))
                 .unwrap_or_else(|payload| WindowsEnd::Failed(format!("panic: {}", panic_message(payload.as_ref()))));
-            if let Some(stage) = self.render.stage() {
-                stage.end_windows();
-            }
             let problem = match end {
                 WindowsEnd::InOrder => return,
                 WindowsEnd::NoDisplay(problem) => {
@@ -335,6 +332,12 @@ impl Host for Windows {
     fn prepared(&self, number: u64, is_ready: bool) {
         if let Some(stage) = self.render.stage() {
             stage.prepared(number, is_ready);
+        }
+    }
+
+    fn presenting_ended(&self) {
+        if let Some(stage) = self.render.stage() {
+            stage.end_windows();
         }
     }
 
