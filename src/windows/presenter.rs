@@ -52,7 +52,7 @@ struct Place {
 
 /// An image of a prepared frame.
 enum Prepared {
-    Picture { picture: Picture, number: u64 },
+    Picture { picture: Box<Picture>, number: u64 },
     NoView,
     Black,
 }
@@ -231,7 +231,10 @@ impl Presenter {
                     let (shown, format) = (image.image(), self.configs[index].format);
                     if let Some(texels) = texels(shown, image.frame.exposure_ev100, &image.tone_map, format) {
                         let picture = screen.upload(gpu, [shown.width, shown.height], &texels);
-                        prepared.push((index, Prepared::Picture { picture, number: image.frame.number }));
+                        prepared.push((
+                            index,
+                            Prepared::Picture { picture: Box::new(picture), number: image.frame.number },
+                        ));
                     }
                 }
                 Some(WindowImage::NoView) => prepared.push((index, Prepared::NoView)),
@@ -255,7 +258,7 @@ impl Presenter {
             let mut number = None;
             match prepared.iter().position(|(of, _)| *of == index).map(|found| prepared.swap_remove(found)) {
                 Some((_, Prepared::Picture { picture, number: of_frame })) => {
-                    screen.put(picture);
+                    screen.put(*picture);
                     number = Some(of_frame);
                     (place.no_view, place.is_black) = (false, false);
                 }
@@ -272,7 +275,7 @@ impl Presenter {
     fn discard(&mut self, number: u64) {
         for (index, image) in self.prepared.remove(&number).unwrap_or_default() {
             if let (Prepared::Picture { picture, .. }, Some(screen)) = (image, &mut self.places[index].screen) {
-                screen.take_back(picture);
+                screen.take_back(*picture);
             }
         }
     }

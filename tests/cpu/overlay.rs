@@ -521,7 +521,7 @@ fn mistakes_in_configurations_are_refused() {
         (label(&format!("{coordinates}size_px = 5")), &["overlay.labels[0].size_px", "between 6 and 200"]),
         (
             "[[views]]\nname = 'a'\ntype = 'equirectangular'\nsize = [8, 4]\ntest_pattern = 'yes'".to_owned(),
-            &["views[0].test_pattern", "boolean"],
+            &["views[0].test_pattern", "true or false"],
         ),
     ] {
         refused(&text, parts);
