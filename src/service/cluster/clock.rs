@@ -29,11 +29,7 @@ fn distrust(state: &io::Result<ClockState>) -> Option<String> {
     } else if state.tai_offset_s == 0 {
         Some("its offset of TAI from UTC is not set".to_owned())
     } else if state.largest_error_us > LARGEST_ERROR_US {
-        Some(format!(
-            "its error may be {} ms: must be at most {} ms",
-            state.largest_error_us as f64 * 1e-3,
-            LARGEST_ERROR_US as f64 * 1e-3
-        ))
+        Some(format!("its error may be {} us: must be at most {LARGEST_ERROR_US} us", state.largest_error_us))
     } else {
         None
     }
@@ -122,7 +118,7 @@ mod tests {
             ClockState { largest_error_us: 1_001, ..GOOD },
         ];
         let reasons = wrong.map(|state| distrust(&Ok(state)).unwrap());
-        assert!(reasons[2].contains("1.001 ms"), "{reasons:?}");
+        assert!(reasons[2].contains("may be 1001 us"), "{reasons:?}");
         assert!(reasons[0] != reasons[1] && reasons[1] != reasons[2]);
         assert!(distrust(&Err(io::ErrorKind::Unsupported.into())).is_some());
     }
