@@ -28,8 +28,7 @@ fn a_token() -> Result<(), String> {
             page.find("#login-token").await.send_keys(&format!("{token}{}", char::from(Key::Enter))).await.unwrap();
         };
         enter("wrong").await;
-        page.until("document.getElementById('login-why').textContent.includes('no longer, in [[server.tokens]]')")
-            .await;
+        page.until("document.getElementById('login-why').textContent.includes('no longer valid')").await;
         enter("look").await;
         page.until("document.getElementById('age').textContent.startsWith('picture')").await;
         let frame = page.run::<String>(&format!("return {}", has_picture("window"))).await;
