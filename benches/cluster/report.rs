@@ -138,7 +138,7 @@ pub fn print(events: &Events, lives: &[Life], nodes: usize, period_ns: u64) {
     let of_committed: usize = committed.iter().map(|(name, ..)| shown_at.get(name).map_or(0, Vec::len)).sum();
     row("shown of committed pictures", format!("{of_committed} of {meant}"));
 
-    // What must not happen.
+    // Counts that must be 0.
     let verdicts: HashMap<FrameName, u64> = committed.iter().map(|(name, _, _, at_ns)| (*name, *at_ns)).collect();
     let without_commit = shown_at.keys().filter(|name| !verdicts.contains_key(name)).count();
     row("frames shown without COMMIT in the log", without_commit);

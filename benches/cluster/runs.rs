@@ -1,4 +1,4 @@
-//! The runs: what is harmed, when, and how long nodes and director take to go on.
+//! The runs of the benchmark. Each harms some processes, and prints how long nodes and directors take to go on.
 
 use std::{error::Error, path::Path, sync::Arc, time::Duration};
 

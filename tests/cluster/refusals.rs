@@ -60,7 +60,7 @@ async fn another_version_is_refused_with_both_versions() {
     right.wait_for_log("the director refuses this node: the node is Steradian");
 }
 
-/// Opens a connection without a certificate of its own; the director must end it.
+/// Opens a connection without a certificate. The director must end it.
 fn without_certificate(folder: &Path, port: u16) {
     use rustls::pki_types::{CertificateDer, ServerName, pem::PemObject as _};
     let mut roots = rustls::RootCertStore::empty();

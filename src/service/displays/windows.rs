@@ -224,7 +224,7 @@ impl Windows {
         WindowFrame { images: self.configs.iter().zip(shown).map(image).collect() }
     }
 
-    /// The next action of the windows of a led worker: what the cluster has decided.
+    /// The next action of the windows of a led worker.
     fn next_staged(&self, stage: &Stage, scene: &SceneState, shown: &[bool]) -> Next {
         self.render.show_in_windows(self.wanted(scene, shown));
         match stage.next(PATIENCE) {

@@ -124,7 +124,7 @@ fn satisfies(has: Wanted, wanted: Wanted) -> bool {
 }
 
 impl Pictures {
-    /// The same frames in black: what a node shows that has had no frame for a long time.
+    /// The same frames in black. A node shows them after a long time without a frame.
     pub(crate) fn blackened(&self) -> Self {
         let frames = self
             .frames

@@ -16,7 +16,7 @@ pub(super) const NEEDED: &str = "needed: a direction (ra_deg,dec_deg or x,y,z in
 /// HYG and AT-HYG write this distance in parsecs, or a larger one, if it is unknown.
 pub(super) const HYG_UNKNOWN_DISTANCE_PC: f64 = 100_000.0;
 
-/// Column of SIMBAD's answers: beside it `v` is the magnitude V, and a decimal `ra` is in degrees.
+/// Column that only answers of SIMBAD have. In these, `v` is the magnitude V, and a decimal `ra` is in degrees.
 const SIMBAD: &str = "main_id";
 
 /// Epoch to which motions refer, Julian years.

@@ -316,7 +316,7 @@ fn a_right_ascension_that_cannot_be_hours_decides_for_the_file() {
             assert_eq!(sent.iter().map(|batch| batch.len()).sum::<usize>(), 2);
         }
     }
-    // Without such a row, and beside rows in hours, minutes and seconds, nothing decides.
+    // A file without such a row is refused, and so is one that also has hours, minutes and seconds.
     for (text, part) in [
         ("ra,dec,mag\n10.5,20,1\n24.0,-16.716,-1.46\n", "line 2: ra = \"10.5\" may be hours or degrees"),
         ("ra,dec,mag\n6 45 8.9,-16.716,-1.46\n101.287,-16.716,-1.46\n", "line 3: ra = \"101.287\" can only be degrees"),

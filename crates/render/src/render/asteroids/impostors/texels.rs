@@ -139,7 +139,7 @@ pub(super) fn bleed(texels: &mut [Texel], px: usize) {
     let mut ring: Vec<usize> = (0..px * px).filter(|i| has_colours[*i]).collect();
     let mut means: Vec<Texel> = Vec::new();
     loop {
-        // Texels without a colour beside those of the last ring; at first beside all that are covered.
+        // Texels without a colour that touch the last ring. The first ring is all covered texels.
         let mut next: Vec<usize> = Vec::new();
         for &i in &ring {
             next.extend(around(i, px).filter(|beside| !has_colours[*beside]));
