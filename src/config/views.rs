@@ -381,12 +381,19 @@ impl ViewGeometry {
     }
 }
 
+/// Schemas of the types of views, each with the keys that all views have.
+fn forms() -> impl Iterator<Item = &'static serde_json::Value> {
+    schema_of::<ViewTable>()["oneOf"].as_array().into_iter().flatten()
+}
+
+fn is_form_of(form: &serde_json::Value, kind: &str) -> bool {
+    form["properties"]["type"]["const"] == kind
+}
+
 /// Refuses keys that a type of view does not have.
 fn check_keys(kind: &str, table: &Table) -> Result<(), KeyError> {
-    let schema = schema_of::<ViewTable>();
-    let mut forms = schema["oneOf"].as_array().into_iter().flatten();
-    let Some(form) = forms.find(|form| form["properties"]["type"]["const"] == kind) else { return Ok(()) };
-    let Some(known) = form["properties"].as_object() else { return Ok(()) };
+    let form = forms().find(|form| is_form_of(form, kind));
+    let Some(known) = form.and_then(|form| form["properties"].as_object()) else { return Ok(()) };
     match table.keys().find(|key| !known.contains_key(*key)) {
         None => Ok(()),
         Some(unknown) => {
@@ -398,8 +405,7 @@ fn check_keys(kind: &str, table: &Table) -> Result<(), KeyError> {
 
 /// Default of a key of a type of view, as the schema has it. All types have the same defaults of the keys that they share.
 fn default_of(kind: &str, key: &str) -> Option<Value> {
-    let forms = schema_of::<ViewTable>()["oneOf"].as_array()?;
-    let form = forms.iter().find(|form| form["properties"]["type"]["const"] == kind).or(forms.first())?;
+    let form = forms().find(|form| is_form_of(form, kind)).or_else(|| forms().next())?;
     Value::try_from(form["properties"][key].get("default").filter(|default| !default.is_null())?).ok()
 }
 

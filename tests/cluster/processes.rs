@@ -28,9 +28,8 @@ pub fn configuration(folder: &Path, nodes: &[&str], endpoints: &[String], keys: 
     let endpoints = format!("{endpoints:?}");
     let mut text = format!(
         "[scene]\ncatalogues = ['builtin:bright']\ntime = 2026-01-01T00:00:00Z\n\
-         [accuracy]\n[cluster]\nendpoints = {endpoints}\nrate_hz = {RATE_HZ}\ngather_s = 60\n{keys}\n"
-    )
-    .replace("[accuracy]\n", "");
+         [cluster]\nendpoints = {endpoints}\nrate_hz = {RATE_HZ}\ngather_s = 60\n{keys}\n"
+    );
     for (index, node) in nodes.iter().enumerate() {
         text += &format!(
             "[[views]]\nname = 'of_{node}'\ntype = 'perspective'\nsize = [64, 48]\nfov_y_deg = 50.0\n\

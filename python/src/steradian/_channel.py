@@ -32,6 +32,7 @@ _OPTIONS: list[tuple[str, int | str]] = [
     # between all clients of a process.
     ("grpc.use_local_subchannel_pool", 1),
 ]
+_HEALTH = "/grpc.health.v1.Health/Check"
 # The answer of the health service of a daemon that serves: the message has one field.
 _SERVING = b"\x08\x01"
 # gRPC names the host of a Unix socket by its path, percent-encoded, which the HTTP library of the daemon refuses.
@@ -121,14 +122,14 @@ class Transport:
     def wait_until_ready(self, timeout_s: float) -> None:
         """Waits until the daemon says that it serves."""
         end = time.monotonic() + timeout_s
-        check = self._channel.unary_unary("/grpc.health.v1.Health/Check")
+        check = self._channel.unary_unary(_HEALTH)
         found = "no connection"
         while (left := end - time.monotonic()) > 0:
             try:
                 answer = check(b"", timeout=left, wait_for_ready=True, metadata=self._metadata)
             except grpc.RpcError as error:
                 if error.code() not in (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.DEADLINE_EXCEEDED):
-                    raise errors.from_rpc(error, "/grpc.health.v1.Health/Check") from error
+                    raise errors.from_rpc(error, _HEALTH) from error
             else:
                 if answer == _SERVING:
                     return
@@ -157,7 +158,7 @@ class Transport:
         with self._guard:
             if self._seeking is not None:
                 return
-            call = self._channel.unary_unary("/grpc.health.v1.Health/Check")
+            call = self._channel.unary_unary(_HEALTH)
             seeking = self._seeking = call.future(b"", wait_for_ready=True, metadata=self._metadata)
         seeking.add_done_callback(self._found)
 

@@ -1,29 +1,26 @@
 //! Clocks of the machine: monotonic time, International Atomic Time (TAI), and whether the system clock is disciplined.
-#![expect(unsafe_code, reason = "neither the standard library nor `rustix` has `adjtimex`")]
+#![cfg_attr(
+    target_os = "linux",
+    expect(unsafe_code, reason = "neither the standard library nor `rustix` has `adjtimex`")
+)]
 
 use std::io;
 
+use rustix::time::{ClockId, Timespec, clock_gettime};
+
 use crate::platform::ClockState;
 
-/// Reads a clock of the system, ns.
-fn read(clock: libc::clockid_t) -> io::Result<i64> {
-    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
-    // SAFETY: `time` is valid for the whole call.
-    if unsafe { libc::clock_gettime(clock, &raw mut time) } != 0 {
-        return Err(io::Error::last_os_error());
-    }
+/// A time, ns.
+fn ns(time: Timespec) -> i64 {
     // On some systems the fields are narrower.
-    #[allow(clippy::unnecessary_cast, clippy::useless_conversion, reason = "the types differ between systems")]
-    Ok(i64::from(time.tv_sec) * 1_000_000_000 + i64::from(time.tv_nsec))
+    #[allow(clippy::useless_conversion, reason = "the types differ between systems")]
+    let (seconds, rest_ns) = (i64::from(time.tv_sec), i64::from(time.tv_nsec));
+    seconds * 1_000_000_000 + rest_ns
 }
 
 /// Returns monotonic time, ns. Its origin is the same in all processes of the machine.
-///
-/// # Errors
-///
-/// The system has no such clock.
-pub(crate) fn monotonic_ns() -> io::Result<u64> {
-    Ok(u64::try_from(read(libc::CLOCK_MONOTONIC)?).unwrap_or(0))
+pub(crate) fn monotonic_ns() -> u64 {
+    u64::try_from(ns(clock_gettime(ClockId::Monotonic))).unwrap_or(0)
 }
 
 /// Returns International Atomic Time, ns since 1970. It is right only if [`clock_state`] says so.
@@ -33,7 +30,7 @@ pub(crate) fn monotonic_ns() -> io::Result<u64> {
 /// The system has no such clock.
 pub(crate) fn tai_ns() -> io::Result<i64> {
     #[cfg(target_os = "linux")]
-    return read(libc::CLOCK_TAI);
+    return Ok(ns(rustix::time::clock_gettime_dynamic(rustix::time::DynamicClockId::Tai)?));
     #[cfg(not(target_os = "linux"))]
     Err(io::Error::new(io::ErrorKind::Unsupported, "this system has no clock of International Atomic Time"))
 }

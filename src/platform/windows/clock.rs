@@ -8,12 +8,8 @@ use crate::platform::ClockState;
 static START: LazyLock<Instant> = LazyLock::new(Instant::now);
 
 /// Returns monotonic time, ns. Its origin is the first call in this process.
-///
-/// # Errors
-///
-/// None on Windows.
-pub(crate) fn monotonic_ns() -> io::Result<u64> {
-    Ok(u64::try_from(START.elapsed().as_nanos()).unwrap_or(u64::MAX))
+pub(crate) fn monotonic_ns() -> u64 {
+    u64::try_from(START.elapsed().as_nanos()).unwrap_or(u64::MAX)
 }
 
 /// International Atomic Time is not implemented on Windows.

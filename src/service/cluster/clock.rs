@@ -3,7 +3,7 @@
 //! TAI is passed to the lock only if its offset from UTC is set and a time service bounds the error of the clock by [`LARGEST_ERROR_US`]. Otherwise
 //! frames are shown when COMMIT arrives, and `WatchStats` and the page report that the cluster is not locked.
 
-use std::{io, time::Instant};
+use std::io;
 
 use steradian_lock::clock::Now;
 
@@ -38,30 +38,22 @@ fn distrust(state: &io::Result<ClockState>) -> Option<String> {
 /// The clocks of the machine.
 #[derive(Debug)]
 pub(super) struct Clock {
-    /// Used on a system without a monotonic clock that all processes share.
-    start: Instant,
     checked_ns: Option<u64>,
     /// The reason not to use TAI; `None`: it is used.
     distrusted: Option<String>,
-    /// What the log states: whether TAI is used.
+    /// Whether the log has said that TAI is used, or that it is not; `None`: neither yet.
     told: Option<bool>,
 }
 
 impl Clock {
     pub(super) fn new() -> Self {
         let distrusted = Some("it was not checked yet".to_owned());
-        Self { start: Instant::now(), checked_ns: None, distrusted, told: None }
-    }
-
-    /// Monotonic time, ns. On Linux and macOS it has the same origin in all processes of the machine.
-    pub(super) fn monotonic_ns(&self) -> u64 {
-        let elapsed = || u64::try_from(self.start.elapsed().as_nanos()).unwrap_or(u64::MAX);
-        clock::monotonic_ns().unwrap_or_else(|_| elapsed())
+        Self { checked_ns: None, distrusted, told: None }
     }
 
     /// Returns the present time.
     pub(super) fn now(&self) -> Now {
-        let monotonic_ns = self.monotonic_ns();
+        let monotonic_ns = clock::monotonic_ns();
         if self.distrusted.is_some() {
             return Now::monotonic(monotonic_ns);
         }
@@ -69,7 +61,7 @@ impl Clock {
         let mut before_ns = monotonic_ns;
         for _ in 0..READINGS {
             let tai_ns = clock::tai_ns().ok();
-            let after_ns = self.monotonic_ns();
+            let after_ns = clock::monotonic_ns();
             if after_ns.saturating_sub(before_ns) < TOGETHER_NS {
                 return Now { monotonic_ns: before_ns, tai_ns };
             }

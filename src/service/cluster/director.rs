@@ -24,12 +24,15 @@ use super::{
     figures::{ClusterFigures, NodeFigures, SharedFigures, Window, phase_name, short},
     messages::{decode_to_director, encode_to_node},
     queue::Queue,
-    refusals::{Refusals, refusals},
+    refusals::{Denied, Refusals, refusals},
     report,
     station::{FRAMES, Station, frame_name},
     wire::{Heard, To, Wire},
 };
-use crate::service::{engine::render_handle::RenderHandle, threads::RunningThread};
+use crate::{
+    platform::clock,
+    service::{engine::render_handle::RenderHandle, threads::RunningThread},
+};
 
 /// Time for which a refused connection is reported as a problem, ns.
 const RECENT_NS: u64 = 10_000_000_000;
@@ -333,13 +336,16 @@ impl Conductor {
 
     /// Logs a message to all nodes.
     fn trace(&self, message: &ToNode) {
+        if !tracing::enabled!(target: FRAMES, tracing::Level::TRACE) {
+            return;
+        }
         let (what, frame, rest) = match message {
             ToNode::State(state) => ("state", state.id, String::new()),
             ToNode::Commit(commit) => ("commit", commit.id, format!(" {}", commit.mask.len())),
             ToNode::Skip(skip) => ("skip", skip.id, format!(" {}", skip_name(skip.why))),
             ToNode::Welcome(_) | ToNode::Refused(_) | ToNode::Out(_) => return,
         };
-        let at = self.station.clock.monotonic_ns();
+        let at = clock::monotonic_ns();
         tracing::trace!(target: FRAMES, "{what} {} at {at}{rest}", frame_name(frame));
     }
 
@@ -363,19 +369,21 @@ impl Conductor {
 
     fn publish(&mut self, now: Now) {
         let counts = self.lock.counts();
-        let denied = |name: &str| self.refusals.denied.get(name).cloned().unwrap_or_default();
         let nodes = self.station.party.nodes.iter().enumerate().map(|(index, node)| {
             let notes = &self.notes[index];
+            let denied = self.refusals.denied.get(&node.name);
             let id = NodeId(u16::try_from(index).unwrap_or(u16::MAX));
             let (state, reason) = match self.lock.place(id) {
                 Some(Place::In { .. }) => ("in", String::new()),
                 Some(Place::Out { why: reason, .. }) => ("out", why(*reason).to_owned()),
                 Some(Place::Refused(refusal)) => ("refused", refusal.to_string()),
-                Some(Place::Absent) | None if denied(&node.name).count > 0 => {
-                    let of = denied(&node.name).common_name;
-                    ("absent", format!("refused: a process with the certificate of `{of}` says that it is this node"))
-                }
-                Some(Place::Absent) | None => ("absent", "it has not said HELLO".to_owned()),
+                Some(Place::Absent) | None => match denied {
+                    Some(Denied { common_name, .. }) => (
+                        "absent",
+                        format!("refused: a process with the certificate of `{common_name}` says that it is this node"),
+                    ),
+                    None => ("absent", "it has not said HELLO".to_owned()),
+                },
             };
             NodeFigures {
                 name: node.name.clone(),
@@ -384,7 +392,7 @@ impl Conductor {
                 ready: notes.ready.times(),
                 drawn: notes.drawn.times(),
                 out: notes.out,
-                refused: notes.refused + denied(&node.name).count,
+                refused: notes.refused + denied.map_or(0, |denied| denied.count),
                 version: notes.version.clone(),
                 adapter: notes.adapter.clone(),
                 scene_hash: notes.report.scene_hash.as_ref().map(short).unwrap_or_default(),

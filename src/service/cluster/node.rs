@@ -29,13 +29,16 @@ use super::{
     station::{FRAMES, Station, frame_name},
     wire::{Heard, To, Wire},
 };
-use crate::service::{
-    engine::{
-        led::{CueError, Pictures},
-        render_handle::RenderHandle,
-        stage::Stage,
+use crate::{
+    platform::clock,
+    service::{
+        engine::{
+            led::{CueError, Pictures},
+            render_handle::RenderHandle,
+            stage::Stage,
+        },
+        threads::RunningThread,
     },
-    threads::RunningThread,
 };
 
 /// Time of looking for a director after which the log states it, ns.
@@ -307,7 +310,7 @@ impl Player {
                     self.render.show(&pictures);
                     self.last = Some(pictures);
                     self.shown = id.number;
-                    let at = self.station.clock.monotonic_ns();
+                    let at = clock::monotonic_ns();
                     tracing::trace!(target: FRAMES, "shown {} at {at}", frame_name(id));
                     if let Some(last_ns) = self.shown_ns.replace(now.monotonic_ns) {
                         self.intervals.note(now.monotonic_ns - last_ns);

@@ -151,7 +151,7 @@ impl<'a> TileBaker<'a> {
             // crossing, so every sample belongs to exactly one of them.
             let low = a.y.min(b.y).min(c.y);
             let high = a.y.max(b.y).max(c.y);
-            let edges = [Edge::new((a, b)), Edge::new((b, c)), Edge::new((c, a))];
+            let edges = [Edge::new(a, b), Edge::new(b, c), Edge::new(c, a)];
             for row in first_sample(low)..first_sample(high).min(side) {
                 let y = row as f32 + 0.5;
                 let [left, right] = crossings(&edges, y);
@@ -221,7 +221,7 @@ struct Edge {
 
 impl Edge {
     #[inline]
-    fn new((from, to): (Vec2, Vec2)) -> Self {
+    fn new(from: Vec2, to: Vec2) -> Self {
         let (top, bottom) = if from.y <= to.y { (from, to) } else { (to, from) };
         Self { top, bottom_y: bottom.y, slope: (bottom.x - top.x) / (bottom.y - top.y) }
     }
