@@ -1,4 +1,8 @@
 //! Priority of threads, memory and open files of this process.
+#![cfg_attr(
+    all(target_os = "linux", target_env = "gnu"),
+    expect(unsafe_code, reason = "neither the standard library nor `rustix` has `malloc_trim`")
+)]
 
 use std::io;
 
@@ -42,6 +46,15 @@ fn round_robin() -> io::Result<()> {
         thread_priority::Error::OS(code) => io::Error::from_raw_os_error(code),
         error => refused(&error),
     })
+}
+
+/// Returns freed memory to the system. The allocator of glibc keeps it for each thread; others return it by themselves.
+pub(crate) fn return_freed_memory() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    // SAFETY: the function may be called at any time on any thread.
+    unsafe {
+        libc::malloc_trim(0);
+    }
 }
 
 /// Returns the resident memory of the process, bytes; `None` if the system does not report it.

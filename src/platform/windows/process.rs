@@ -29,6 +29,9 @@ pub(crate) fn real_time_thread() -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::Unsupported, "not implemented on Windows"))
 }
 
+/// Windows returns freed memory by itself.
+pub(crate) fn return_freed_memory() {}
+
 /// Returns the working set of the process, bytes; `None` if the system does not report it.
 pub(crate) fn resident_bytes() -> Option<u64> {
     let size = size_of::<PROCESS_MEMORY_COUNTERS>() as u32;

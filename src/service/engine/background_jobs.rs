@@ -1,5 +1,5 @@
-//! Long jobs besides rendering, run one at a time on a low-priority thread with its own device: failure tests, and the
-//! preparation of new asteroid shapes.
+//! Long jobs besides rendering, run one at a time on a low-priority thread: failure tests, with a device of their own, and the preparation
+//! of new asteroid shapes, with the device that draws.
 
 use std::{
     io,
@@ -17,6 +17,7 @@ use tokio::sync::oneshot;
 use super::interface::{BesideEngine, EngineError, OpenBeside};
 use crate::{
     plan::settings::{AsteroidSettings, RenderSettings},
+    platform::process,
     scene::asteroids::ShapeSet,
     service::{
         frames::errors::Refused,
@@ -42,7 +43,7 @@ pub(crate) struct BackgroundJobs {
 }
 
 impl BackgroundJobs {
-    /// Starts the thread; the device is opened with the first job.
+    /// Starts the thread; the device is opened with the first failure test.
     pub(crate) fn spawn(open: OpenBeside) -> io::Result<Self> {
         let (jobs, given) = mpsc::channel();
         thread::Builder::new().name("background_jobs".to_owned()).spawn(move || {
@@ -102,10 +103,13 @@ fn work(given: &mpsc::Receiver<Job>, mut open: OpenBeside) {
             Job::Verify { reply, .. } if reply.is_closed() => {}
             Job::Bake { reply, .. } if reply.is_closed() => {}
             Job::Verify { check, settings, reply } => {
-                let _ = reply.send(with(&mut engine, &mut open, |engine| Ok(engine.verify(check, &settings))));
+                let _ = reply.send(with(&mut engine, &mut open, |engine| engine.verify(check, &settings)));
             }
             Job::Bake { sets, settings, reply } => {
-                let _ = reply.send(with(&mut engine, &mut open, |engine| engine.bake(&sets, &settings)));
+                let done = with(&mut engine, &mut open, |engine| engine.bake(&sets, &settings));
+                // Atlases are the largest data that are made and dropped.
+                process::return_freed_memory();
+                let _ = reply.send(done);
             }
         }
     }
@@ -122,7 +126,7 @@ where
 {
     let mut engine = match held.take() {
         Some(engine) => engine,
-        None => open().map_err(|error| format!("cannot open a second device: {error}"))?,
+        None => open(),
     };
     match catch_unwind(AssertUnwindSafe(|| threads::on_own_cores(|| job(engine.as_mut())))) {
         Ok(Ok(done)) => {

@@ -3,7 +3,7 @@
 use std::{sync::Arc, time::Duration};
 
 use crate::{
-    gpu::{AdapterReport, Gpu, GpuError},
+    gpu::{AdapterReport, Gpu, GpuError, GpuOptions},
     plan::{
         Limits,
         settings::{AsteroidSettings, RenderSettings},
@@ -78,7 +78,11 @@ pub trait Engine: Send + 'static {
 /// A second renderer for long jobs, on a low-priority thread.
 pub trait BesideEngine: Send {
     /// Runs a failure test with the methods of `settings`.
-    fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> CheckResult;
+    ///
+    /// # Errors
+    ///
+    /// No device can be opened for it.
+    fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> Result<CheckResult, EngineError>;
 
     /// Prepares data of these shape sets that take long to compute.
     ///
@@ -89,21 +93,30 @@ pub trait BesideEngine: Send {
 }
 
 /// Opens a [`BesideEngine`], also after the loss of the previous one.
-pub type OpenBeside = Box<dyn FnMut() -> Result<Box<dyn BesideEngine>, EngineError> + Send>;
+pub type OpenBeside = Box<dyn FnMut() -> Box<dyn BesideEngine> + Send>;
 
-/// Data from [`BesideEngine`].
+/// Runs failure tests with a renderer of its own, and prepares data for the first renderer.
 struct BesideRenderer {
-    renderer: Renderer,
+    options: GpuOptions,
+    /// Opened for the first failure test.
+    renderer: Option<Renderer>,
     baked: BakedImpostors,
 }
 
 impl BesideEngine for BesideRenderer {
-    fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> CheckResult {
-        verify::run(check, &mut self.renderer, settings)
+    fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> Result<CheckResult, EngineError> {
+        let renderer = match self.renderer.take() {
+            Some(renderer) => renderer,
+            None => {
+                let gpu = Gpu::open(&self.options);
+                Renderer::new(gpu.map_err(|error| EngineError::lost(format!("cannot open a second device: {error}")))?)
+            }
+        };
+        Ok(verify::run(check, self.renderer.insert(renderer), settings))
     }
 
     fn bake(&mut self, sets: &[Arc<ShapeSet>], settings: &AsteroidSettings) -> Result<(), EngineError> {
-        self.baked.bake(self.renderer.gpu(), sets, settings).map_err(|error| match error {
+        self.baked.bake(sets, settings).map_err(|error| match error {
             ImpostorAtlasError::Gpu(GpuError::Lost(_)) => EngineError::lost(error),
             error => EngineError::new(error),
         })
@@ -141,10 +154,7 @@ impl Engine for Renderer {
     fn beside(&self) -> OpenBeside {
         let options = self.gpu_options().clone();
         let baked = self.baked_impostors().clone();
-        Box::new(move || {
-            let gpu = Gpu::open(&options).map_err(EngineError::new)?;
-            Ok(Box::new(BesideRenderer { renderer: Renderer::new(gpu), baked: baked.clone() }))
-        })
+        Box::new(move || Box::new(BesideRenderer { options: options.clone(), renderer: None, baked: baked.clone() }))
     }
 
     fn limits(&self) -> Limits {

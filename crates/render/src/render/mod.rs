@@ -116,7 +116,8 @@ pub struct Renderer {
 impl Renderer {
     /// Creates a renderer on an open device.
     pub fn new(gpu: Gpu) -> Self {
-        Self::with_baked(gpu, BakedImpostors::default())
+        let baked = BakedImpostors::new(&gpu);
+        Self::with_baked(gpu, baked)
     }
 
     /// Reopens the adapter after its device was lost. Frames in flight are lost; frame numbers continue.
@@ -127,7 +128,9 @@ impl Renderer {
     pub fn reopen(&mut self) -> Result<(), GpuError> {
         let options = self.gpu.options().clone();
         let frames = self.frames;
-        *self = Self { frames, ..Self::with_baked(Gpu::open(&options)?, self.baked.clone()) };
+        let gpu = Gpu::open(&options)?;
+        self.baked.forget_textures();
+        *self = Self { frames, ..Self::with_baked(gpu, self.baked.clone()) };
         Ok(())
     }
 
@@ -163,8 +166,7 @@ impl Renderer {
         }
     }
 
-    /// Store into which another device puts the impostor atlases that this renderer will need, so that its frames need
-    /// not wait for them.
+    /// Store into which another thread puts the impostor atlases that this renderer will need, so that no frame waits for them.
     pub fn baked_impostors(&self) -> &BakedImpostors {
         &self.baked
     }

@@ -220,7 +220,7 @@ struct Bench {
 impl Bench {
     fn new() -> Self {
         let gpu = gpu();
-        Self { asteroids: Asteroids::new(BakedImpostors::default()), timer: GpuTimer::new(&gpu), gpu }
+        Self { asteroids: Asteroids::new(BakedImpostors::new(&gpu)), timer: GpuTimer::new(&gpu), gpu }
     }
 
     fn plan(

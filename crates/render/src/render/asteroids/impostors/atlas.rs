@@ -6,15 +6,16 @@
 //! - *surfaces*, `Rgba8Unorm`: albedo divided by [`ImpostorAtlas::albedo_scale`], and depth along the tile's direction
 //!   in units of the shape's bounding radius (0 to 1; 0.5 in the middle, 1 towards the eye).
 //!
-//! Another thread can bake the atlases that a renderer will need in advance ([`BakedImpostors`]). The cache of the process keeps the finest
-//! levels.
+//! Another thread can bake the atlases that a renderer will need in advance ([`BakedImpostors`]). The renderer uploads them layer by layer with
+//! the frames before, so that no frame waits for all of them. The cache of the process keeps the finest levels.
 //!
 //! No twin: reference/asteroids/impostors/bake.rs.
 
 use std::{
     collections::HashMap,
     convert::Infallible,
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
+    time::Duration,
 };
 
 use rayon::prelude::*;
@@ -100,45 +101,19 @@ impl ImpostorAtlas {
         settings: &AsteroidSettings,
     ) -> Result<Option<Self>, ImpostorAtlasError> {
         let Some(size) = AtlasSize::from_method(method, settings) else { return Ok(None) };
-        check(gpu, shapes, size)?;
-        let layers = match ahead.take(shapes, size) {
-            Some(layers) => layers,
-            None => layers_of(shapes, size),
-        };
-        let atlas = Self::upload(gpu, shapes, size, layers);
+        check(&gpu.device.limits(), shapes, size)?;
+        let atlas = ahead.take(shapes, size).unwrap_or_else(|| AtlasAhead::new(shapes, size, layers_of(shapes, size)));
+        let textures = atlas.into_textures(gpu);
+        let atlas = Self::from_textures(gpu, shapes, size, textures);
         gpu.take_failure()?;
         Ok(Some(atlas))
     }
 
-    fn upload(gpu: &Gpu, shapes: &ShapeSet, size: AtlasSize, layers: Vec<Vec<Level>>) -> Self {
-        let side = size.tiles * size.tile_px;
-        let count = level_count(size.tile_px);
-        let texture = |label, format| {
-            gpu.device.create_texture(&wgpu::TextureDescriptor {
-                label: Some(label),
-                size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: layers.len() as u32 },
-                mip_level_count: count,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format,
-                usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-                view_formats: &[],
-            })
-        };
-        let normals = texture("impostor normals", wgpu::TextureFormat::Rgba8Unorm);
-        let surfaces = texture("impostor surfaces", wgpu::TextureFormat::Rgba8Unorm);
-        // Texels of all layers and mip levels.
-        for (layer, levels) in (0..).zip(layers) {
-            for (level, texels) in (0..).zip(levels) {
-                write_level(gpu, &normals, &texels.normals, side >> level, level, layer);
-                write_level(gpu, &surfaces, &texels.surfaces_with_coverage(), side >> level, level, layer);
-            }
-        }
-        // Parameters, bounds and views for the bindings.
+    fn from_textures(gpu: &Gpu, shapes: &ShapeSet, size: AtlasSize, textures: AtlasTextures) -> Self {
         let parameters = layout::ImpostorAtlas {
             tiles: size.tiles,
             tile_px: size.tile_px,
-            levels: count,
+            levels: level_count(size.tile_px),
             albedo_scale: albedo_scale(shapes),
         };
         let bounds: Vec<f32> = shapes.shapes.iter().map(|shape| shape.bound as f32).collect();
@@ -151,8 +126,8 @@ impl ImpostorAtlas {
         Self {
             parameters: gpu::uniform_buffer(gpu, "impostor atlas", &parameters),
             bounds: gpu::storage_buffer(gpu, "impostor bounds", &bounds),
-            normals: whole(&normals),
-            surfaces: whole(&surfaces),
+            normals: whole(&textures.normals),
+            surfaces: whole(&textures.surfaces),
             sampler: gpu.device.create_sampler(&wgpu::SamplerDescriptor {
                 mag_filter: wgpu::FilterMode::Linear,
                 min_filter: wgpu::FilterMode::Linear,
@@ -174,6 +149,72 @@ impl ImpostorAtlas {
     }
 }
 
+/// Textures of an atlas.
+#[derive(Debug)]
+pub(super) struct AtlasTextures {
+    normals: wgpu::Texture,
+    surfaces: wgpu::Texture,
+}
+
+impl AtlasTextures {
+    fn new(gpu: &Gpu, size: AtlasSize, layers: u32) -> Self {
+        let side = size.tiles * size.tile_px;
+        let texture = |label| {
+            gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(label),
+                size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: layers },
+                mip_level_count: level_count(size.tile_px),
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: wgpu::TextureFormat::Rgba8Unorm,
+                usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+                view_formats: &[],
+            })
+        };
+        Self { normals: texture("impostor normals"), surfaces: texture("impostor surfaces") }
+    }
+
+    /// Writes all levels of a layer.
+    fn write(&self, gpu: &Gpu, layer: u32, levels: &[Level]) {
+        let side = self.normals.width();
+        for (level, texels) in (0..).zip(levels) {
+            write_level(gpu, &self.normals, &texels.normals, side >> level, level, layer);
+            write_level(gpu, &self.surfaces, &texels.surfaces_with_coverage(), side >> level, level, layer);
+        }
+    }
+}
+
+/// An atlas whose layers are uploaded one by one.
+#[derive(Debug)]
+pub(super) struct AtlasAhead {
+    size: AtlasSize,
+    /// Number of layers.
+    layers: u32,
+    /// Made with the first layer.
+    pub(super) textures: Option<AtlasTextures>,
+    /// Layers that are not uploaded yet, with all levels.
+    pub(super) waiting: Vec<(u32, Vec<Level>)>,
+}
+
+impl AtlasAhead {
+    fn new(shapes: &ShapeSet, size: AtlasSize, layers: Vec<Vec<Level>>) -> Self {
+        Self { size, layers: shapes.shapes.len() as u32, textures: None, waiting: (0..).zip(layers).collect() }
+    }
+
+    /// Uploads a layer. Returns `false` if none was left.
+    fn upload_one(&mut self, gpu: &Gpu) -> bool {
+        let Some((layer, levels)) = self.waiting.pop() else { return false };
+        let textures = self.textures.get_or_insert_with(|| AtlasTextures::new(gpu, self.size, self.layers));
+        textures.write(gpu, layer, &levels);
+        true
+    }
+
+    fn into_textures(mut self, gpu: &Gpu) -> AtlasTextures {
+        while self.upload_one(gpu) {}
+        self.textures.unwrap_or_else(|| AtlasTextures::new(gpu, self.size, self.layers))
+    }
+}
+
 /// Scale of stored albedos: the greatest albedo factor of all shapes, stored as 1.
 fn albedo_scale(shapes: &ShapeSet) -> f32 {
     let finest = shapes.shapes.iter().filter_map(|shape| shape.lods.first());
@@ -181,9 +222,8 @@ fn albedo_scale(shapes: &ShapeSet) -> f32 {
     if greatest > 0.0 { greatest } else { 1.0 }
 }
 
-fn check(gpu: &Gpu, shapes: &ShapeSet, size: AtlasSize) -> Result<(), ImpostorAtlasError> {
+fn check(limits: &wgpu::Limits, shapes: &ShapeSet, size: AtlasSize) -> Result<(), ImpostorAtlasError> {
     let AtlasSize { tiles, tile_px, .. } = size;
-    let limits = gpu.device.limits();
     if tiles < 2 || tile_px < 2 * BORDER_PX {
         return Err(ImpostorAtlasError::TooSmall { tiles, tile_px });
     }
@@ -198,25 +238,63 @@ fn check(gpu: &Gpu, shapes: &ShapeSet, size: AtlasSize) -> Result<(), ImpostorAt
     Ok(())
 }
 
-/// Atlases and projected areas that another device prepared for a renderer that will need them. Clones share the
-/// content.
-#[derive(Clone, Debug, Default)]
-pub struct BakedImpostors(Arc<Mutex<Baked>>);
+/// Longest time for which [`BakedImpostors::bake`] waits for the upload of a layer: without frames there are no uploads.
+const PATIENCE: Duration = Duration::from_millis(300);
+
+/// Atlases and projected areas that another thread prepared for a renderer that will need them. Clones share the content.
+#[derive(Clone, Debug)]
+pub struct BakedImpostors(Arc<Shared>);
+
+#[derive(Debug)]
+struct Shared {
+    /// Limits of the renderer's adapter.
+    limits: wgpu::Limits,
+    baked: Mutex<Baked>,
+    /// Told after each upload.
+    uploaded: Condvar,
+}
 
 #[derive(Debug, Default)]
 struct Baked {
     /// Keyed by the digest of the shapes and the atlas size.
-    atlases: HashMap<(u64, AtlasSize), Vec<Vec<Level>>>,
+    atlases: HashMap<(u64, AtlasSize), AtlasAhead>,
     areas: HashMap<u64, Vec<f32>>,
 }
 
+impl Baked {
+    /// Number of layers that wait for their upload.
+    fn waiting(&self) -> usize {
+        self.atlases.values().map(|atlas| atlas.waiting.len()).sum()
+    }
+}
+
 impl BakedImpostors {
-    fn baked(&self) -> MutexGuard<'_, Baked> {
-        // No code panics while it holds the lock, so the content is consistent even if the lock is poisoned.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    /// An empty store for a renderer with this device.
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        let limits = gpu.device.limits();
+        Self(Arc::new(Shared { limits, baked: Mutex::default(), uploaded: Condvar::new() }))
     }
 
-    pub(super) fn take(&self, shapes: &ShapeSet, size: AtlasSize) -> Option<Vec<Vec<Level>>> {
+    fn baked(&self) -> MutexGuard<'_, Baked> {
+        // No code panics while it holds the lock, so the content is consistent even if the lock is poisoned.
+        self.0.baked.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Uploads a layer that waits, if any. Called by the renderer with each frame.
+    pub(crate) fn upload_one(&self, gpu: &Gpu) {
+        let mut baked = self.baked();
+        if baked.atlases.values_mut().any(|atlas| atlas.upload_one(gpu)) {
+            self.0.uploaded.notify_all();
+        }
+    }
+
+    /// Drops everything with textures, because the renderer's device was lost.
+    pub(crate) fn forget_textures(&self) {
+        self.baked().atlases.retain(|_, atlas| atlas.textures.is_none());
+        self.0.uploaded.notify_all();
+    }
+
+    pub(super) fn take(&self, shapes: &ShapeSet, size: AtlasSize) -> Option<AtlasAhead> {
         self.baked().atlases.remove(&(shapes.digest, size))
     }
 
@@ -226,28 +304,34 @@ impl BakedImpostors {
         ahead.unwrap_or_else(|| shapes.shapes.iter().flat_map(projected_areas).collect())
     }
 
-    /// Prepares the atlases for the first frame with these sets of shapes on an adapter like `gpu`. Content prepared earlier and not yet
-    /// taken is dropped.
+    /// Prepares the atlases for the first frame with these sets of shapes. If the renderer draws frames in the meantime, returns when it
+    /// has uploaded them. Content prepared earlier and not yet taken is dropped.
     ///
     /// # Errors
     ///
-    /// The atlas settings are invalid for the adapter.
-    pub fn bake(
-        &self,
-        gpu: &Gpu,
-        sets: &[Arc<ShapeSet>],
-        settings: &AsteroidSettings,
-    ) -> Result<(), ImpostorAtlasError> {
+    /// The atlas settings are invalid for the renderer's adapter.
+    pub fn bake(&self, sets: &[Arc<ShapeSet>], settings: &AsteroidSettings) -> Result<(), ImpostorAtlasError> {
         *self.baked() = Baked::default();
         let size = settings.drawn_impostors().and_then(|method| AtlasSize::from_method(method, settings));
         for shapes in sets {
             if let Some(size) = size {
-                check(gpu, shapes, size)?;
-                let layers = layers_of(shapes, size);
-                self.baked().atlases.insert((shapes.digest, size), layers);
+                check(&self.0.limits, shapes, size)?;
+                let atlas = AtlasAhead::new(shapes, size, layers_of(shapes, size));
+                self.baked().atlases.insert((shapes.digest, size), atlas);
             }
             let areas = shapes.shapes.iter().flat_map(projected_areas).collect();
             self.baked().areas.insert(shapes.digest, areas);
+        }
+        // Wait as long as there is progress.
+        let mut baked = self.baked();
+        while baked.waiting() > 0 {
+            let waiting = baked.waiting();
+            let progress = self.0.uploaded.wait_timeout_while(baked, PATIENCE, |baked| baked.waiting() == waiting);
+            let (now, waited) = progress.unwrap_or_else(PoisonError::into_inner);
+            if waited.timed_out() {
+                break;
+            }
+            baked = now;
         }
         Ok(())
     }
@@ -258,8 +342,7 @@ fn layers_of(shapes: &ShapeSet, size: AtlasSize) -> Vec<Vec<Level>> {
     let parameters = [size.layout as u32, size.tiles, size.tile_px, shapes.shapes.len() as u32];
     let inputs: [&[u8]; 3] =
         [&shapes.digest.to_le_bytes(), bytemuck::bytes_of(&parameters), &albedo_scale(shapes).to_le_bytes()];
-    let finest = cache::kept_or_made(PART, &inputs, FORM, || Ok::<_, Infallible>(bake_all(shapes, size)));
-    let Ok(finest) = finest;
+    let Ok(finest) = cache::kept_or_made(PART, &inputs, FORM, || Ok::<_, Infallible>(bake_all(shapes, size)));
     let count = level_count(size.tile_px);
     finest.into_par_iter().map(|finest| levels(finest, size.tiles * size.tile_px, count)).collect()
 }

@@ -73,7 +73,7 @@ impl ImpostorProbe {
         let Some(pass) = AsteroidImpostorPass::new(gpu, AsteroidSource::Given, &source, method) else {
             return Ok(None);
         };
-        let atlas = ImpostorAtlas::new(gpu, &BakedImpostors::default(), shapes, method, settings)?;
+        let atlas = ImpostorAtlas::new(gpu, &BakedImpostors::new(gpu), shapes, method, settings)?;
         Ok(atlas.map(|atlas| Self { pass, source, atlas }))
     }
 

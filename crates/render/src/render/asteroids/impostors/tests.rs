@@ -232,18 +232,49 @@ fn depth_follows_the_surface() {
 fn atlases_baked_ahead_are_taken_once_by_matching_requests() {
     let gpu = gpu();
     let settings = AsteroidSettings { tiles: 4, tile_px: 8, ..settings() };
-    let ahead = BakedImpostors::default();
+    let ahead = BakedImpostors::new(&gpu);
     let sets = [shapes(), ShapeSet { digest: 8, ..shapes() }].map(Arc::new);
-    ahead.bake(&gpu, &sets, &settings).unwrap();
+    ahead.bake(&sets, &settings).unwrap();
     let size = AtlasSize::from_method(settings.impostor.chosen(), &settings).unwrap();
     assert!(ahead.take(&ShapeSet { digest: 9, ..shapes() }, size).is_none(), "other shapes");
     assert!(ahead.take(&sets[0], AtlasSize { tiles: 8, ..size }).is_none(), "another size");
-    let baked = ahead.take(&sets[0], size).unwrap();
-    assert!(baked.iter().flatten().any(|level| level.normals.iter().any(|byte| *byte > 0)));
+    let of_none = ahead.take(&sets[0], size).unwrap();
+    assert!(of_none.textures.is_none() && of_none.waiting.len() == 2, "no frame was drawn");
+    assert!(
+        of_none.waiting.iter().flat_map(|(_, levels)| levels).any(|level| level.normals.iter().any(|byte| *byte > 0))
+    );
     assert!(ahead.take(&sets[0], size).is_none(), "already taken");
-    ahead.bake(&gpu, &sets[..1], &settings).unwrap();
+    ahead.bake(&sets[..1], &settings).unwrap();
     assert!(ahead.take(&sets[1], size).is_none(), "an atlas that was not taken is dropped");
-    assert_eq!(ahead.take(&sets[0], size).unwrap(), baked);
+    // Frames upload one layer each, and only those with textures are lost with the device.
+    ahead.upload_one(&gpu);
+    let partly = ahead.take(&sets[0], size).unwrap();
+    assert!(partly.textures.is_some() && partly.waiting.len() == 1);
+    ahead.bake(&sets, &settings).unwrap();
+    ahead.upload_one(&gpu);
+    ahead.forget_textures();
+    assert_eq!(sets.iter().filter_map(|shapes| ahead.take(shapes, size)).count(), 1);
+}
+
+#[test]
+fn baking_waits_for_the_uploads_of_frames() {
+    let gpu = gpu();
+    let settings = AsteroidSettings { tiles: 4, tile_px: 8, ..settings() };
+    let ahead = BakedImpostors::new(&gpu);
+    let sets = [shapes(), ShapeSet { digest: 8, ..shapes() }].map(Arc::new);
+    let size = AtlasSize::from_method(settings.impostor.chosen(), &settings).unwrap();
+    std::thread::scope(|scope| {
+        let baking = scope.spawn(|| ahead.bake(&sets, &settings));
+        while !baking.is_finished() {
+            ahead.upload_one(&gpu);
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        baking.join().unwrap().unwrap();
+    });
+    for shapes in &sets {
+        let atlas = ahead.take(shapes, size).unwrap();
+        assert!(atlas.textures.is_some() && atlas.waiting.is_empty(), "{} layers wait", atlas.waiting.len());
+    }
 }
 
 #[test]
@@ -251,7 +282,7 @@ fn invalid_atlases_are_refused_with_the_limit() {
     let gpu = gpu();
     let make = |shapes: &ShapeSet, tiles, tile_px| {
         let settings = AsteroidSettings { tiles, tile_px, ..AsteroidSettings::default() };
-        ImpostorAtlas::new(&gpu, &BakedImpostors::default(), shapes, Octahedral, &settings).map(|_| ())
+        ImpostorAtlas::new(&gpu, &BakedImpostors::new(&gpu), shapes, Octahedral, &settings).map(|_| ())
     };
     let limit = gpu.max_view_side_px();
     let error = make(&shapes(), limit, 4).unwrap_err();
