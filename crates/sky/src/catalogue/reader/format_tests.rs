@@ -125,7 +125,11 @@ fn ucds_and_units_explain_columns_with_unknown_names() {
 fn votables_that_cannot_be_read_say_why() {
     let table = |data: &str| format!("<VOTABLE><TABLE>{FIELDS}<DATA>{data}</DATA></TABLE></VOTABLE>");
     for (text, part) in [
-        ("<VOTABLE><INFO name='QUERY_STATUS' value='ERROR'>no</INFO></VOTABLE>".to_owned(), "reports an error"),
+        (
+            "<VOTABLE><INFO name='QUERY_STATUS' value='ERROR'>no such\n table &amp; so on</INFO></VOTABLE>".to_owned(),
+            "reports an error, not a table: `no such table & so on`",
+        ),
+        ("<VOTABLE><INFO name='QUERY_STATUS' value='ERROR'/></VOTABLE>".to_owned(), "not a table: no reason"),
         ("<html><body/></html>".to_owned(), "not a VOTable"),
         ("<VOTABLE/>".to_owned(), "no table with data"),
         ("<VOTABLE><TABLE>".to_owned(), "no table with data"),

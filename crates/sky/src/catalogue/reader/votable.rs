@@ -16,6 +16,8 @@ use super::{CatalogueError, CatalogueRead, RowPlace};
 
 /// Largest text between two marks, bytes: the whole table in the binary forms.
 const MOST_BYTES: u64 = 1 << 30;
+/// Characters of the error of a service that a message shows.
+const MOST_ERROR_TEXT: usize = 400;
 /// Largest number of fields.
 const MOST_FIELDS: usize = 10_000;
 
@@ -129,12 +131,14 @@ struct Document<'f> {
     form: Form,
     /// Texts of the row.
     fields: Vec<String>,
-    /// Text of the open TD or STREAM.
+    /// Text of the open TD, STREAM or INFO.
     value: Option<String>,
     notes: Vec<String>,
     /// Number of tables after the one that is read.
     further: usize,
     has_votable: bool,
+    /// Whether the open INFO is the error of a service.
+    is_error: bool,
 }
 
 impl<'f> Document<'f> {
@@ -153,6 +157,7 @@ impl<'f> Document<'f> {
             notes: Vec::new(),
             further: 0,
             has_votable: false,
+            is_error: false,
         }
     }
 
@@ -184,16 +189,18 @@ impl<'f> Document<'f> {
     fn start(&mut self, start: &BytesStart<'_>) -> Result<(), CatalogueError> {
         match start.local_name().as_ref() {
             b"VOTABLE" => self.has_votable = true,
-            b"INFO" if self.attribute(start, "name")? == "QUERY_STATUS" => match self
-                .attribute(start, "value")?
-                .as_str()
-            {
-                "ERROR" => return Err(self.malformed("the service that wrote it reports an error, not a table".into())),
-                "OVERFLOW" => {
-                    self.notes.push("the service reached its limit of rows (OVERFLOW): rows are missing".into())
+            b"INFO" if self.attribute(start, "name")? == "QUERY_STATUS" => {
+                match self.attribute(start, "value")?.as_str() {
+                    "ERROR" => {
+                        self.is_error = true;
+                        self.value = Some(String::new());
+                    }
+                    "OVERFLOW" => {
+                        self.notes.push("the service reached its limit of rows (OVERFLOW): rows are missing".into())
+                    }
+                    _ => {}
                 }
-                _ => {}
-            },
+            }
             b"TABLE" => {
                 self.head = Head::default();
                 self.columns.clear();
@@ -318,6 +325,18 @@ impl<'f> Document<'f> {
 
     fn end(&mut self, name: &[u8]) -> Result<(), CatalogueError> {
         match name {
+            b"INFO" if self.is_error => {
+                let text = self.value.take().unwrap_or_default();
+                let words: Vec<&str> = text.split_whitespace().collect();
+                let shortened: String = words.join(" ").chars().take(MOST_ERROR_TEXT).collect();
+                let reason = match shortened.escape_debug().to_string() {
+                    none if none.is_empty() => "no reason".to_owned(),
+                    reason => format!("`{reason}`"),
+                };
+                return Err(
+                    self.malformed(format!("the service that wrote it reports an error, not a table: {reason}"))
+                );
+            }
             b"FIELD" => self.in_field = false,
             b"TABLEDATA" | b"BINARY" | b"BINARY2" => self.is_reading = false,
             b"TD" if self.is_reading => {
