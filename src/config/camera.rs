@@ -1,14 +1,23 @@
 //! The camera of a configuration: its place, and the direction that `look` or the observer's keys give.
 
+use std::fmt::Display;
+
 use glam::{DQuat, DVec3};
 
 use super::look::{Aim, Towards};
 use super::{Config, ConfigError, ObserverConfig};
+use crate::catalogue::{
+    bright::named_bright_stars,
+    constellations::{self, middles},
+    epoch::Epoch,
+    names,
+};
 use crate::coordinates::lon_lat_from_direction;
 use crate::observer::{Moment, Observer, Refraction};
 use crate::ranges::KeyError;
 use crate::scene::Camera;
 use crate::scene::surroundings::BEYOND_AIR_M;
+use crate::units::{JULIAN_YEAR_S, PARSEC_M};
 
 impl Config {
     /// The camera at the start, with revision 0.
@@ -44,30 +53,52 @@ impl Config {
         };
         let frame_from_camera = match &aim.towards {
             Towards::Direction([longitude_rad, latitude_rad]) => aim.frame_from_camera(*longitude_rad, *latitude_rad),
-            Towards::Body(name) => {
-                let Some(body) = self.bodies.iter().find(|body| body.name == *name) else {
-                    let names: Vec<&str> = self.bodies.iter().map(|body| &body.name[..]).collect();
-                    let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-                    return Err(KeyError::new("at", format!("`{name}`: no such body; the bodies are: {names}")));
-                };
-                let place_m = match body.ephemeris {
-                    Some(of) => {
-                        let kernels = self.kernels()?;
-                        let placed = Moment::new(time_s, observer).place(of, kernels.as_deref());
-                        placed.map_err(|problem| KeyError::new("at", format!("`{name}`: {problem}")))?.0
-                    }
-                    None => body.body()?.position_m,
-                };
-                if place_m == camera_m {
-                    return Err(KeyError::new("at", format!("`{name}`: the camera is at its centre")));
-                }
-                let seen_m = self.seen_m(place_m - camera_m, seen);
+            Towards::Object(name) => {
+                let seen_m = self.seen_m(self.from_camera_m(name, seen, camera_m)?, seen);
                 let in_frame = icrs_from_frame.transpose() * seen_m;
                 let (longitude_rad, latitude_rad) = lon_lat_from_direction(in_frame);
                 aim.frame_from_camera(longitude_rad, latitude_rad)
             }
         };
         Ok(DQuat::from_mat3(&icrs_from_frame) * frame_from_camera)
+    }
+
+    /// Position of a body, of a star of the built-in table or of a constellation's middle relative to the camera, m. What has no distance is at 1 pc.
+    fn from_camera_m(
+        &self,
+        name: &str,
+        (time_s, observer): (f64, Option<&Observer>),
+        camera_m: DVec3,
+    ) -> Result<DVec3, KeyError> {
+        let fault = |problem: &dyn Display| KeyError::new("at", format!("`{name}`: {problem}"));
+        let Some(body) = self.bodies.iter().find(|body| body.name.eq_ignore_ascii_case(name)) else {
+            let without = Epoch { years: time_s / JULIAN_YEAR_S, seen_from: None };
+            let epoch = observer.map_or(without, |observer| observer.epoch.of_stars());
+            let named = named_bright_stars(epoch.years);
+            if let Some(found) = names::find(named.iter(), name) {
+                let star = epoch.seen(found.star);
+                return Ok(star.position * PARSEC_M - if star.distance_known { camera_m } else { DVec3::ZERO });
+            }
+            if let Some(number) = constellations::find(name) {
+                return Ok(epoch.seen_place(middles()[number].1, false) * PARSEC_M);
+            }
+            let bodies: Vec<&str> = self.bodies.iter().map(|body| &body.name[..]).collect();
+            let bodies = if bodies.is_empty() { "none".to_owned() } else { bodies.join(", ") };
+            let unknown =
+                format!("no such body, no star of builtin:bright and no constellation; the bodies are: {bodies}");
+            return Err(fault(&unknown));
+        };
+        let place_m = match body.ephemeris {
+            Some(of) => {
+                let kernels = self.kernels()?;
+                Moment::new(time_s, observer).place(of, kernels.as_deref()).map_err(|problem| fault(&problem))?.0
+            }
+            None => body.body()?.position_m,
+        };
+        if place_m == camera_m {
+            return Err(fault(&"the camera is at its centre"));
+        }
+        Ok(place_m - camera_m)
     }
 
     /// Apparent position of a distant object through the observer's air, m relative to the camera.

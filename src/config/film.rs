@@ -220,7 +220,7 @@ impl KeyframeTable {
                 Towards::Direction([longitude_rad, latitude_rad]) => {
                     Ok((aim.frame_from_camera(longitude_rad, latitude_rad), aim.frame))
                 }
-                Towards::Body(_) => Err(KeyError::new("look.at", "keyframes have directions: at is not allowed")),
+                Towards::Object(_) => Err(KeyError::new("look.at", "keyframes have directions: at is not allowed")),
             }
         };
         let fov_y_deg = |value: f64| {

@@ -1,4 +1,4 @@
-//! `look`: the direction of a camera, given in one of several frames or by a body, and its roll.
+//! `look`: the direction of a camera, given in one of several frames or by an object's name, and its roll.
 
 use glam::DQuat;
 use schemars::JsonSchema;
@@ -27,7 +27,7 @@ pub struct Look {
     pub longitude_deg: Option<f64>,
     /// Latitude, -90 to 90; frames `galactic` and `ecliptic`, and those of bodies.
     pub latitude_deg: Option<f64>,
-    /// Name of a body, instead of a direction.
+    /// Name of a body, of a star of `builtin:bright` (such as `Sirius`, `alf CMa` or `HR 2491`) or of a constellation, instead of a direction.
     pub at: Option<String>,
     /// By which the top of the picture is turned to the left: in frame `icrs` its position angle, from north through east.
     #[serde(default)]
@@ -64,8 +64,8 @@ impl Aim {
 pub(super) enum Towards {
     /// Longitude and latitude in the frame's axes, rad.
     Direction([f64; 2]),
-    /// A body.
-    Body(String),
+    /// A body, a star or a constellation, by name.
+    Object(String),
 }
 
 /// Names of the keys of a direction, by frame.
@@ -112,7 +112,7 @@ impl Look {
         if let Some(body) = &self.at {
             return match given.first() {
                 Some((key, ..)) => Err(KeyError::new(*key, "at is given too: give either a direction or at")),
-                None => Ok(Aim { frame, towards: Towards::Body(body.clone()), roll_rad, above_rad }),
+                None => Ok(Aim { frame, towards: Towards::Object(body.clone()), roll_rad, above_rad }),
             };
         }
         let needed = |key: &str| {
@@ -148,7 +148,7 @@ mod tests {
         let Towards::Direction([longitude_rad, _]) = horizon.towards else { panic!("no direction") };
         assert_eq!(longitude_rad, -std::f64::consts::FRAC_PI_2);
         let body = aim("at = \"moon\"\nframe = \"horizon\"\nroll_deg = 10").expect("a body");
-        assert_eq!((body.frame, body.towards), (Frame::Horizon, Towards::Body("moon".to_owned())));
+        assert_eq!((body.frame, body.towards), (Frame::Horizon, Towards::Object("moon".to_owned())));
     }
 
     #[test]

@@ -7,6 +7,7 @@ use serde::Deserialize;
 use steradian::{
     catalogue::bright::named_bright_stars,
     config::Config,
+    coordinates::direction_from_lon_lat,
     glam::DVec3,
     observer::{Clock, Place, Standpoint, horizontal_direction},
     photometry::rec709::luminance,
@@ -123,6 +124,15 @@ fn an_observer_has_the_solar_system_and_looks_along_the_horizon() {
     let raised = config(&text("look = { at = 'moon', above_deg = 30 }\n")).camera().unwrap().world_from_camera;
     let seen = raised.inverse() * (at_moon * DVec3::NEG_Z);
     assert!((seen - DVec3::new(0.0, 0.5, -(0.75_f64.sqrt()))).length() < 1e-12, "{seen}");
+    // Stars and constellations by name, with the aberration of 21 arcseconds at most. Sirius: Hipparcos, moved to 2026.9.
+    for (name, ra_deg, dec_deg, within_arcsec) in
+        [("HR 2491", 101.2829, -16.7252, 25.0), ("sirius", 101.2829, -16.7252, 25.0), ("Ori", 83.6, 5.9, 9000.0)]
+    {
+        let at_star = config(&text(&format!("look = {{ at = '{name}' }}\nair.enabled = false\n"))).camera().unwrap();
+        let expected = direction_from_lon_lat(f64::to_radians(ra_deg), f64::to_radians(dec_deg));
+        let apart_arcsec = 3600.0 * (at_star.world_from_camera * DVec3::NEG_Z).angle_between(expected).to_degrees();
+        assert!((1.0..within_arcsec).contains(&apart_arcsec), "{name}: {apart_arcsec} arcsec");
+    }
     let galactic = config(&text("look = { frame = 'galactic', longitude_deg = 0, latitude_deg = 0 }\n"));
     let centre = galactic.camera().unwrap().world_from_camera * DVec3::NEG_Z;
     close(centre, steradian::coordinates::icrs_from_galactic() * DVec3::X);

@@ -7,7 +7,7 @@ use tonic::Status;
 use super::{identify::star_to_pb, service::Service};
 use crate::{
     catalogue::{
-        constellations::{CONSTELLATIONS, areas_sr, middles},
+        constellations::{self, CONSTELLATIONS, areas_sr, middles},
         names::{self, NamedStar},
     },
     coordinates::lon_lat_from_direction,
@@ -90,7 +90,7 @@ fn found(scene: &SceneSnapshot, name: &str) -> Result<proto::IdentifiedObject, S
     if let Some(star) = names::find(named.iter(), name) {
         return Ok(star_to_pb(&seen_star(scene, star), &scene.stars));
     }
-    if let Some(number) = CONSTELLATIONS.iter().position(|(short, full)| is(short) || is(full)) {
+    if let Some(number) = constellations::find(name) {
         return Ok(constellation_to_pb(scene, number));
     }
     if let Some(why) = names::why_no_number(named.iter(), name) {

@@ -175,6 +175,11 @@ fn number_of(direction: DVec3) -> usize {
     found.expect("the built-in table has known constellations")
 }
 
+/// The index in [`CONSTELLATIONS`] of the constellation with this name or abbreviation, in any case.
+pub fn find(name: &str) -> Option<usize> {
+    CONSTELLATIONS.iter().position(|(short, full)| short.eq_ignore_ascii_case(name) || full.eq_ignore_ascii_case(name))
+}
+
 /// Names and centres of the constellations. A centre is the mean direction over the area, an ICRS unit vector.
 pub fn middles() -> &'static [(&'static str, DVec3)] {
     static MIDDLES: OnceLock<Vec<(&'static str, DVec3)>> = OnceLock::new();
