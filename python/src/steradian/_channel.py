@@ -35,6 +35,8 @@ _OPTIONS: list[tuple[str, int | str]] = [
 _HEALTH = "/grpc.health.v1.Health/Check"
 # The answer of the health service of a daemon that serves: the message has one field.
 _SERVING = b"\x08\x01"
+# Codes of a daemon that does not serve yet. NOT_FOUND: its first server, which tells the health during the start, is ending.
+_NOT_YET = (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.NOT_FOUND)
 # gRPC names the host of a Unix socket by its path, percent-encoded, which the HTTP library of the daemon refuses.
 _UNIX_HOST = ("grpc.default_authority", "localhost")
 
@@ -128,7 +130,7 @@ class Transport:
             try:
                 answer = check(b"", timeout=left, wait_for_ready=True, metadata=self._metadata)
             except grpc.RpcError as error:
-                if error.code() not in (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.DEADLINE_EXCEEDED):
+                if error.code() not in _NOT_YET:
                     raise errors.from_rpc(error, _HEALTH) from error
             else:
                 if answer == _SERVING:
