@@ -288,6 +288,9 @@ pub fn check_state(path: &Path) -> Result<(), StateError> {
 impl StateFile {
     /// Opens a file, or creates it.
     pub(crate) fn open(path: &Path) -> Result<Self, StateError> {
+        if std::fs::metadata(path).is_ok_and(|found| found.is_file() && found.len() == 0) {
+            tracing::warn!("the state file `{}` is empty: nothing is restored from it", path.display());
+        }
         let owned = path.to_owned();
         Self::open_with(path, Box::new(move || Database::create(&owned)))
     }

@@ -15,7 +15,7 @@ use tokio::{
     sync::{oneshot, watch},
     time::{Instant, timeout_at},
 };
-use tonic::{server::NamedService, transport::Server};
+use tonic::{codegen::BoxFuture, server::NamedService, transport::Server};
 use tonic_health::{ServingStatus, server::HealthReporter};
 use tonic_web::GrpcWebLayer;
 
@@ -80,6 +80,14 @@ const SERVICES: [&str; 4] = [
     <DiagnosticsServiceServer<Service> as NamedService>::NAME,
 ];
 
+/// What to do instead if the address is taken.
+fn other_address(taken: &Address) -> &'static str {
+    match taken {
+        Address::Tcp(_) => "listen on another port (port 0 takes a free one)",
+        Address::Unix(_) => "name another path",
+    }
+}
+
 /// Errors at the start of the daemon, or reasons of a premature end.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -95,7 +103,7 @@ pub enum ServeError {
         problem: String,
     },
     /// Another process listens there.
-    #[error("{address} is in use by another process: stop it, or listen on another port (port 0 takes a free one)")]
+    #[error("{address} is in use by another process: stop it, or {}", other_address(address))]
     AddressInUse {
         /// The address.
         address: Address,
@@ -227,7 +235,12 @@ fn reflection<'a>() -> tonic_reflection::server::Builder<'a> {
 /// # Errors
 ///
 /// See [`ServeError`]. An orderly end returns none, even if clients had to be cut off.
-pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
+pub fn run(options: ServeOptions) -> BoxFuture<(), ServeError> {
+    // Without the box, every crate that awaits the daemon would compile all of it again.
+    Box::pin(serve(options))
+}
+
+async fn serve(options: ServeOptions) -> Result<(), ServeError> {
     let ServeOptions {
         engine,
         network,
