@@ -10,12 +10,17 @@ pub mod spk;
 pub mod theatre;
 pub mod trials;
 
-use std::{path::Path, sync::Arc};
+use std::{
+    path::Path,
+    sync::{Arc, Once},
+    time::SystemTime,
+};
 
 use glam::{DQuat, DVec3};
 pub use pool::{Lent, Pool};
 pub use steradian::verify::scenes::{all_views, directions_inside, hard_places, snapshot, spiral, star};
 use steradian::{
+    cache::{self, Cache},
     config::Config,
     gpu::GpuOptions,
     metrics::{self, HdrView},
@@ -53,8 +58,27 @@ pub fn rig(kinds: Vec<(&str, ViewKind)>) -> Rig {
     Rig::new(kinds.into_iter().map(|(name, kind)| view(name, kind)).collect()).expect("a valid rig")
 }
 
+/// Keeps synthetic stars, tables and atlases between the tests of this executable, and its later runs: many tests use the same ones, which take seconds
+/// to make. Content of an older build is removed.
+fn keep_made_content() {
+    static BEGUN: Once = Once::new();
+    BEGUN.call_once(|| {
+        let executable = std::env::current_exe().unwrap();
+        let name = executable.file_stem().unwrap().to_string_lossy().into_owned();
+        let built = executable.metadata().unwrap().modified().unwrap();
+        let built_s = built.duration_since(SystemTime::UNIX_EPOCH).unwrap().as_secs();
+        let kept = executable.parent().unwrap().join("kept").join(name);
+        let folder = kept.join(built_s.to_string());
+        if !folder.exists() && kept.exists() {
+            std::fs::remove_dir_all(&kept).unwrap();
+        }
+        cache::set_for_process(Some(Cache { folder, most_bytes: 1 << 30 }));
+    });
+}
+
 /// Loads scene, views and settings of a file in `configs/` with overrides of keys.
 pub fn configured(file: &str, overrides: &[&str]) -> (SceneSnapshot, Rig, RenderSettings) {
+    keep_made_content();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(file);
     let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
     let config = Config::load(&path, &overrides).expect("the configuration is valid");
