@@ -1,6 +1,12 @@
 //! Preparation of a renderer: it makes all pipelines that a configuration needs before the first frame.
 
-use steradian::Wanted;
+use std::sync::Arc;
+
+use steradian::{
+    Wanted,
+    plan::view_settings::{ExposureGroup, FrameGroup},
+    scene::SceneSnapshot,
+};
 
 use crate::common::{configured, new_renderer};
 
@@ -52,4 +58,36 @@ fn a_frame_creates_pipelines_that_were_not_prepared() {
     let wanted = Wanted { display: true, ..Wanted::default() };
     renderer.warm_up(&scene, &rig, &settings, wanted).unwrap();
     assert!(renderer.gpu().made().pipelines > 0);
+}
+
+#[test]
+fn frames_create_the_pipelines_of_a_later_scene() {
+    let (later, rig, settings) = configured("asteroids.toml", &[SMALL_CATALOGUE, "views.0.size=[64,48]"]);
+    let now = SceneSnapshot { objects: Arc::default(), ..later.clone() };
+    let mut renderer = new_renderer();
+    let wanted = Wanted::both();
+    renderer.warm_up(&now, &rig, &settings, wanted).unwrap();
+    let of_now = renderer.gpu().made().pipelines;
+    let ahead = renderer.pipelines_ahead().clone();
+    let group = FrameGroup {
+        views: vec![0],
+        rig: rig.clone(),
+        settings: settings.clone(),
+        exposure_group: ExposureGroup::General,
+        exposed_as: None,
+    };
+    ahead.begin(Arc::clone(&later.objects), vec![group]);
+    std::thread::scope(|scope| {
+        let waiting = scope.spawn(|| ahead.wait());
+        let mut frames = 0;
+        while !waiting.is_finished() {
+            renderer.warm_up(&now, &rig, &settings, wanted).unwrap();
+            frames += 1;
+            assert!(frames < 1000, "the pipelines are never complete");
+        }
+    });
+    let prepared = renderer.gpu().made().pipelines;
+    renderer.warm_up(&later, &rig, &settings, wanted).unwrap();
+    let all = renderer.gpu().made().pipelines;
+    assert!(prepared > of_now && all == prepared, "{of_now}, then {prepared}, then {all}");
 }

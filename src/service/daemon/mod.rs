@@ -288,7 +288,7 @@ async fn serve(options: ServeOptions) -> Result<(), ServeError> {
     report_health(&health, ServingStatus::Serving).await;
 
     let (info, limits) = (engine.info(), engine.limits());
-    let background_jobs = BackgroundJobs::spawn(engine.beside())?;
+    let background_jobs = BackgroundJobs::spawn(engine.beside(), engine.pipelines_ahead())?;
     let shares = Arc::new(Shares::new(subscribers));
     let stars = scene.stars.stars.len() as u64;
     let capacity = Capacity { requests: pending_renders, subscribers };

@@ -18,6 +18,7 @@ use super::interface::{BesideEngine, EngineError, OpenBeside};
 use crate::{
     plan::settings::{AsteroidSettings, RenderSettings},
     platform::process,
+    render::PipelinesAhead,
     scene::asteroids::ShapeSet,
     service::{
         frames::errors::Refused,
@@ -40,17 +41,19 @@ enum Job {
 #[derive(Clone)]
 pub(crate) struct BackgroundJobs {
     jobs: mpsc::Sender<Job>,
+    /// Pipelines that frames create for a later scene.
+    pub(crate) pipelines: PipelinesAhead,
 }
 
 impl BackgroundJobs {
     /// Starts the thread; the device is opened with the first failure test.
-    pub(crate) fn spawn(open: OpenBeside) -> io::Result<Self> {
+    pub(crate) fn spawn(open: OpenBeside, pipelines: PipelinesAhead) -> io::Result<Self> {
         let (jobs, given) = mpsc::channel();
         thread::Builder::new().name("background_jobs".to_owned()).spawn(move || {
             threads::stand_back();
             work(&given, open);
         })?;
-        Ok(Self { jobs })
+        Ok(Self { jobs, pipelines })
     }
 
     /// Runs a failure test.

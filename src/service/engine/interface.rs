@@ -8,7 +8,7 @@ use crate::{
         Limits,
         settings::{AsteroidSettings, RenderSettings},
     },
-    render::{BakedImpostors, Frame, FrameRequest, ImpostorAtlasError, RenderError, Renderer},
+    render::{BakedImpostors, Frame, FrameRequest, ImpostorAtlasError, PipelinesAhead, RenderError, Renderer},
     scene::asteroids::ShapeSet,
     verify::{self, Check, CheckResult},
 };
@@ -65,6 +65,11 @@ pub trait Engine: Send + 'static {
     /// Returns a function that opens a second renderer for background jobs, on the calling thread. Called once, before
     /// the first frame.
     fn beside(&self) -> OpenBeside;
+
+    /// Returns the pipelines that a later scene needs, which frames create. Called once, before the first frame.
+    fn pipelines_ahead(&self) -> PipelinesAhead {
+        PipelinesAhead::default()
+    }
 
     /// Returns the limits for plans: changes are checked against them. Called once, before the first frame.
     fn limits(&self) -> Limits {
@@ -155,6 +160,10 @@ impl Engine for Renderer {
         let options = self.gpu_options().clone();
         let baked = self.baked_impostors().clone();
         Box::new(move || Box::new(BesideRenderer { options: options.clone(), renderer: None, baked: baked.clone() }))
+    }
+
+    fn pipelines_ahead(&self) -> PipelinesAhead {
+        Self::pipelines_ahead(self).clone()
     }
 
     fn limits(&self) -> Limits {

@@ -53,7 +53,7 @@ pub use self::{
     },
     error::RenderError,
     frame::{Frame, FrameImage, FrameTimes, ViewStatistics, Wanted},
-    prepare::PrepareStep,
+    prepare::{PipelinesAhead, PrepareStep},
     presentation::Presentation,
     request::{FrameRequest, SkyMapUse},
     submit::SubmittedFrame,
@@ -88,6 +88,7 @@ pub struct Renderer {
     techniques: Vec<Box<dyn Technique + Send>>,
     /// Impostor atlases baked in advance.
     baked: BakedImpostors,
+    pipelines_ahead: PipelinesAhead,
     /// Techniques for another number of table buffers, kept from an earlier rig, and that number (0: no picture was
     /// tabulated).
     idle_techniques: Option<(TableForm, Vec<Box<dyn Technique + Send>>)>,
@@ -130,7 +131,8 @@ impl Renderer {
         let frames = self.frames;
         let gpu = Gpu::open(&options)?;
         self.baked.forget_textures();
-        *self = Self { frames, ..Self::with_baked(gpu, self.baked.clone()) };
+        let pipelines_ahead = self.pipelines_ahead.clone();
+        *self = Self { frames, pipelines_ahead, ..Self::with_baked(gpu, self.baked.clone()) };
         Ok(())
     }
 
@@ -151,6 +153,7 @@ impl Renderer {
             planners: vec![Planner::new()],
             techniques: sequence::techniques(&gpu, &baked),
             baked,
+            pipelines_ahead: PipelinesAhead::default(),
             idle_techniques: None,
             targets: Targets::new(&gpu),
             sky_targets: None,

@@ -5,16 +5,19 @@
 //! it first runs, one after the other on the thread of the queue. For these, compute shaders are compiled in advance on
 //! separate devices (`gpu/compile_ahead.rs`), and the others need a warm-up frame ([`Renderer::warm_up`]).
 
-use std::sync::{Mutex, PoisonError};
+use std::{
+    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
+    time::{Duration, Instant},
+};
 
 use super::{
     FrameRequest, RenderError, Renderer, Wanted,
     technique::{PipelineJob, Wish},
 };
 use crate::{
-    plan::{Forecast, exposure::origin::ExposureOrigin, settings::RenderSettings},
+    plan::{Forecast, Limits, exposure::origin::ExposureOrigin, settings::RenderSettings, view_settings::FrameGroup},
     scene::{SceneObjects, SceneSnapshot},
-    view::Rig,
+    view::{Rig, Viewport},
 };
 
 /// Progress of [`Renderer::prepare`].
@@ -26,6 +29,36 @@ pub struct PrepareStep {
     pub done: usize,
     /// Total number of jobs.
     pub total: usize,
+}
+
+/// The views of a frame, or those of its meter.
+struct Picture {
+    viewports: Vec<Viewport>,
+    forecast: Forecast,
+    /// Images that are made of them.
+    made: Wanted,
+    is_metered: bool,
+}
+
+/// What a frame draws, and what its meter draws for it.
+fn pictures(
+    objects: &SceneObjects,
+    rig: &Rig,
+    settings: &RenderSettings,
+    made: Wanted,
+    limits: &Limits,
+) -> Result<Vec<Picture>, RenderError> {
+    let picture = |rig: &Rig, settings: &RenderSettings, made, is_metered| {
+        let viewports = rig.viewports(glam::DQuat::IDENTITY);
+        let forecast = Forecast::new(settings, objects, &viewports, limits);
+        Picture { viewports, forecast, made, is_metered }
+    };
+    let mut pictures = vec![picture(rig, settings, made, false)];
+    match ExposureOrigin::new(rig, settings, false)? {
+        ExposureOrigin::Picture { rig, settings } => pictures.push(picture(&rig, &settings, Wanted::default(), true)),
+        ExposureOrigin::Own | ExposureOrigin::Plan => {}
+    }
+    Ok(pictures)
 }
 
 /// Runs jobs on as many threads as there are cores, in order.
@@ -51,7 +84,113 @@ fn run(jobs: Vec<PipelineJob<'_>>, progress: &mut (dyn FnMut(PrepareStep) + Send
     });
 }
 
+/// Time that a frame spends on pipelines of a later scene. One that takes longer is the last one of the frame.
+const SLICE: Duration = Duration::from_millis(2);
+/// Without a frame for this time, nobody waits for pipelines that frames create. A frame that creates a large one takes more than half a second.
+const IDLE: Duration = Duration::from_secs(2);
+
+/// Pipelines that a later scene needs. The renderer creates them a few at a time, with the frames before. Clones share the content.
+#[derive(Clone, Default)]
+pub struct PipelinesAhead(Arc<AheadShared>);
+
+#[derive(Default)]
+struct AheadShared {
+    state: Mutex<AheadState>,
+    /// Told after each frame with progress.
+    created: Condvar,
+}
+
+#[derive(Default)]
+struct AheadState {
+    wanted: Option<WantedPipelines>,
+    /// Begin of the last frame.
+    last_frame: Option<Instant>,
+}
+
+#[derive(Clone)]
+struct WantedPipelines {
+    objects: Arc<SceneObjects>,
+    groups: Arc<[FrameGroup]>,
+    /// Number of finished jobs.
+    done: usize,
+}
+
+impl PipelinesAhead {
+    fn state(&self) -> MutexGuard<'_, AheadState> {
+        // No code panics while it holds the lock.
+        self.0.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Asks for the pipelines of frames with these objects, in place of what was asked for before.
+    pub fn begin(&self, objects: Arc<SceneObjects>, groups: Vec<FrameGroup>) {
+        self.state().wanted = Some(WantedPipelines { objects, groups: groups.into(), done: 0 });
+    }
+
+    /// Waits until the pipelines exist, or until no frame was drawn for two seconds.
+    pub fn wait(&self) {
+        let mut state = self.state();
+        while state.wanted.is_some() && state.last_frame.is_some_and(|frame| frame.elapsed() < IDLE) {
+            let waited = self.0.created.wait_timeout(state, IDLE);
+            state = waited.unwrap_or_else(PoisonError::into_inner).0;
+        }
+    }
+}
+
 impl Renderer {
+    /// The pipelines that a later scene needs; see [`PipelinesAhead`].
+    pub fn pipelines_ahead(&self) -> &PipelinesAhead {
+        &self.pipelines_ahead
+    }
+
+    /// Jobs that create the pipelines of pictures. `formats`: of textures that the images of frames will be drawn into.
+    fn jobs<'a>(
+        &'a self,
+        objects: &'a SceneObjects,
+        pictures: &'a [Picture],
+        formats: &'a [wgpu::TextureFormat],
+    ) -> Vec<PipelineJob<'a>> {
+        let of_picture = |Picture { viewports, forecast, made, is_metered }: &'a Picture| {
+            let formats = if *is_metered { &[] } else { formats };
+            let wish = Wish { gpu: &self.gpu, objects, viewports, forecast, made: *made, formats };
+            self.techniques.iter().flat_map(move |technique| technique.pipelines(&wish))
+        };
+        pictures.iter().flat_map(of_picture).collect()
+    }
+
+    /// Creates some of the pipelines that a later scene needs.
+    pub(super) fn create_some_ahead(&self) {
+        let begun = Instant::now();
+        let wanted = {
+            let mut state = self.pipelines_ahead.state();
+            state.last_frame = Some(begun);
+            state.wanted.clone()
+        };
+        let Some(WantedPipelines { objects, groups, mut done }) = wanted else { return };
+        let of_group = |group: &FrameGroup| {
+            let drawn = pictures(&objects, &group.rig, &group.settings, Wanted::both(), &self.limits);
+            // The frame reports the error.
+            drawn.unwrap_or_default()
+        };
+        let pictures: Vec<Picture> = groups.iter().flat_map(of_group).collect();
+        let jobs = self.jobs(&objects, &pictures, &[]);
+        let all = jobs.len();
+        for job in jobs.into_iter().skip(done) {
+            (job.make)();
+            done += 1;
+            if begun.elapsed() > SLICE {
+                break;
+            }
+        }
+        let mut state = self.pipelines_ahead.state();
+        if let Some(wanted) = state.wanted.as_mut().filter(|wanted| Arc::ptr_eq(&wanted.groups, &groups)) {
+            wanted.done = done;
+            if done >= all {
+                state.wanted = None;
+            }
+        }
+        self.pipelines_ahead.0.created.notify_all();
+    }
+
     /// Creates, on all cores, the pipelines for frames of these objects, views and settings. `wanted` states which
     /// images of any view will be read back, `formats` the formats of textures that images will be drawn into. Frames
     /// create missing pipelines themselves; after this call none are missing.
@@ -68,26 +207,9 @@ impl Renderer {
         formats: &[wgpu::TextureFormat],
         progress: &mut (dyn FnMut(PrepareStep) + Send),
     ) -> Result<(), RenderError> {
-        let viewports = rig.viewports(glam::DQuat::IDENTITY);
-        self.hold_tables(&viewports)?;
-        let limits = &self.limits;
-        // Picture of the meter, if it draws one.
-        let metered = match ExposureOrigin::new(rig, settings, false)? {
-            ExposureOrigin::Picture { rig, settings } => {
-                let viewports = rig.viewports(glam::DQuat::IDENTITY);
-                Some((Forecast::new(&settings, objects, &viewports, limits), viewports))
-            }
-            ExposureOrigin::Own | ExposureOrigin::Plan => None,
-        };
-        // Pipelines of the frames, and those of the meter.
-        let forecast = &Forecast::new(settings, objects, &viewports, limits);
-        let wish = Wish { gpu: &self.gpu, objects, viewports: &viewports, forecast, made: wanted, formats };
-        let mut jobs: Vec<PipelineJob<'_>> =
-            self.techniques.iter().flat_map(|technique| technique.pipelines(&wish)).collect();
-        if let Some((forecast, viewports)) = &metered {
-            let wish = Wish { viewports, forecast, made: Wanted::default(), formats: &[], ..wish };
-            jobs.extend(self.techniques.iter().flat_map(|technique| technique.pipelines(&wish)));
-        }
+        self.hold_tables(&rig.viewports(glam::DQuat::IDENTITY))?;
+        let pictures = pictures(objects, rig, settings, wanted, &self.limits)?;
+        let jobs = self.jobs(objects, &pictures, formats);
         self.gpu.compiling_ahead(|| run(jobs, progress));
         self.gpu.take_failure()?;
         Ok(())

@@ -177,8 +177,9 @@ impl Renderer {
         if self.in_flight.len() >= MOST_IN_FLIGHT {
             self.abandon_oldest()?;
         }
-        // Upload a part of what a later scene needs.
+        // Make a part of what a later scene needs.
         self.baked.upload_one(&self.gpu);
+        self.create_some_ahead();
         // Plan the frame. Its exposure may need a meter.
         let series = self.keep_series(&request);
         let views: Vec<bool> = wanted.iter().map(|wanted| *wanted != Wanted::default()).collect();

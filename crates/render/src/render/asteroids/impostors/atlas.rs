@@ -239,7 +239,7 @@ fn check(limits: &wgpu::Limits, shapes: &ShapeSet, size: AtlasSize) -> Result<()
 }
 
 /// Longest time for which [`BakedImpostors::bake`] waits for the upload of a layer: without frames there are no uploads.
-const PATIENCE: Duration = Duration::from_millis(300);
+const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Atlases and projected areas that another thread prepared for a renderer that will need them. Clones share the content.
 #[derive(Clone, Debug)]
