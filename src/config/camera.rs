@@ -54,7 +54,7 @@ impl Config {
         let frame_from_camera = match &aim.towards {
             Towards::Direction([longitude_rad, latitude_rad]) => aim.frame_from_camera(*longitude_rad, *latitude_rad),
             Towards::Object(name) => {
-                let seen_m = self.seen_m(self.from_camera_m(name, seen, camera_m)?, seen);
+                let seen_m = self.seen_m(self.relative_m(name, seen, camera_m)?, seen);
                 let in_frame = icrs_from_frame.transpose() * seen_m;
                 let (longitude_rad, latitude_rad) = lon_lat_from_direction(in_frame);
                 aim.frame_from_camera(longitude_rad, latitude_rad)
@@ -64,7 +64,7 @@ impl Config {
     }
 
     /// Position of a body, of a star of the built-in table or of a constellation's middle relative to the camera, m. What has no distance is at 1 pc.
-    fn from_camera_m(
+    fn relative_m(
         &self,
         name: &str,
         (time_s, observer): (f64, Option<&Observer>),

@@ -83,14 +83,17 @@ impl Service {
         check_atlases(before, after)?;
         let groups = after.views.frame_groups(&self.render.general(after));
         self.plan(self.render.snapshot(after), groups.clone()).await?;
-        let pipelines = self.background_jobs.pipelines.clone();
-        pipelines.begin(Arc::clone(&after.objects.drawn), groups);
         let new = new_sets(before, after);
         // Without fields, this releases the data of earlier ones.
-        if !new.is_empty() || (!before.objects.drawn.fields.is_empty() && after.objects.drawn.fields.is_empty()) {
-            let baked = self.background_jobs.bake(new, after.asteroids.clone()).await.map_err(refused)?;
-            baked.map_err(refusals::invalid)?;
+        if new.is_empty() && (before.objects.drawn.fields.is_empty() || !after.objects.drawn.fields.is_empty()) {
+            return Ok(());
         }
+        let pipelines = self.background_jobs.pipelines.clone();
+        if !new.is_empty() {
+            pipelines.begin(Arc::clone(&after.objects.drawn), groups);
+        }
+        let baked = self.background_jobs.bake(new, after.asteroids.clone()).await.map_err(refused)?;
+        baked.map_err(refusals::invalid)?;
         let waited = task::spawn_blocking(move || pipelines.wait()).await;
         waited.map_err(|error| Status::internal(format!("waiting for pipelines failed: {error}")))
     }

@@ -131,6 +131,7 @@ impl Renderer {
         let frames = self.frames;
         let gpu = Gpu::open(&options)?;
         self.baked.forget_textures();
+        self.pipelines_ahead.begin_again();
         let pipelines_ahead = self.pipelines_ahead.clone();
         *self = Self { frames, pipelines_ahead, ..Self::with_baked(gpu, self.baked.clone()) };
         Ok(())

@@ -86,7 +86,9 @@ fn run(jobs: Vec<PipelineJob<'_>>, progress: &mut (dyn FnMut(PrepareStep) + Send
 
 /// Time that a frame spends on pipelines of a later scene. One that takes longer is the last one of the frame.
 const SLICE: Duration = Duration::from_millis(2);
-/// Without a frame for this time, nobody waits for pipelines that frames create. A frame that creates a large one takes more than half a second.
+/// Without a frame for this time after the wish, none is being drawn.
+const FIRST_FRAME: Duration = Duration::from_millis(200);
+/// The same later. A frame that creates a large pipeline takes more than half a second.
 const IDLE: Duration = Duration::from_secs(2);
 
 /// Pipelines that a later scene needs. The renderer creates them a few at a time, with the frames before. Clones share the content.
@@ -111,6 +113,7 @@ struct AheadState {
 struct WantedPipelines {
     objects: Arc<SceneObjects>,
     groups: Arc<[FrameGroup]>,
+    since: Instant,
     /// Number of finished jobs.
     done: usize,
 }
@@ -123,15 +126,30 @@ impl PipelinesAhead {
 
     /// Asks for the pipelines of frames with these objects, in place of what was asked for before.
     pub fn begin(&self, objects: Arc<SceneObjects>, groups: Vec<FrameGroup>) {
-        self.state().wanted = Some(WantedPipelines { objects, groups: groups.into(), done: 0 });
+        self.state().wanted = Some(WantedPipelines { objects, groups: groups.into(), since: Instant::now(), done: 0 });
     }
 
-    /// Waits until the pipelines exist, or until no frame was drawn for two seconds.
+    /// Begins again, because the renderer's device was lost with its pipelines.
+    pub(super) fn begin_again(&self) {
+        if let Some(wanted) = &mut self.state().wanted {
+            wanted.done = 0;
+        }
+    }
+
+    /// Whether nothing that was asked for is missing.
+    pub fn is_done(&self) -> bool {
+        self.state().wanted.is_none()
+    }
+
+    /// Waits until the pipelines exist. Returns earlier if no frame creates them.
     pub fn wait(&self) {
         let mut state = self.state();
-        while state.wanted.is_some() && state.last_frame.is_some_and(|frame| frame.elapsed() < IDLE) {
-            let waited = self.0.created.wait_timeout(state, IDLE);
-            state = waited.unwrap_or_else(PoisonError::into_inner).0;
+        while let Some(wanted) = &state.wanted {
+            let frame = state.last_frame.filter(|frame| *frame > wanted.since);
+            if frame.map_or(wanted.since.elapsed() > FIRST_FRAME, |frame| frame.elapsed() > IDLE) {
+                return;
+            }
+            state = self.0.created.wait_timeout(state, FIRST_FRAME).unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 }
@@ -165,7 +183,7 @@ impl Renderer {
             state.last_frame = Some(begun);
             state.wanted.clone()
         };
-        let Some(WantedPipelines { objects, groups, mut done }) = wanted else { return };
+        let Some(WantedPipelines { objects, groups, mut done, .. }) = wanted else { return };
         let of_group = |group: &FrameGroup| {
             let drawn = pictures(&objects, &group.rig, &group.settings, Wanted::both(), &self.limits);
             // The frame reports the error.
