@@ -63,7 +63,8 @@ impl Config {
         Ok(DQuat::from_mat3(&icrs_from_frame) * frame_from_camera)
     }
 
-    /// Position of a body, of a star of the built-in table or of a constellation's middle relative to the camera, m. What has no distance is at 1 pc.
+    /// Position relative to the camera, m, of a body, of a star of the built-in table, or of the middle of a constellation. Constellations, and stars
+    /// without a known distance, are at 1 pc.
     fn relative_m(
         &self,
         name: &str,

@@ -35,7 +35,7 @@ _OPTIONS: list[tuple[str, int | str]] = [
 _HEALTH = "/grpc.health.v1.Health/Check"
 # The answer of the health service of a daemon that serves: the message has one field.
 _SERVING = b"\x08\x01"
-# Codes of a daemon that does not serve yet. NOT_FOUND: its first server, which tells the health during the start, is ending.
+# Codes of a daemon that does not serve yet. NOT_FOUND comes from the server that reports the health during the start, while it ends.
 _NOT_YET = (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.NOT_FOUND)
 # gRPC names the host of a Unix socket by its path, percent-encoded, which the HTTP library of the daemon refuses.
 _UNIX_HOST = ("grpc.default_authority", "localhost")

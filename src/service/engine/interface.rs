@@ -8,7 +8,7 @@ use crate::{
         Limits,
         settings::{AsteroidSettings, RenderSettings},
     },
-    render::{BakedImpostors, Frame, FrameRequest, ImpostorAtlasError, PipelinesAhead, RenderError, Renderer},
+    render::{BakedImpostors, Frame, FrameRequest, PipelinesAhead, RenderError, Renderer},
     scene::asteroids::ShapeSet,
     verify::{self, Check, CheckResult},
 };
@@ -93,14 +93,14 @@ pub trait BesideEngine: Send {
     ///
     /// # Errors
     ///
-    /// Names the data that cannot be computed, or reports a failure of the device.
+    /// Names the data that cannot be computed.
     fn bake(&mut self, sets: &[Arc<ShapeSet>], settings: &AsteroidSettings) -> Result<(), EngineError>;
 }
 
 /// Opens a [`BesideEngine`], also after the loss of the previous one.
 pub type OpenBeside = Box<dyn FnMut() -> Box<dyn BesideEngine> + Send>;
 
-/// Runs failure tests with a renderer of its own, and prepares data for the first renderer.
+/// Has a renderer of its own for failure tests, and bakes data for the renderer that draws.
 struct BesideRenderer {
     options: GpuOptions,
     /// Opened for the first failure test.
@@ -121,10 +121,7 @@ impl BesideEngine for BesideRenderer {
     }
 
     fn bake(&mut self, sets: &[Arc<ShapeSet>], settings: &AsteroidSettings) -> Result<(), EngineError> {
-        self.baked.bake(sets, settings).map_err(|error| match error {
-            ImpostorAtlasError::Gpu(GpuError::Lost(_)) => EngineError::lost(error),
-            error => EngineError::new(error),
-        })
+        self.baked.bake(sets, settings).map_err(EngineError::new)
     }
 }
 

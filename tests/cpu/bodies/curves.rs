@@ -48,12 +48,12 @@ fn light_equals_the_measured_curves_at_every_phase_and_size() {
             };
             note(0, luminance(illuminance_of(&objects.bodies[0], DVec3::ZERO, &suns(&objects), 0.0)));
             // Rays resolve crescents up to this phase.
-            if phase_deg > 150.0 || phase_deg % 15.0 != 0.0 {
+            if phase_deg > 150.0 || phase_deg % 10.0 != 0.0 {
                 continue;
             }
             let size_rad = 2.0 * objects.bodies[0].radii_m.max_element() / ASTRONOMICAL_UNIT_M;
             let planet = SceneObjects { bodies: objects.bodies.clone(), ..SceneObjects::default() };
-            for (index, diameter_px, samples) in [(1, 5.0, 64), (2, 40.0, 12)] {
+            for (index, diameter_px, samples) in [(1, 5.0, 96), (2, 40.0, 16)] {
                 let side = (1.3 * diameter_px) as u32 + 2;
                 let fov_y_rad = size_rad * f64::from(side) / diameter_px;
                 let kind = ViewKind::Perspective { size: [side; 2], fov_y_rad };

@@ -337,9 +337,9 @@ fn zenith_code(size: u32, time: &str, reference_arcmin: f64) -> u8 {
 #[test]
 fn a_small_dome_has_the_sky_of_the_large_one_and_its_zenith_darkens_after_dusk() {
     let mut last = u8::MAX;
-    for time in ["16:10", "17:00", "17:20", "20:00"].map(|time| format!("2026-11-09T{time}:00Z")) {
+    for time in ["16:10", "16:40", "17:00", "17:20", "18:00", "20:00"].map(|time| format!("2026-11-09T{time}:00Z")) {
         // The pixels of a dome of 1024 pixels, and of one of 4096.
-        let codes = [128, 512, 1024].map(|size| zenith_code(size, &time, 9.57));
+        let codes = [128, 256, 512, 1024].map(|size| zenith_code(size, &time, 9.57));
         let own = [128, 512].map(|size| zenith_code(size, &time, 0.0));
         let of_4096 = zenith_code(256, &time, 2.39);
         println!("{time}: {codes:?} with the pixels of 1024, {own:?} with their own, {of_4096} with those of 4096");

@@ -40,7 +40,7 @@ struct Picture {
     is_metered: bool,
 }
 
-/// What a frame draws, and what its meter draws for it.
+/// The picture of a frame. If the frame's meter draws a picture too, it is the second one.
 fn pictures(
     objects: &SceneObjects,
     rig: &Rig,
@@ -124,7 +124,7 @@ impl PipelinesAhead {
         self.0.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Asks for the pipelines of frames with these objects, in place of what was asked for before.
+    /// Asks for the pipelines of frames with these objects. An earlier request is dropped.
     pub fn begin(&self, objects: Arc<SceneObjects>, groups: Vec<FrameGroup>) {
         self.state().wanted = Some(WantedPipelines { objects, groups: groups.into(), since: Instant::now(), done: 0 });
     }

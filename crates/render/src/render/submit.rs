@@ -177,7 +177,7 @@ impl Renderer {
         if self.in_flight.len() >= MOST_IN_FLIGHT {
             self.abandon_oldest()?;
         }
-        // Make a part of what a later scene needs.
+        // For a later scene: upload a layer of an atlas, and create a few pipelines.
         self.baked.upload_one(&self.gpu);
         self.create_some_ahead();
         // Plan the frame. Its exposure may need a meter.

@@ -238,7 +238,7 @@ fn check(limits: &wgpu::Limits, shapes: &ShapeSet, size: AtlasSize) -> Result<()
     Ok(())
 }
 
-/// Longest time for which [`BakedImpostors::bake`] waits for the upload of a layer: without frames there are no uploads.
+/// [`BakedImpostors::bake`] waits this long for the upload of a layer. Without frames nothing is uploaded.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Atlases and projected areas that another thread prepared for a renderer that will need them. Clones share the content.
