@@ -42,6 +42,12 @@ fn every_shader_is_valid() {
         assert_eq!(check(narrow).is_err(), source.needs_u64, "{shader}: `#requires u64` is missing or unnecessary");
         let entry_points: Vec<_> = module.entry_points.iter().map(|entry| entry.name.as_str()).collect();
         assert_eq!(entry_points, [source.entry_point], "{shader}");
+        // The form for software drivers.
+        let text = source.for_software().text;
+        assert!(!text.contains("for (var") && !text.contains("while "), "{shader}: a loop tests at its start");
+        let module = parse(&shader.to_string(), &text);
+        let valid = Validator::new(ValidationFlags::all(), wide).validate(&module);
+        valid.unwrap_or_else(|error| panic!("{shader}, for software drivers: {error:?}"));
         with_u64 += usize::from(source.needs_u64);
     }
     assert!(with_u64 > 0);

@@ -4,6 +4,7 @@
 //! create pipelines at the same time.
 
 use std::{
+    borrow::Cow,
     sync::{Arc, Mutex, OnceLock, PoisonError, atomic::Ordering},
     time::Instant,
 };
@@ -75,6 +76,11 @@ impl Gpu {
         pipeline
     }
 
+    /// The form of a shader that suits the adapter.
+    pub(crate) fn suited<'a>(&self, source: &'a ShaderSource) -> Cow<'a, ShaderSource> {
+        if self.software { Cow::Owned(source.for_software()) } else { Cow::Borrowed(source) }
+    }
+
     /// Creates a render pipeline.
     pub(crate) fn render_pipeline(&self, descriptor: &wgpu::RenderPipelineDescriptor<'_>) -> wgpu::RenderPipeline {
         self.timed(descriptor.label.unwrap_or_default(), || self.device.create_render_pipeline(descriptor))
@@ -91,6 +97,7 @@ impl Gpu {
         source: &ShaderSource,
         constants: &[(&str, f64)],
     ) -> wgpu::ComputePipeline {
+        let source = &*self.suited(source);
         let pipeline = self.timed(source.name, || make_compute_pipeline(&self.device, source, constants));
         if let Some(ahead) = &self.compile_ahead {
             ahead.compile(source, constants);
@@ -117,7 +124,7 @@ impl Gpu {
         let module = |stage: &Stage<'_>| {
             self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(stage.source.name),
-                source: wgpu::ShaderSource::Wgsl(stage.source.text.as_str().into()),
+                source: wgpu::ShaderSource::Wgsl(self.suited(stage.source).text.as_str().into()),
             })
         };
         let options =

@@ -29,6 +29,14 @@ pub struct ShaderSource {
     pub needs_u64: bool,
 }
 
+impl ShaderSource {
+    /// The same shader for software drivers: its loops test at their end, so they do not run once more than needed.
+    #[must_use]
+    pub fn for_software(&self) -> Self {
+        Self { text: loops::tested_at_end(&self.text), ..self.clone() }
+    }
+}
+
 /// Why files cannot be joined into a shader.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
@@ -404,6 +412,7 @@ impl<'a> Walk<'a> {
 }
 
 mod folder;
+mod loops;
 
 pub(crate) use folder::read_folder;
 

@@ -84,7 +84,7 @@ impl AsteroidPipeline<'_> {
         let module = |source: &ShaderSource| {
             gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(source.name),
-                source: wgpu::ShaderSource::Wgsl(source.text.as_str().into()),
+                source: wgpu::ShaderSource::Wgsl(gpu.suited(source).text.as_str().into()),
             })
         };
         let targets = [Some(ASTEROID_COLOUR.into())];
