@@ -46,16 +46,20 @@ pub(crate) struct Stage<'a> {
     pub constants: &'a [(&'a str, f64)],
 }
 
+fn shader_module(device: &wgpu::Device, source: &ShaderSource) -> wgpu::ShaderModule {
+    device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(source.name),
+        source: wgpu::ShaderSource::Wgsl(source.text.as_str().into()),
+    })
+}
+
 /// Creates a compute pipeline with the layout of its shader and values for the shader's overridable constants.
 pub(super) fn make_compute_pipeline(
     device: &wgpu::Device,
     source: &ShaderSource,
     constants: &[(&str, f64)],
 ) -> wgpu::ComputePipeline {
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some(source.name),
-        source: wgpu::ShaderSource::Wgsl(source.text.as_str().into()),
-    });
+    let module = shader_module(device, source);
     device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: Some(source.name),
         layout: None,
@@ -77,8 +81,13 @@ impl Gpu {
     }
 
     /// The form of a shader that suits the adapter.
-    pub(crate) fn suited<'a>(&self, source: &'a ShaderSource) -> Cow<'a, ShaderSource> {
+    fn suited<'a>(&self, source: &'a ShaderSource) -> Cow<'a, ShaderSource> {
         if self.software { Cow::Owned(source.for_software()) } else { Cow::Borrowed(source) }
+    }
+
+    /// Creates the module of a shader, in the form that suits the adapter.
+    pub(crate) fn shader_module(&self, source: &ShaderSource) -> wgpu::ShaderModule {
+        shader_module(&self.device, &self.suited(source))
     }
 
     /// Creates a render pipeline.
@@ -121,19 +130,13 @@ impl Gpu {
         topology: wgpu::PrimitiveTopology,
         target: wgpu::ColorTargetState,
     ) -> wgpu::RenderPipeline {
-        let module = |stage: &Stage<'_>| {
-            self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(stage.source.name),
-                source: wgpu::ShaderSource::Wgsl(self.suited(stage.source).text.as_str().into()),
-            })
-        };
         let options =
             |constants| wgpu::PipelineCompilationOptions { constants, zero_initialize_workgroup_memory: false };
         self.render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some(fragment.source.name),
             layout: None,
             vertex: wgpu::VertexState {
-                module: &module(vertex),
+                module: &self.shader_module(vertex.source),
                 entry_point: Some(vertex.source.entry_point),
                 compilation_options: options(vertex.constants),
                 buffers: &[],
@@ -142,7 +145,7 @@ impl Gpu {
             depth_stencil: None,
             multisample: wgpu::MultisampleState::default(),
             fragment: Some(wgpu::FragmentState {
-                module: &module(fragment),
+                module: &self.shader_module(fragment.source),
                 entry_point: Some(fragment.source.entry_point),
                 compilation_options: options(fragment.constants),
                 targets: &[Some(target)],

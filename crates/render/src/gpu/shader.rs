@@ -213,12 +213,17 @@ impl<'a> Directive<'a> {
     }
 }
 
+/// A line up to its comment.
+fn without_comment(line: &str) -> &str {
+    line.split_once("//").map_or(line, |(code, _)| code)
+}
+
 /// Returns the names of the entry points of a file.
 fn entry_points(text: &str) -> Vec<&str> {
     let mut found = Vec::new();
     let mut marked = false;
     for line in text.lines() {
-        let code = line.split("//").next().unwrap_or_default();
+        let code = without_comment(line);
         marked |= ["@compute", "@vertex", "@fragment"].iter().any(|stage| code.contains(stage));
         if marked && let Some((_, function)) = code.split_once("fn ") {
             found.push(function.split('(').next().unwrap_or_default().trim());

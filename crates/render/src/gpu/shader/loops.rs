@@ -5,11 +5,13 @@
 
 use std::fmt::Write;
 
+use super::without_comment;
+
 /// Returns WGSL in which `for` and `while` loops test at their end, without comments. Lines stay where they are.
 ///
 /// Loops without a condition, and text that is not complete WGSL, are not changed.
 pub(super) fn tested_at_end(text: &str) -> String {
-    let code: Vec<&str> = text.lines().map(|line| line.split("//").next().unwrap_or_default()).collect();
+    let code: Vec<&str> = text.lines().map(without_comment).collect();
     let mut changed = String::with_capacity(text.len() + text.len() / 8);
     convert(&code.join("\n"), &mut changed);
     changed
@@ -45,7 +47,8 @@ fn convert(mut code: &str, changed: &mut String) {
 fn first_loop(code: &str) -> Option<Loop<'_>> {
     let mut from = 0;
     loop {
-        let (start, word) = ["for", "while"].iter().filter_map(|word| Some((find_word(code, word, from)?, *word))).min()?;
+        let (start, word) =
+            ["for", "while"].iter().filter_map(|word| Some((find_word(code, word, from)?, *word))).min()?;
         let head = start + word.len();
         let (open, parts) = if word == "for" {
             let first = head + code[head..].find('(')?;
@@ -70,9 +73,10 @@ fn first_loop(code: &str) -> Option<Loop<'_>> {
 /// Where `word` stands by itself in `code`, at `from` or later.
 fn find_word(code: &str, word: &str, from: usize) -> Option<usize> {
     let is_part = |letter: Option<char>| letter.is_some_and(|letter| letter.is_alphanumeric() || letter == '_');
-    code[from..].match_indices(word).map(|(at, _)| from + at).find(|&at| {
-        !is_part(code[..at].chars().next_back()) && !is_part(code[at + word.len()..].chars().next())
-    })
+    code[from..]
+        .match_indices(word)
+        .map(|(at, _)| from + at)
+        .find(|&at| !is_part(code[..at].chars().next_back()) && !is_part(code[at + word.len()..].chars().next()))
 }
 
 /// Where the bracket at `open` is closed.
@@ -108,7 +112,9 @@ mod tests {
 
     #[test]
     fn loops_inside_of_loops_change_too() {
-        let changed = tested_at_end("for (var j = 0; j < 2; j++) { for (var i = j; i < 3; i++) { a(i); } while b { c(); } }\nd();");
+        let changed = tested_at_end(
+            "for (var j = 0; j < 2; j++) { for (var i = j; i < 3; i++) { a(i); } while b { c(); } }\nd();",
+        );
         assert_eq!(changed.matches("break if !(").count(), 3);
         assert!(!changed.contains("for") && !changed.contains("while"), "{changed}");
         assert!(changed.ends_with("\nd();"), "{changed}");
@@ -116,7 +122,13 @@ mod tests {
 
     #[test]
     fn other_text_is_not_changed() {
-        for text in ["loop { if a { break; } }", "for (;;) { break; }", "for (var i = 0; i < 2", "let for_all = while_2;", "while a"] {
+        for text in [
+            "loop { if a { break; } }",
+            "for (;;) { break; }",
+            "for (var i = 0; i < 2",
+            "let for_all = while_2;",
+            "while a",
+        ] {
             assert_eq!(tested_at_end(text), text);
         }
         // A loop without a condition does not hide the one inside.

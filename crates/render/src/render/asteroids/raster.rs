@@ -81,12 +81,6 @@ impl AsteroidPipeline<'_> {
     /// Creates the pipeline.
     pub(crate) fn make(self, gpu: &Gpu) -> wgpu::RenderPipeline {
         let Self { shaders: [vertex, fragment], constants, groups, buffers, primitive, colour } = self;
-        let module = |source: &ShaderSource| {
-            gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(source.name),
-                source: wgpu::ShaderSource::Wgsl(gpu.suited(source).text.as_str().into()),
-            })
-        };
         let targets = [Some(ASTEROID_COLOUR.into())];
         let options = wgpu::PipelineCompilationOptions { constants, zero_initialize_workgroup_memory: false };
         let layout = groups.map(|groups| {
@@ -100,7 +94,7 @@ impl AsteroidPipeline<'_> {
             label: Some(fragment.name),
             layout: layout.as_ref(),
             vertex: wgpu::VertexState {
-                module: &module(vertex),
+                module: &gpu.shader_module(vertex),
                 entry_point: Some(vertex.entry_point),
                 compilation_options: options.clone(),
                 buffers,
@@ -115,7 +109,7 @@ impl AsteroidPipeline<'_> {
             }),
             multisample: wgpu::MultisampleState::default(),
             fragment: Some(wgpu::FragmentState {
-                module: &module(fragment),
+                module: &gpu.shader_module(fragment),
                 entry_point: Some(fragment.entry_point),
                 compilation_options: options.clone(),
                 targets: if colour { &targets } else { &[] },
