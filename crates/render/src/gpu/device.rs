@@ -76,9 +76,9 @@ pub struct Gpu {
     needs: Vec<Need>,
     options: GpuOptions,
     pub(super) pool: Mutex<FramePool>,
-    pub(super) counters: Counters,
+    pub(super) counters: Arc<Counters>,
     /// Set for software drivers that keep compiled shaders on disk, if this module opened the device.
-    pub(super) compile_ahead: Option<CompileAhead>,
+    pub(super) compile_ahead: Option<Arc<CompileAhead>>,
     /// Largest number of workgroups of a dispatch along an axis.
     pub(super) max_workgroups: u32,
     /// Tables that passes bind in addition to their own buffers: see [`Gpu::bind_tables`].
@@ -147,7 +147,7 @@ impl Gpu {
         if gpu.software
             && let Some(driver_cache) = DriverCache::of_driver(&gpu.report.driver)
         {
-            gpu.compile_ahead = Some(CompileAhead::new(adapter.clone(), selection, driver_cache));
+            gpu.compile_ahead = Some(Arc::new(CompileAhead::new(adapter.clone(), selection, driver_cache)));
         }
         Ok(gpu)
     }
@@ -208,7 +208,7 @@ impl Gpu {
             needs,
             options,
             pool: Mutex::default(),
-            counters: Counters::default(),
+            counters: Arc::default(),
             compile_ahead: None,
             max_workgroups: limits.max_compute_workgroups_per_dimension,
             tables: Tables::None,

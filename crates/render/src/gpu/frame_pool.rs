@@ -148,7 +148,7 @@ impl Gpu {
 
     /// Numbers of objects created so far.
     pub fn made(&self) -> ObjectsMade {
-        let Counters { buffers, bind_groups, pipelines } = &self.counters;
+        let Counters { buffers, bind_groups, pipelines } = &*self.counters;
         ObjectsMade {
             buffers: buffers.load(Relaxed),
             bind_groups: bind_groups.load(Relaxed),

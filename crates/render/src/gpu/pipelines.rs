@@ -9,7 +9,7 @@ use std::{
     time::Instant,
 };
 
-use super::{Gpu, ShaderSource};
+use super::{Gpu, ShaderSource, compile_ahead::CompileAhead, frame_pool::Counters};
 
 /// Pipelines of one pass, by the settings that are compiled into them. The first request for a pipeline creates it; requests of other
 /// threads for the same one wait.
@@ -24,19 +24,31 @@ impl<K: PartialEq, P: Clone> Variants<K, P> {
 
     /// Returns a handle of the pipeline for `key`. The first call creates it with `make`.
     pub(crate) fn get(&self, key: K, make: impl FnOnce() -> P) -> P {
-        let cell = {
-            // No code panics while it holds the lock, so the list is consistent even if the lock is poisoned.
-            let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
-            match made.iter().find(|(existing, _)| *existing == key) {
-                Some((_, cell)) => Arc::clone(cell),
-                None => {
-                    let cell = Arc::new(OnceLock::new());
-                    made.push((key, Arc::clone(&cell)));
-                    cell
-                }
+        self.cell(key).get_or_init(make).clone()
+    }
+
+    /// Returns a job that creates the pipeline for `key` with `make`, unless it exists. Another thread can run it while this one draws.
+    pub(crate) fn job(&self, key: K, make: impl FnOnce() -> P + Send + 'static) -> impl FnOnce() + Send + 'static
+    where
+        P: Send + Sync + 'static,
+    {
+        let cell = self.cell(key);
+        move || {
+            cell.get_or_init(make);
+        }
+    }
+
+    fn cell(&self, key: K) -> Arc<OnceLock<P>> {
+        // No code panics while it holds the lock, so the list is consistent even if the lock is poisoned.
+        let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
+        match made.iter().find(|(existing, _)| *existing == key) {
+            Some((_, cell)) => Arc::clone(cell),
+            None => {
+                let cell = Arc::new(OnceLock::new());
+                made.push((key, Arc::clone(&cell)));
+                cell
             }
-        };
-        cell.get_or_init(make).clone()
+        }
     }
 }
 
@@ -70,29 +82,61 @@ pub(super) fn make_compute_pipeline(
     })
 }
 
-impl Gpu {
-    /// Creates and counts a pipeline, and logs the time.
-    fn timed<P>(&self, name: &str, make: impl FnOnce() -> P) -> P {
-        let start = Instant::now();
-        let pipeline = make();
-        self.counters.pipelines.fetch_add(1, Ordering::Relaxed);
-        tracing::debug!("created the pipeline {name} in {:.0} ms", start.elapsed().as_secs_f64() * 1e3);
+/// The form of a shader that suits the adapter.
+fn suited(source: &ShaderSource, software: bool) -> Cow<'_, ShaderSource> {
+    if software { Cow::Owned(source.for_software()) } else { Cow::Borrowed(source) }
+}
+
+/// Creates and counts a pipeline, and logs the time.
+fn timed<P>(counters: &Counters, name: &str, make: impl FnOnce() -> P) -> P {
+    let start = Instant::now();
+    let pipeline = make();
+    counters.pipelines.fetch_add(1, Ordering::Relaxed);
+    tracing::debug!("created the pipeline {name} in {:.0} ms", start.elapsed().as_secs_f64() * 1e3);
+    pipeline
+}
+
+/// Creates compute pipelines of a device, also on a thread that does not draw.
+#[derive(Clone)]
+pub(crate) struct ComputePipelines {
+    device: wgpu::Device,
+    software: bool,
+    counters: Arc<Counters>,
+    compile_ahead: Option<Arc<CompileAhead>>,
+}
+
+impl ComputePipelines {
+    /// Creates a pipeline with the layout of its shader, and values for the shader's overridable constants.
+    pub(crate) fn create(&self, source: &ShaderSource, constants: &[(&str, f64)]) -> wgpu::ComputePipeline {
+        let source = &*suited(source, self.software);
+        let pipeline = timed(&self.counters, source.name, || make_compute_pipeline(&self.device, source, constants));
+        if let Some(ahead) = &self.compile_ahead {
+            ahead.compile(source, constants);
+        }
         pipeline
     }
+}
 
-    /// The form of a shader that suits the adapter.
-    fn suited<'a>(&self, source: &'a ShaderSource) -> Cow<'a, ShaderSource> {
-        if self.software { Cow::Owned(source.for_software()) } else { Cow::Borrowed(source) }
-    }
-
+impl Gpu {
     /// Creates the module of a shader, in the form that suits the adapter.
     pub(crate) fn shader_module(&self, source: &ShaderSource) -> wgpu::ShaderModule {
-        shader_module(&self.device, &self.suited(source))
+        shader_module(&self.device, &suited(source, self.software))
     }
 
     /// Creates a render pipeline.
     pub(crate) fn render_pipeline(&self, descriptor: &wgpu::RenderPipelineDescriptor<'_>) -> wgpu::RenderPipeline {
-        self.timed(descriptor.label.unwrap_or_default(), || self.device.create_render_pipeline(descriptor))
+        let name = descriptor.label.unwrap_or_default();
+        timed(&self.counters, name, || self.device.create_render_pipeline(descriptor))
+    }
+
+    /// What creates compute pipelines of this device.
+    pub(crate) fn compute_pipelines(&self) -> ComputePipelines {
+        ComputePipelines {
+            device: self.device.clone(),
+            software: self.software,
+            counters: Arc::clone(&self.counters),
+            compile_ahead: self.compile_ahead.clone(),
+        }
     }
 
     /// Creates a compute pipeline with the layout of its shader.
@@ -106,12 +150,7 @@ impl Gpu {
         source: &ShaderSource,
         constants: &[(&str, f64)],
     ) -> wgpu::ComputePipeline {
-        let source = &*self.suited(source);
-        let pipeline = self.timed(source.name, || make_compute_pipeline(&self.device, source, constants));
-        if let Some(ahead) = &self.compile_ahead {
-            ahead.compile(source, constants);
-        }
-        pipeline
+        self.compute_pipelines().create(source, constants)
     }
 
     /// Runs `make`. On a software driver, the threads that create pipelines also compile their compute shaders.

@@ -7,12 +7,13 @@
 
 use std::{
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
+    thread::{self, JoinHandle},
     time::{Duration, Instant},
 };
 
 use super::{
     FrameRequest, RenderError, Renderer, Wanted,
-    technique::{PipelineJob, Wish},
+    technique::{PipelineJob, PipelineWork, Wish},
 };
 use crate::{
     plan::{Forecast, Limits, exposure::origin::ExposureOrigin, settings::RenderSettings, view_settings::FrameGroup},
@@ -73,7 +74,10 @@ fn run(jobs: Vec<PipelineJob<'_>>, progress: &mut (dyn FnMut(PrepareStep) + Send
                 loop {
                     let job = waiting.lock().unwrap_or_else(PoisonError::into_inner).next();
                     let Some(PipelineJob { name, make }) = job else { return };
-                    make();
+                    match make {
+                        PipelineWork::Apart(make) => make(),
+                        PipelineWork::Beside(make) => make(),
+                    }
                     let mut progress = progress.lock().unwrap_or_else(PoisonError::into_inner);
                     let (done, progress) = &mut *progress;
                     *done += 1;
@@ -91,7 +95,8 @@ const FIRST_FRAME: Duration = Duration::from_millis(200);
 /// The same later. A frame that creates a large pipeline takes more than half a second.
 const IDLE: Duration = Duration::from_secs(2);
 
-/// Pipelines that a later scene needs. The renderer creates them a few at a time, with the frames before. Clones share the content.
+/// Pipelines that a later scene needs. The renderer creates them a few at a time, with the frames before, and those that take long on
+/// another thread. Clones share the content.
 #[derive(Clone, Default)]
 pub struct PipelinesAhead(Arc<AheadShared>);
 
@@ -105,6 +110,8 @@ struct AheadShared {
 #[derive(Default)]
 struct AheadState {
     wanted: Option<WantedPipelines>,
+    /// Thread that creates one of them while frames are drawn.
+    beside: Option<JoinHandle<()>>,
     /// Begin of the last frame.
     last_frame: Option<Instant>,
 }
@@ -154,6 +161,18 @@ impl PipelinesAhead {
     }
 }
 
+/// Runs `make` on another thread. If none can be started, on this one.
+fn beside_frames(make: Box<dyn FnOnce() + Send>) -> Option<JoinHandle<()>> {
+    let make = Arc::new(Mutex::new(Some(make)));
+    let run = |make: &Mutex<Option<Box<dyn FnOnce() + Send>>>| {
+        let make = make.lock().unwrap_or_else(PoisonError::into_inner).take();
+        make.into_iter().for_each(|make| make());
+    };
+    let shared = Arc::clone(&make);
+    let thread = thread::Builder::new().name("pipelines".to_owned()).spawn(move || run(&shared));
+    thread.inspect_err(|_| run(&make)).ok()
+}
+
 impl Renderer {
     /// The pipelines that a later scene needs; see [`PipelinesAhead`].
     pub fn pipelines_ahead(&self) -> &PipelinesAhead {
@@ -181,6 +200,10 @@ impl Renderer {
         let wanted = {
             let mut state = self.pipelines_ahead.state();
             state.last_frame = Some(begun);
+            if state.beside.as_ref().is_some_and(|thread| !thread.is_finished()) {
+                return;
+            }
+            state.beside = None;
             state.wanted.clone()
         };
         let Some(WantedPipelines { objects, groups, mut done, .. }) = wanted else { return };
@@ -192,17 +215,26 @@ impl Renderer {
         let pictures: Vec<Picture> = groups.iter().flat_map(of_group).collect();
         let jobs = self.jobs(&objects, &pictures, &[]);
         let all = jobs.len();
+        let mut beside = None;
         for job in jobs.into_iter().skip(done) {
-            (job.make)();
             done += 1;
+            match job.make {
+                PipelineWork::Apart(make) => make(),
+                PipelineWork::Beside(make) => {
+                    beside = beside_frames(make);
+                    break;
+                }
+            }
             if begun.elapsed() > SLICE {
                 break;
             }
         }
         let mut state = self.pipelines_ahead.state();
+        let is_busy = beside.is_some();
+        state.beside = beside;
         if let Some(wanted) = state.wanted.as_mut().filter(|wanted| Arc::ptr_eq(&wanted.groups, &groups)) {
             wanted.done = done;
-            if done >= all {
+            if done >= all && !is_busy {
                 state.wanted = None;
             }
         }

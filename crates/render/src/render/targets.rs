@@ -11,7 +11,7 @@ use super::{
     technique::{FrameInputs, Phase},
     viewport::encode_viewport,
 };
-use crate::render::constants::counters;
+use crate::render::{constants::counters, shader::Shader};
 use crate::{
     gpu::{Gpu, GrowingBuffer, ShaderSource, bind_buffers, bind_in_order, filled_buffer},
     plan::{
@@ -498,8 +498,13 @@ pub(crate) fn bind_occlusion(
 
 /// Resolves a shader that splats in fixed point, with the accumulator that the adapter supports.
 pub(crate) fn splatting(gpu: &Gpu, file: &str) -> ShaderSource {
+    splatting_shader(gpu, file).source()
+}
+
+/// The same, not yet composed.
+pub(crate) fn splatting_shader(gpu: &Gpu, file: &str) -> Shader {
     let accumulate = if gpu.wide_accumulator { "shared/accumulate_u64" } else { "shared/accumulate_u32" };
-    projecting(gpu, file).with("accumulate", accumulate).source()
+    projecting(gpu, file).with("accumulate", accumulate)
 }
 
 /// Bind group 0 of every pass that splats in fixed point: parameters, sums, and `others`.

@@ -118,13 +118,26 @@ pub(crate) struct Wish<'a> {
 /// Job that creates pipelines in advance, on one thread.
 pub(crate) struct PipelineJob<'a> {
     pub name: &'static str,
-    pub make: Box<dyn FnOnce() + Send + 'a>,
+    pub make: PipelineWork<'a>,
+}
+
+/// Work of a job.
+pub(crate) enum PipelineWork<'a> {
+    /// No frame is drawn in the meantime.
+    Apart(Box<dyn FnOnce() + Send + 'a>),
+    /// Frames may be drawn in the meantime.
+    Beside(Box<dyn FnOnce() + Send + 'static>),
 }
 
 impl<'a> PipelineJob<'a> {
     /// Creates a job. `make` creates and stores pipelines; its return value is dropped.
     pub(crate) fn new<P>(name: &'static str, make: impl FnOnce() -> P + Send + 'a) -> Self {
-        Self { name, make: Box::new(move || drop(make())) }
+        Self { name, make: PipelineWork::Apart(Box::new(move || drop(make()))) }
+    }
+
+    /// Creates a job that takes longer than frames should wait.
+    pub(crate) fn beside(name: &'static str, make: impl FnOnce() + Send + 'static) -> Self {
+        Self { name, make: PipelineWork::Beside(Box::new(make)) }
     }
 }
 

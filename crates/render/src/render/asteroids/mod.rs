@@ -85,7 +85,7 @@ pub struct AsteroidCounts {
 struct Passes {
     cull: OnceLock<AsteroidCullPass>,
     mesh: OnceLock<AsteroidMeshPass>,
-    points: OnceLock<AsteroidPointPass>,
+    points: Variants<(), AsteroidPointPass>,
     impostors: Variants<ImpostorMethod, Option<AsteroidImpostorPass>>,
     splats: OnceLock<AsteroidSplatPass>,
     layout: OnceLock<wgpu::BindGroupLayout>,
@@ -96,7 +96,7 @@ impl Passes {
         Self {
             cull: OnceLock::new(),
             mesh: OnceLock::new(),
-            points: OnceLock::new(),
+            points: Variants::new(),
             impostors: Variants::new(),
             splats: OnceLock::new(),
             layout: OnceLock::new(),
@@ -115,8 +115,8 @@ impl Passes {
         self.mesh.get_or_init(|| AsteroidMeshPass::new(gpu, self.layout(gpu)))
     }
 
-    fn points(&self, gpu: &Gpu) -> &AsteroidPointPass {
-        self.points.get_or_init(|| AsteroidPointPass::new(gpu))
+    fn points(&self, gpu: &Gpu) -> AsteroidPointPass {
+        self.points.get((), AsteroidPointPass::make(gpu))
     }
 
     fn splats(&self, gpu: &Gpu) -> &AsteroidSplatPass {
@@ -361,9 +361,7 @@ impl Technique for Asteroids {
             PipelineJob::new("asteroids", move || {
                 passes.mesh(gpu);
             }),
-            PipelineJob::new("asteroid points", move || {
-                passes.points(gpu);
-            }),
+            PipelineJob::beside("asteroid points", passes.points.job((), AsteroidPointPass::make(gpu))),
         ];
         if forecast.culls_on_gpu {
             jobs.push(PipelineJob::new("asteroid culling", move || {

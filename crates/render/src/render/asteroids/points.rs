@@ -8,11 +8,12 @@ use crate::{
     render::{
         asteroids::layout,
         shader::{rolled_loops, workgroup_constant},
-        targets::{Sums, bind_occlusion, bind_sums, splatting},
+        targets::{Sums, bind_occlusion, bind_sums, splatting_shader},
     },
 };
 
 /// Pipeline of the point pass.
+#[derive(Clone)]
 pub(crate) struct AsteroidPointPass {
     pipeline: wgpu::ComputePipeline,
 }
@@ -32,9 +33,11 @@ pub(crate) struct AsteroidPoints<'a> {
 }
 
 impl AsteroidPointPass {
-    pub(crate) fn new(gpu: &Gpu) -> Self {
+    /// Returns what creates the pass.
+    pub(crate) fn make(gpu: &Gpu) -> impl FnOnce() -> Self + Send + 'static {
         let constants = [workgroup_constant(gpu), ("HAS_GEOMETRY", 1.0), rolled_loops(gpu)];
-        Self { pipeline: gpu.compute_pipeline_with(&splatting(gpu, "asteroids/points"), &constants) }
+        let (pipelines, shader) = (gpu.compute_pipelines(), splatting_shader(gpu, "asteroids/points"));
+        move || Self { pipeline: pipelines.create(&shader.source(), &constants) }
     }
 
     /// Records the points of all groups into one batch of `tiles` tiles.

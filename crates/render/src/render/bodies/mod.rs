@@ -225,12 +225,11 @@ impl Technique for Bodies {
         }
         // In a scene with asteroid fields, pictures that no field reaches are drawn without layers.
         let form = |has_plain| RayForm { has_layers: false, has_plain };
-        let job = |has_plain| PipelineJob::new("bodies", move || self.rays(gpu).pipeline(gpu, form(has_plain)));
+        let job = |has_plain| PipelineJob::beside("bodies", self.rays(gpu).pipeline_job(gpu, form(has_plain)));
         let mut jobs: Vec<_> = wish.forecast.plain_forms().iter().copied().map(job).collect();
         if !objects.fields.is_empty() {
-            jobs.push(PipelineJob::new("bodies and asteroids", move || {
-                self.rays(gpu).pipeline(gpu, RayForm { has_layers: true, has_plain: false })
-            }));
+            let form = RayForm { has_layers: true, has_plain: false };
+            jobs.push(PipelineJob::beside("bodies and asteroids", self.rays(gpu).pipeline_job(gpu, form)));
         }
         jobs.push(PipelineJob::new("points of light", move || {
             self.points(gpu);

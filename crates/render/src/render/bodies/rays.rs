@@ -55,10 +55,11 @@ pub(crate) struct RayTile<'a> {
     pub layers: Option<&'a RasterLayers>,
 }
 
-fn pipeline(gpu: &Gpu, form: RayForm) -> wgpu::ComputePipeline {
+fn pipeline(gpu: &Gpu, form: RayForm) -> impl FnOnce() -> wgpu::ComputePipeline + Send + 'static {
     let constants = [("HAS_LAYERS", form.has_layers), ("HAS_PLAIN", form.has_plain)];
     let constants = constants.map(|(name, value)| (name, f64::from(u8::from(value))));
-    gpu.compute_pipeline_with(&projecting(gpu, "bodies/rays").source(), &constants)
+    let (pipelines, shader) = (gpu.compute_pipelines(), projecting(gpu, "bodies/rays"));
+    move || pipelines.create(&shader.source(), &constants)
 }
 
 /// Empty texture of one texel, as a placeholder.
@@ -91,7 +92,12 @@ impl GeometryPass {
 
     /// Returns the pipeline of a form.
     pub(crate) fn pipeline(&self, gpu: &Gpu, form: RayForm) -> wgpu::ComputePipeline {
-        self.pipelines.get(form, || pipeline(gpu, form))
+        self.pipelines.get(form, pipeline(gpu, form))
+    }
+
+    /// Returns a job that creates the pipeline of a form.
+    pub(crate) fn pipeline_job(&self, gpu: &Gpu, form: RayForm) -> impl FnOnce() + Send + 'static {
+        self.pipelines.job(form, pipeline(gpu, form))
     }
 
     /// Records one tile.

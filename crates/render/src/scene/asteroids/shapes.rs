@@ -7,7 +7,7 @@
 //! less. With this scale it covers as much as the finest mesh on average, no light is lost where levels change, and its
 //! surface error is half as large.
 
-use std::f64::consts::PI;
+use std::{f64::consts::PI, sync::LazyLock};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -38,11 +38,14 @@ const POINTS_AT_ONCE: usize = 4096;
 /// Relative rounding error allowed for f32; bounds are enlarged by it.
 pub(super) const F32_ROUNDING: f64 = 1e-6;
 
+/// Spheres that become the levels of procedural shapes. All seeds have the same ones.
+static SPHERES: LazyLock<[(Vec<DVec3>, Vec<[u32; 3]>); 5]> = LazyLock::new(|| LEVEL_TRIANGLES.map(sphere::sphere));
+
 impl ShapeSet {
     /// Five asteroid-like shapes, from nearly round to twice as long as thick, each with [`LEVEL_TRIANGLES`]. The same
     /// seed gives the same bits.
     pub fn procedural(seed: u64) -> Self {
-        let spheres = LEVEL_TRIANGLES.map(sphere::sphere);
+        let spheres = &*SPHERES;
         let shapes = (0..PROCEDURAL_SHAPES)
             .into_par_iter()
             .map(|number| {
@@ -128,7 +131,7 @@ impl Sampled {
             let [a, b, c] = triangle.map(|vertex| place(mesh, vertex));
             for i in 0..=ERROR_STEPS {
                 for j in 0..=ERROR_STEPS - i {
-                    let [u, v] = [i, j].map(|k| k as f64 / ERROR_STEPS as f64);
+                    let (u, v) = (i as f64 / ERROR_STEPS as f64, j as f64 / ERROR_STEPS as f64);
                     points.push(a + (b - a) * u + (c - a) * v);
                 }
             }
@@ -139,7 +142,11 @@ impl Sampled {
     fn distance(&self, other: &Self) -> f64 {
         let one_way = |points: &[DVec3], tree: &MeshTree| {
             let largest = |points: &[DVec3]| {
-                points.iter().fold(0.0, |largest: f64, point| largest.max(tree.distance_beyond(*point, largest)))
+                let (mut largest, mut near) = (0.0_f64, 0);
+                for point in points {
+                    largest = largest.max(tree.distance_beyond(*point, largest, &mut near));
+                }
+                largest
             };
             points.par_chunks(POINTS_AT_ONCE).map(largest).reduce(|| 0.0, f64::max)
         };

@@ -47,35 +47,42 @@ impl<'a> Silhouettes<'a> {
     pub fn area(&self, bound: f64, direction: DVec3, side: usize) -> f64 {
         let (right, up) = direction.any_orthonormal_pair();
         let scale = side as f64 / (2.0 * bound);
-        let on_plane = |p: &DVec3| [right, up].map(|axis| (p.dot(axis) + bound) * scale);
-        let flat: Vec<[f64; 2]> = self.positions.iter().map(on_plane).collect();
-        let faces_eye: Vec<bool> =
-            self.triangles.iter().map(|t| is_counter_clockwise(t.map(|v| flat[v as usize]))).collect();
-        // Changes of the winding number from one pixel of a row to the next.
-        let width = side + 1;
-        let mut steps = vec![0_i32; side * width];
+        let mut flat = Vec::with_capacity(self.positions.len());
+        for position in self.positions {
+            flat.push([(position.dot(right) + bound) * scale, (position.dot(up) + bound) * scale]);
+        }
+        let mut faces_eye = Vec::with_capacity(self.triangles.len());
+        for [a, b, c] in self.triangles {
+            faces_eye.push(is_counter_clockwise([flat[*a as usize], flat[*b as usize], flat[*c as usize]]));
+        }
+        // Changes of the winding number.
+        let mut crossings = Vec::with_capacity(4 * side);
         for (number, triangle) in self.triangles.iter().enumerate().filter(|(number, _)| faces_eye[*number]) {
             for (k, beyond) in self.neighbours[number].into_iter().enumerate() {
                 if beyond == NO_TRIANGLE || !faces_eye[beyond as usize] {
-                    let ends = [triangle[k], triangle[(k + 1) % 3]].map(|vertex| flat[vertex as usize]);
-                    cross_rows(ends, side, &mut steps);
+                    let ends = [flat[triangle[k] as usize], flat[triangle[(k + 1) % 3] as usize]];
+                    cross_rows(ends, side, &mut crossings);
                 }
             }
         }
-        let covered: usize = steps
-            .chunks_exact(width)
-            .map(|row| {
-                let mut winding = 0;
-                let is_covered = |step: &&i32| {
-                    winding += **step;
-                    winding > 0
-                };
-                row[..side].iter().filter(is_covered).count()
-            })
-            .sum();
-        covered as f64 / (scale * scale)
+        crossings.sort_unstable();
+        // Pixels from each crossing to the next one of its row, where the outline winds around them.
+        let (mut covered, mut winding, mut last) = (0, 0_i32, 0);
+        for Crossing(crossing) in crossings {
+            let pixel = crossing / 2;
+            if winding > 0 {
+                covered += pixel - last;
+            }
+            winding += if crossing % 2 == 1 { 1 } else { -1 };
+            last = pixel;
+        }
+        f64::from(covered) / (scale * scale)
     }
 }
+
+/// A change of the winding number: twice the number of its pixel, row by row, and 1 if it grows.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Crossing(u32);
 
 /// Whether a triangle faces the eye.
 #[inline]
@@ -84,12 +91,12 @@ fn is_counter_clockwise([a, b, c]: [[f64; 2]; 3]) -> bool {
 }
 
 /// Adds an edge of the outline to the rows whose middle it crosses. Edges that point down have the body to their right.
-fn cross_rows([from, to]: [[f64; 2]; 2], side: usize, steps: &mut [i32]) {
-    let step = if from[1] > to[1] { 1 } else { -1 };
+fn cross_rows([from, to]: [[f64; 2]; 2], side: usize, crossings: &mut Vec<Crossing>) {
+    let grows = u32::from(from[1] > to[1]);
     for row in first_centre(from[1].min(to[1]))..first_centre(from[1].max(to[1])).min(side) {
         let y = row as f64 + 0.5;
         let x = from[0] + (to[0] - from[0]) * (y - from[1]) / (to[1] - from[1]);
-        steps[row * (side + 1) + first_centre(x).min(side)] += step;
+        crossings.push(Crossing(2 * (row * side + first_centre(x).min(side)) as u32 + grows));
     }
 }
 

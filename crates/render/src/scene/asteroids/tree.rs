@@ -10,6 +10,8 @@ use super::Mesh;
 
 /// Maximum number of triangles in a leaf.
 const LEAF: usize = 4;
+/// More than the levels of any tree: triangles have numbers of 32 bits, and each level halves them.
+const MOST_LEVELS: usize = 34;
 /// Relative tolerance outside of a triangle within which a ray still hits: rays along edges must not slip through.
 const EDGE: f64 = 1e-12;
 
@@ -114,32 +116,39 @@ impl MeshTree {
 
     /// Distance of a point from the surface; infinite for an empty mesh.
     pub fn distance(&self, point: DVec3) -> f64 {
-        self.distance_beyond(point, 0.0)
+        self.distance_beyond(point, 0.0, &mut 0)
     }
 
-    /// Distance of a point from the surface, or some distance up to `enough` if the surface is that near. The search for
-    /// the largest distance of many points ends early for most of them (Taha and Hanbury 2015, *An efficient algorithm for
-    /// calculating the exact Hausdorff distance*).
-    pub fn distance_beyond(&self, point: DVec3, enough: f64) -> f64 {
-        let mut best = f64::INFINITY;
-        let mut open = vec![0];
-        while let Some(number) = open.pop() {
-            let Some(branch) = self.nodes.get(number) else { break };
+    /// Distance of a point from the surface, or some distance up to `enough` if the surface is that near. `near` is a triangle that
+    /// may be near; it becomes the nearest one that was found. The search for the largest distance of many points, each next to
+    /// the one before, ends at once for most of them (Taha and Hanbury 2015, *An efficient algorithm for calculating the exact
+    /// Hausdorff distance*).
+    pub fn distance_beyond(&self, point: DVec3, enough: f64, near: &mut usize) -> f64 {
+        let squared = |triangle: usize| (point - nearest(&self.corners[triangle], point)).length_squared();
+        let mut best = if *near < self.corners.len() { squared(*near) } else { f64::INFINITY };
+        // Nodes that wait. Each level of the tree leaves one at most.
+        let mut open = [0; MOST_LEVELS];
+        let mut waiting = usize::from(!self.nodes.is_empty());
+        while waiting > 0 && best > enough * enough {
+            waiting -= 1;
+            let number = open[waiting];
+            let branch = &self.nodes[number];
             if (point - point.clamp(branch.low, branch.high)).length_squared() >= best {
                 continue;
             }
             if branch.count == 0 {
                 // Push the nearer half last, so that it is visited first.
                 let far = |k: usize| (point - (self.nodes[k].low + self.nodes[k].high) / 2.0).length_squared();
-                let halves = [number + 1, branch.second];
-                open.extend(if far(halves[0]) < far(halves[1]) { [halves[1], halves[0]] } else { halves });
+                let (a, b) = (number + 1, branch.second);
+                (open[waiting], open[waiting + 1]) = if far(a) < far(b) { (b, a) } else { (a, b) };
+                waiting += 2;
                 continue;
             }
             for &triangle in &self.order[branch.first..branch.first + branch.count] {
-                best = best.min((point - nearest(&self.corners[triangle as usize], point)).length_squared());
-            }
-            if best <= enough * enough {
-                break;
+                let found = squared(triangle as usize);
+                if found < best {
+                    (best, *near) = (found, triangle as usize);
+                }
             }
         }
         best.sqrt()
@@ -165,7 +174,8 @@ fn meets([a, b, c]: &[DVec3; 3], origin: DVec3, direction: DVec3) -> Option<(f64
 /// The point of a triangle nearest to `point` (Ericson 2005, *Real-Time Collision Detection*, 5.1.5).
 fn nearest(&[a, b, c]: &[DVec3; 3], point: DVec3) -> DVec3 {
     let (ab, ac) = (b - a, c - a);
-    let [(d1, d2), (d3, d4), (d5, d6)] = [a, b, c].map(|corner| (ab.dot(point - corner), ac.dot(point - corner)));
+    let along_sides = |corner: DVec3| (ab.dot(point - corner), ac.dot(point - corner));
+    let ((d1, d2), (d3, d4), (d5, d6)) = (along_sides(a), along_sides(b), along_sides(c));
     if d1 <= 0.0 && d2 <= 0.0 {
         return a;
     }

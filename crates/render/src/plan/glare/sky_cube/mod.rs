@@ -87,6 +87,18 @@ pub struct SkyCubeSettings {
     pub pixel_classes_rad: Vec<f64>,
 }
 
+impl SkyCubeSettings {
+    /// Whether maps with these settings have the same light in all cells. The other settings determine what is drawn individually.
+    pub fn has_same_cells(&self, other: &Self) -> bool {
+        let Self { place_pc, motion, local_sky, faintest_lx, farthest_eye_pc, .. } = self;
+        *place_pc == other.place_pc
+            && *motion == other.motion
+            && *local_sky == other.local_sky
+            && *faintest_lx == other.faintest_lx
+            && *farthest_eye_pc == other.farthest_eye_pc
+    }
+}
+
 /// Angle over which pixels cannot resolve the distribution of light, rad.
 fn shown_rad(pixel_rad: f64) -> f64 {
     (SHOWN_PIXELS * pixel_rad).min(std::f64::consts::PI)

@@ -8,7 +8,7 @@
 //!
 //! The f64 twin is `crate::reference::asteroids::impostors`.
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::texels::{Level, TEXEL_BYTES, Texel, bleed, write_tile};
@@ -18,7 +18,7 @@ use crate::{
         bounds::BORDER_PX,
         tiles::{AtlasLayout, AtlasTile},
     },
-    scene::asteroids::{Mesh, Shape, silhouette::first_centre},
+    scene::asteroids::{Mesh, Shape},
 };
 
 /// Samples along the side of a texel.
@@ -82,12 +82,6 @@ struct Plane<T> {
     slope: [T; 2],
 }
 
-/// What a triangle shows at its samples.
-struct SeenTriangle {
-    normal: Plane<Vec3>,
-    albedo: Plane<f32>,
-}
-
 /// Samples of one tile, row by row, and the projected mesh; kept from tile to tile.
 #[derive(Default)]
 pub(super) struct Samples {
@@ -95,7 +89,8 @@ pub(super) struct Samples {
     depths: Vec<f32>,
     /// Index into `seen`, or [`NO_TRIANGLE`].
     triangles: Vec<u32>,
-    seen: Vec<SeenTriangle>,
+    /// What a triangle shows at its samples: normal and albedo.
+    seen: Vec<Plane<Vec4>>,
     /// Position in samples from the top left, and depth.
     vertices: Vec<Vec3>,
 }
@@ -149,96 +144,109 @@ impl<'a> TileBaker<'a> {
             let mut covers = false;
             // Samples of a row are between the crossings of two edges. Triangles at a common edge compute the same
             // crossing, so every sample belongs to exactly one of them.
-            let low = a.y.min(b.y).min(c.y);
-            let high = a.y.max(b.y).max(c.y);
-            let edges = [Edge::new(a, b), Edge::new(b, c), Edge::new(c, a)];
-            for row in first_sample(low)..first_sample(high).min(side) {
-                let y = row as f32 + 0.5;
-                let [left, right] = crossings(&edges, y);
-                let span = first_sample(left)..first_sample(right).min(side);
-                if span.is_empty() {
+            let [top, middle, bottom] = by_y([a, b, c]);
+            let (long, upper, lower) = (Edge::new(top, bottom), Edge::new(top, middle), Edge::new(middle, bottom));
+            let (first, bend, end) = (first_sample(top.y), first_sample(middle.y), first_sample(bottom.y).min(side));
+            let mut y = first as u32 as f32 + 0.5;
+            for row in first..end {
+                let (one, other) = (long.crossing(y), if row < bend { upper.crossing(y) } else { lower.crossing(y) });
+                let at_row = depth.at_origin + depth.slope[1] * y;
+                y += 1.0;
+                let (start, end) = (first_sample(one.min(other)), first_sample(one.max(other)).min(side));
+                if start >= end {
                     continue;
                 }
                 covers = true;
-                let at_row = depth.at_origin + depth.slope[1] * y;
-                let places = row * side + span.start..row * side + span.end;
-                let nearest = &mut samples.depths[places.clone()];
-                let shown = &mut samples.triangles[places][..nearest.len()];
-                for i in 0..nearest.len() {
-                    let found = at_row + depth.slope[0] * ((span.start + i) as f32 + 0.5);
-                    let nearer = found > nearest[i];
-                    nearest[i] = if nearer { found } else { nearest[i] };
-                    shown[i] = if nearer { number } else { shown[i] };
+                let nearest = &mut samples.depths[row * side..][start..end];
+                let shown = &mut samples.triangles[row * side..][start..end];
+                let mut x = start as u32 as f32 + 0.5;
+                for i in 0..end - start {
+                    let found = at_row + depth.slope[0] * x;
+                    x += 1.0;
+                    if found > nearest[i] {
+                        nearest[i] = found;
+                        shown[i] = number;
+                    }
                 }
             }
             if covers {
-                let normals = triangle.map(|vertex| Vec3::from_array(self.mesh.normals[vertex as usize]));
-                let albedos = triangle.map(|vertex| self.mesh.albedos[vertex as usize] / self.albedo_scale);
-                samples.seen.push(SeenTriangle {
-                    normal: plane(corners, doubled_area, normals),
-                    albedo: plane(corners, doubled_area, albedos),
-                });
+                let shown = |corner: usize| {
+                    let vertex = triangle[corner] as usize;
+                    Vec3::from_array(self.mesh.normals[vertex]).extend(self.mesh.albedos[vertex] / self.albedo_scale)
+                };
+                samples.seen.push(plane(corners, doubled_area, [shown(0), shown(1), shown(2)]));
             }
         }
     }
 
     /// Means over the covered samples of a texel, and the covered share.
     fn texel(&self, samples: &Samples, side: usize, [x, y]: [usize; 2]) -> Texel {
-        let (mut normal, mut albedo, mut depth, mut count) = (Vec3::ZERO, 0.0, 0.0, 0.0);
+        let (mut sum, mut depth, mut count) = (Vec4::ZERO, 0.0, 0.0);
+        let left = (x * SAMPLES) as u32 as f32 + 0.5;
+        let mut place = Vec2::new(left, (y * SAMPLES) as u32 as f32 + 0.5);
         for row in y * SAMPLES..(y + 1) * SAMPLES {
-            for column in x * SAMPLES..(x + 1) * SAMPLES {
-                let sample = row * side + column;
-                let Some(seen) = samples.seen.get(samples.triangles[sample] as usize) else { continue };
-                let place = Vec2::new(column as f32 + 0.5, row as f32 + 0.5);
-                normal += seen.normal.at(place).normalize_or_zero();
-                albedo += seen.albedo.at(place);
-                depth += samples.depths[sample];
-                count += 1.0;
+            let first = row * side + x * SAMPLES;
+            let triangles = &samples.triangles[first..first + SAMPLES];
+            let depths = &samples.depths[first..first + SAMPLES];
+            place.x = left;
+            for column in 0..SAMPLES {
+                if let Some(seen) = samples.seen.get(triangles[column] as usize) {
+                    let shown = seen.at(place);
+                    let length = shown.truncate().length();
+                    let scale = if length > 0.0 { 1.0 / length } else { 0.0 };
+                    sum += shown * Vec4::new(scale, scale, scale, 1.0);
+                    depth += depths[column];
+                    count += 1.0;
+                }
+                place.x += 1.0;
             }
+            place.y += 1.0;
         }
         if count == 0.0 {
             return Texel::default();
         }
-        let [x, y, z] = (0.5 * normal / count + 0.5).to_array();
+        let [x, y, z] = (0.5 * sum.truncate() / count + 0.5).to_array();
         let coverage = count / (SAMPLES * SAMPLES) as f32;
-        Texel { normal: [x, y, z, coverage], surface: [albedo / count, 0.5 + 0.5 * depth / count] }
+        Texel { normal: [x, y, z, coverage], surface: [sum.w / count, 0.5 + 0.5 * depth / count] }
     }
 }
 
-/// The first sample, at `index + 0.5`, that is not before a position.
+/// The first sample, at `index + 0.5`, that is not before a position in the picture: the nearest integer. Adding 2^23 rounds
+/// an f32 to an integer and leaves it in the lowest bits; `f32::round` is a call into the C library.
 #[inline]
 fn first_sample(position: f32) -> usize {
-    first_centre(f64::from(position))
+    const TWO_TO_23: f32 = 8_388_608.0;
+    ((position.max(0.0) + TWO_TO_23).to_bits() - TWO_TO_23.to_bits()) as usize
 }
 
-/// An edge of a triangle from its upper to its lower end.
+/// Sorts corners from the top to the bottom.
+#[inline]
+fn by_y([a, b, c]: [Vec2; 3]) -> [Vec2; 3] {
+    let (a, b) = if a.y <= b.y { (a, b) } else { (b, a) };
+    let (b, c) = if b.y <= c.y { (b, c) } else { (c, b) };
+    let (a, b) = if a.y <= b.y { (a, b) } else { (b, a) };
+    [a, b, c]
+}
+
+/// An edge of a triangle.
 struct Edge {
     top: Vec2,
-    bottom_y: f32,
     /// Change of x per row.
     slope: f32,
 }
 
 impl Edge {
+    /// The edge from its upper to its lower end.
     #[inline]
-    fn new(from: Vec2, to: Vec2) -> Self {
-        let (top, bottom) = if from.y <= to.y { (from, to) } else { (to, from) };
-        Self { top, bottom_y: bottom.y, slope: (bottom.x - top.x) / (bottom.y - top.y) }
+    fn new(top: Vec2, bottom: Vec2) -> Self {
+        Self { top, slope: (bottom.x - top.x) / (bottom.y - top.y) }
     }
-}
 
-/// The smallest and the largest x at which the edges of a triangle cross a row. `y` is between its lowest and its highest
-/// corner.
-#[inline]
-fn crossings(edges: &[Edge; 3], y: f32) -> [f32; 2] {
-    let mut found = [f32::INFINITY, f32::NEG_INFINITY];
-    for Edge { top, bottom_y, slope } in edges {
-        if top.y <= y && y < *bottom_y {
-            let x = top.x + (y - top.y) * slope;
-            found = [found[0].min(x), found[1].max(x)];
-        }
+    /// x at which the edge crosses a row between its ends.
+    #[inline]
+    fn crossing(&self, y: f32) -> f32 {
+        self.top.x + (y - self.top.y) * self.slope
     }
-    found
 }
 
 /// The plane through the values at the corners of a triangle.

@@ -38,20 +38,33 @@ impl Texel {
     fn coverage(&self) -> f32 {
         self.normal[3]
     }
+}
 
-    /// Weighted mean of the colours; coverage is 0.
+/// Weighted mean of colours.
+struct Mean {
+    sum: Texel,
+    weight: f32,
+}
+
+impl Mean {
+    const EMPTY: Self = Self { sum: Texel { normal: [0.0; 4], surface: [0.0; 2] }, weight: 0.0 };
+
     #[inline]
-    fn mean(texels: &[(Self, f32)]) -> Self {
-        let (mut x, mut y, mut z, mut albedo, mut depth, mut total) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-        for (texel, weight) in texels {
-            x += weight * texel.normal[0];
-            y += weight * texel.normal[1];
-            z += weight * texel.normal[2];
-            albedo += weight * texel.surface[0];
-            depth += weight * texel.surface[1];
-            total += weight;
-        }
-        Self { normal: [x / total, y / total, z / total, 0.0], surface: [albedo / total, depth / total] }
+    fn add(&mut self, texel: &Texel, weight: f32) {
+        let Texel { normal: [x, y, z, _], surface: [albedo, depth] } = &mut self.sum;
+        *x += weight * texel.normal[0];
+        *y += weight * texel.normal[1];
+        *z += weight * texel.normal[2];
+        *albedo += weight * texel.surface[0];
+        *depth += weight * texel.surface[1];
+        self.weight += weight;
+    }
+
+    #[inline]
+    fn texel(&self, coverage: f32) -> Texel {
+        let Texel { normal: [x, y, z, _], surface: [albedo, depth] } = self.sum;
+        let total = self.weight;
+        Texel { normal: [x / total, y / total, z / total, coverage], surface: [albedo / total, depth / total] }
     }
 }
 
@@ -95,10 +108,11 @@ impl Level {
         Self { normals, surfaces }
     }
 
-    fn texels(&self) -> Vec<Texel> {
+    #[inline]
+    fn texel(&self, index: usize) -> Texel {
         let (normals, _) = self.normals.as_chunks::<4>();
         let (surfaces, _) = self.surfaces.as_chunks::<2>();
-        normals.iter().zip(surfaces).map(|(normal, surface)| Texel::from_bytes(*normal, *surface)).collect()
+        Texel::from_bytes(normals[index], surfaces[index])
     }
 }
 
@@ -119,10 +133,10 @@ pub(super) fn write_tile(texels: &[Texel], px: usize, bytes: [&mut [u8]; 2], sid
     let [normals, surfaces] = bytes;
     for (row, texels) in texels.chunks_exact(px).enumerate() {
         let first = row * side + column * px;
-        for (texel, index) in texels.iter().zip(first..) {
-            let (normal, surface) = texel.to_bytes();
-            normals[4 * index..4 * index + 4].copy_from_slice(&normal);
-            surfaces[2 * index..2 * index + 2].copy_from_slice(&surface);
+        let (normals, _) = normals[4 * first..4 * (first + px)].as_chunks_mut::<4>();
+        let (surfaces, _) = surfaces[2 * first..2 * (first + px)].as_chunks_mut::<2>();
+        for i in 0..px {
+            (normals[i], surfaces[i]) = texels[i].to_bytes();
         }
     }
 }
@@ -135,121 +149,90 @@ fn byte(value: f32) -> u8 {
 
 /// Fills in colours of the uncovered texels of a tile of `px` x `px` texels.
 pub(super) fn bleed(texels: &mut [Texel], px: usize) {
-    let mut has_colours: Vec<bool> = texels.iter().map(|texel| texel.coverage() > 0.0).collect();
-    let mut ring: Vec<usize> = (0..px * px).filter(|i| has_colours[*i]).collect();
-    let mut means: Vec<Texel> = Vec::new();
-    loop {
-        // Texels without a colour that touch the last ring. The first ring is all covered texels.
-        let mut next: Vec<usize> = Vec::new();
-        for &i in &ring {
-            next.extend(around(i, px).filter(|beside| !has_colours[*beside]));
+    // Flags of the texels, with a border of one texel around the tile. The border counts as reached, without a colour.
+    let width = px + 2;
+    let mut has_colour = vec![false; width * width];
+    let mut is_reached = vec![true; width * width];
+    // Texels of the last ring, as indices of a flag and of a texel. The first ring is all covered texels.
+    let mut ring = Vec::with_capacity(texels.len());
+    for (line, texels) in texels.chunks_exact(px).enumerate() {
+        let flag = (line + 1) * width + 1;
+        for (column, texel) in texels.iter().enumerate() {
+            let is_covered = texel.coverage() > 0.0;
+            has_colour[flag + column] = is_covered;
+            is_reached[flag + column] = is_covered;
+            if is_covered {
+                ring.push([flag + column, line * px + column]);
+            }
         }
-        next.sort_unstable();
-        next.dedup();
-        ring = next;
+    }
+    // From the index of a texel to those of its neighbours, row by row.
+    let around = |width: usize| {
+        let w = width as isize;
+        [-w - 1, -w, 1 - w, -1, 1, w - 1, w, w + 1].map(|step| step as usize)
+    };
+    let steps = [around(width), around(px)];
+    let (mut next, mut means) = (Vec::new(), Vec::new());
+    loop {
+        // Texels without a colour that touch the last ring.
+        for [flag, texel] in &ring {
+            for k in 0..8 {
+                let beside = flag.wrapping_add(steps[0][k]);
+                if !is_reached[beside] {
+                    is_reached[beside] = true;
+                    next.push([beside, texel.wrapping_add(steps[1][k])]);
+                }
+            }
+        }
+        ring.clear();
+        std::mem::swap(&mut ring, &mut next);
         if ring.is_empty() {
             return;
         }
-        means.clear();
-        for &i in &ring {
-            let mut neighbours = [(Texel::default(), 0.0); 8];
-            let mut count = 0;
-            for beside in around(i, px).filter(|beside| has_colours[*beside]) {
-                neighbours[count] = (texels[beside], 1.0);
-                count += 1;
+        for [flag, texel] in &ring {
+            let mut mean = Mean::EMPTY;
+            for k in 0..8 {
+                if has_colour[flag.wrapping_add(steps[0][k])] {
+                    mean.add(&texels[texel.wrapping_add(steps[1][k])], 1.0);
+                }
             }
-            means.push(Texel::mean(&neighbours[..count]));
+            means.push(mean.texel(0.0));
         }
-        for (&i, mean) in ring.iter().zip(&means) {
-            texels[i] = *mean;
-            has_colours[i] = true;
+        for ([flag, texel], mean) in ring.iter().zip(means.drain(..)) {
+            texels[*texel] = mean;
+            has_colour[*flag] = true;
         }
     }
-}
-
-/// A texel of a tile and its neighbours in the tile, row by row.
-#[inline]
-fn around(i: usize, px: usize) -> impl Iterator<Item = usize> {
-    let (column, line) = (i % px, i / px);
-    let columns = column.saturating_sub(1)..(column + 2).min(px);
-    (line.saturating_sub(1)..(line + 2).min(px)).flat_map(move |v| columns.clone().map(move |u| v * px + u))
 }
 
 /// Computes all levels of a layer whose finest level has `side` texels along a side.
 pub(super) fn levels(finest: Level, side: u32, count: u32) -> Vec<Level> {
-    let mut texels = finest.texels();
     let mut levels = vec![finest];
     let mut side = side as usize;
-    for _ in 1..count {
+    let mut finer = Vec::new();
+    for level in 1..count {
         side /= 2;
-        let finer = texels;
-        texels = vec![Texel::default(); side * side];
-        for (row, coarser) in texels.chunks_exact_mut(side).enumerate() {
-            for (column, texel) in coarser.iter_mut().enumerate() {
-                let first = row * 4 * side + column * 2;
-                let [a, b] = [finer[first], finer[first + 1]];
-                let [c, d] = [finer[first + 2 * side], finer[first + 2 * side + 1]];
-                let coverage = (a.coverage() + b.coverage() + c.coverage() + d.coverage()) / 4.0;
-                let weight = |texel: &Texel| if coverage > 0.0 { texel.coverage() } else { 1.0 };
-                *texel = Texel::mean(&[(a, weight(&a)), (b, weight(&b)), (c, weight(&c)), (d, weight(&d))]);
-                texel.normal[3] = coverage;
-            }
-        }
+        let texels = if level == 1 { coarser(side, |i| levels[0].texel(i)) } else { coarser(side, |i| finer[i]) };
         levels.push(Level::from_texels(&texels));
+        finer = texels;
     }
     levels
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Texels of a tile of 8 x 8 texels; those from (2, 2) to (5, 5) have `inside`.
-    fn tile(inside: Texel) -> Vec<Texel> {
-        let is_inside = |i| (2..6).contains(&(i % 8)) && (2..6).contains(&(i / 8));
-        (0..64).map(|i| if is_inside(i) { inside } else { Texel::default() }).collect()
-    }
-
-    fn covered(bytes: [u8; 3]) -> Texel {
-        let [x, y, z] = bytes.map(|byte| f32::from(byte) / 255.0);
-        Texel { normal: [x, y, z, 1.0], surface: [0.25, 0.5] }
-    }
-
-    #[test]
-    fn colours_bleed_over_the_whole_tile_but_coverage_does_not() {
-        let before = tile(covered([0x60, 0x40, 0x20]));
-        let mut texels = before.clone();
-        bleed(&mut texels, 8);
-        let level = Level::from_texels(&texels);
-        for (i, texel) in level.texels().iter().enumerate() {
-            assert_eq!(texel.normal[3], before[i].normal[3]);
-            assert_eq!(level.normals[4 * i..4 * i + 3], [0x60, 0x40, 0x20]);
-            assert_eq!(level.surfaces[2 * i..2 * i + 2], [0x40, 0x80]);
-        }
-        // Without bleeding, texels outside would be black.
-        assert_ne!(Level::from_texels(&before), level);
-    }
-
-    #[test]
-    fn levels_keep_area_and_do_not_mix_tiles() {
-        // Two tiles of different colours side by side, two empty ones below.
-        let mut level = Level::empty(16);
-        for (column, bytes) in [[0x60, 0x40, 0x20], [0xa0, 0x90, 0x80]].into_iter().enumerate() {
-            let mut texels = tile(covered(bytes));
-            bleed(&mut texels, 8);
-            write_tile(&texels, 8, [&mut level.normals, &mut level.surfaces], 16, column);
-        }
-        assert_eq!((level_count(8), level_count(32), level_count(24), level_count(2)), (3, 5, 4, 1));
-        let levels = levels(level, 16, 3);
-        let area = |level: &Level, scale: f32| level.texels().iter().map(Texel::coverage).sum::<f32>() * scale;
-        for (index, level) in levels.iter().enumerate() {
-            let side = 16 >> index;
-            assert_eq!(level.normals.len(), 4 * side * side);
-            assert!((area(level, 4.0_f32.powi(index as i32)) - 32.0).abs() < 0.3);
-            for i in (0..side * side / 2).filter(|i| i / side < side / 2) {
-                let expected = if i % side < side / 2 { [0x60, 0x40, 0x20] } else { [0xa0, 0x90, 0x80] };
-                assert_eq!(level.normals[4 * i..4 * i + 3], expected);
+/// Texels of a level with `side` texels along a side, from those of the next finer one.
+fn coarser(side: usize, finer: impl Fn(usize) -> Texel) -> Vec<Texel> {
+    let mut texels = Vec::with_capacity(side * side);
+    for row in 0..side {
+        for column in 0..side {
+            let first = row * 4 * side + column * 2;
+            let four = [finer(first), finer(first + 1), finer(first + 2 * side), finer(first + 2 * side + 1)];
+            let coverage = (four[0].coverage() + four[1].coverage() + four[2].coverage() + four[3].coverage()) / 4.0;
+            let mut mean = Mean::EMPTY;
+            for texel in &four {
+                mean.add(texel, if coverage > 0.0 { texel.coverage() } else { 1.0 });
             }
+            texels.push(mean.texel(coverage));
         }
     }
+    texels
 }

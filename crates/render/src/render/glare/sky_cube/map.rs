@@ -34,11 +34,22 @@ pub(super) struct Key {
     pub(super) kernel: Arc<dyn GlareKernel>,
 }
 
+impl Key {
+    /// Whether the light of all cells is the same, and only its division into sprites and bumps may differ.
+    fn has_same_cells(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.stars, &other.stars)
+            && Arc::ptr_eq(&self.kernel, &other.kernel)
+            && self.settings.has_same_cells(&other.settings)
+    }
+}
+
 /// Map and sprites of the sky on the adapter.
 pub(super) struct Held {
     pub(super) key: Key,
     pub(super) sky: SkyCubePlan,
     pub(super) map: wgpu::Buffer,
+    /// Light at the points of the finest level, without bumps.
+    scattered: wgpu::Buffer,
     pub(super) sprites: wgpu::Buffer,
     /// Chords at which the sprites end, in the order of the sprites: the longest of their reach class.
     pub(super) chords: Vec<f64>,
@@ -213,6 +224,27 @@ impl MapPasses {
         scattered
     }
 
+    /// Records the sum of the light of all levels at the points of the finest one.
+    fn gather_levels(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        finest: &LevelBuffers,
+        coarser_levels: &[Level],
+    ) -> wgpu::Buffer {
+        // Levels from the coarsest to the second finest.
+        let mut coarser: Option<(wgpu::Buffer, u32)> = None;
+        for level in coarser_levels.iter().rev() {
+            let below = coarser.as_ref().map(|(buffer, edge)| (buffer, *edge));
+            let scattered = self.gather(gpu, pass, &LevelBuffers::new(gpu, level), below);
+            let made = points_buffer(gpu, "glare level", map_points(level.edge_cells));
+            self.sharpen(gpu, pass, level.edge_cells, &scattered, (&made, 0));
+            coarser = Some((made, level.edge_cells));
+        }
+        let below = coarser.as_ref().map(|(buffer, edge)| (buffer, *edge));
+        self.gather(gpu, pass, finest, below)
+    }
+
     /// Records the sum of the points of a level and of bumps around its cells. `light`: of each bump; `squared`: square of their radius.
     fn add_bumps(
         &self,
@@ -260,8 +292,16 @@ impl MapPasses {
         dispatch(gpu, pass, &self.sharpen, &buffers, (edge_cells + RIM).div_ceil(MAP_SIDE));
     }
 
-    /// Computes the map.
-    pub(super) fn make(&self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, parameters: &GlareMap, key: Key) -> Held {
+    /// Computes the map. If one of `held` has the same cells, their light is not gathered again: it takes most of the time, and the
+    /// exposure changes only bumps and sprites.
+    pub(super) fn make<'a>(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        parameters: &GlareMap,
+        key: Key,
+        mut held: impl Iterator<Item = &'a Held>,
+    ) -> Held {
         let kernel = &*key.kernel;
         let inverse_square = parameters.inverse_square_rad.map(|inner_rad| {
             let kernel = InverseSquareKernel::new(inner_rad);
@@ -270,19 +310,13 @@ impl MapPasses {
         let sky = SkyCubePlan::new(&key.stars, kernel, &key.settings);
         let points = map_points(sky.levels[0].edge_cells);
         let map = points_buffer(gpu, "glare map", points * sky.classes.len() as u32);
-        // Levels from the coarsest to the second finest.
-        let mut coarser: Option<(wgpu::Buffer, u32)> = None;
-        for level in sky.levels[1..].iter().rev() {
-            let below = coarser.as_ref().map(|(buffer, edge)| (buffer, *edge));
-            let scattered = self.gather(gpu, pass, &LevelBuffers::new(gpu, level), below);
-            let made = points_buffer(gpu, "glare level", map_points(level.edge_cells));
-            self.sharpen(gpu, pass, level.edge_cells, &scattered, (&made, 0));
-            coarser = Some((made, level.edge_cells));
-        }
-        // The finest level, with the bumps of each class of pixel size.
         let finest = LevelBuffers::new(gpu, &sky.levels[0]);
-        let below = coarser.as_ref().map(|(buffer, edge)| (buffer, *edge));
-        let scattered = self.gather(gpu, pass, &finest, below);
+        let same = held.find(|held| held.key.has_same_cells(&key));
+        let scattered = match same {
+            Some(held) => held.scattered.clone(),
+            None => self.gather_levels(gpu, pass, &finest, &sky.levels[1..]),
+        };
+        // The finest level, with the bumps of each class of pixel size.
         for (index, class) in sky.classes.iter().enumerate() {
             let with_bumps = self.add_bumps(gpu, pass, &finest, &scattered, (&class.bumps, sky.bump_squared));
             self.sharpen(gpu, pass, finest.edge_cells, &with_bumps, (&map, points * index as u32));
@@ -323,6 +357,7 @@ impl MapPasses {
             chords,
             sprite_cells: buffer_of(gpu, "glare sprite cells", cells),
             kernel_table: storage_buffer(gpu, "glare kernel", &kernel_table(kernel)),
+            scattered,
             inverse_square,
             sky,
             key,

@@ -276,9 +276,9 @@ impl SkyCube {
 
     fn hold_new(&mut self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, slot: usize, map: &GlareMap, key: Key) {
         let kind = kind_of(&key.settings);
-        // Drop the old map before its successor is made, so that both never exist at once.
-        self.held[slot][kind] = None;
-        self.held[slot][kind] = Some(self.passes.get_or_init(|| MapPasses::new(gpu)).make(gpu, pass, map, key));
+        let passes = self.passes.get_or_init(|| MapPasses::new(gpu));
+        let made = passes.make(gpu, pass, map, key, self.held.iter().flatten().flatten());
+        self.held[slot][kind] = Some(made);
     }
 }
 
