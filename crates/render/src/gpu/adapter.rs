@@ -1,6 +1,6 @@
 //! Judges an adapter: compares its limits with the needs of all passes, and chooses replacements for missing features.
 
-use std::{fmt, str::FromStr};
+use std::{fmt, ops::Range, str::FromStr};
 
 use serde::Serialize;
 
@@ -213,6 +213,11 @@ impl fmt::Display for AdapterReport {
     }
 }
 
+/// Sizes of the blocks from which buffers and textures of a software driver are allocated; larger ones have a block of their own. A
+/// block is given back when nothing in it is used. In blocks of 128 MiB, wgpu's default, small buffers of later frames keep the memory of
+/// removed scenes, and this memory is that of the machine.
+const SOFTWARE_BLOCK_BYTES: Range<u64> = 4 << 20..16 << 20;
+
 /// The features and limits in use of an adapter, and the fallbacks for missing ones.
 #[derive(Clone)]
 pub(super) struct Selection {
@@ -223,6 +228,7 @@ pub(super) struct Selection {
     pub(super) timestamps: bool,
     pub(super) blend_format: wgpu::TextureFormat,
     pub(super) fallbacks: Vec<String>,
+    memory_hints: wgpu::MemoryHints,
 }
 
 impl Selection {
@@ -278,7 +284,13 @@ impl Selection {
         ];
         let replaced = by_buffers.iter().filter(|(from, _)| buffers < *from);
         fallbacks.extend(replaced.map(|(_, instead)| format!("{instead} ({buffers} storage buffers per stage)")));
-        Ok(Self { features, limits, needs, wide_accumulator, timestamps, blend_format, fallbacks })
+        let memory_hints = match adapter.get_info().device_type {
+            wgpu::DeviceType::Cpu => {
+                wgpu::MemoryHints::Manual { suballocated_device_memory_block_size: SOFTWARE_BLOCK_BYTES }
+            }
+            _ => wgpu::MemoryHints::Performance,
+        };
+        Ok(Self { features, limits, needs, wide_accumulator, timestamps, blend_format, fallbacks, memory_hints })
     }
 
     /// Descriptor for the request of the device.
@@ -287,6 +299,7 @@ impl Selection {
             label: Some("steradian"),
             required_features: self.features,
             required_limits: self.limits.clone(),
+            memory_hints: self.memory_hints.clone(),
             ..Default::default()
         }
     }

@@ -160,7 +160,8 @@ impl Gpu {
         selection: Selection,
         options: &GpuOptions,
     ) -> Self {
-        let Selection { features, limits, needs, wide_accumulator, timestamps, blend_format, fallbacks } = selection;
+        let Selection { features, limits, needs, wide_accumulator, timestamps, blend_format, fallbacks, .. } =
+            selection;
         let options = GpuOptions { adapter: Some(info.name.clone()), ..options.clone() };
         let software = info.device_type == wgpu::DeviceType::Cpu;
         let report = AdapterReport {

@@ -15,6 +15,7 @@
 //! writes it as a comment: if all fields of the first line are numbers, the comment before it is the head. ECSV (astropy, Gaia archive) gives the
 //! units of its columns in comments.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
@@ -110,10 +111,16 @@ pub(super) fn read(source: impl Read, file: &str, reading: &Reading) -> Result<C
     };
     let columns = recognised(units.as_deref())?.in_degrees(reading.ra_in_degrees);
     first_rows.drain(..dashes.map_or(0, |dashes| dashes + 1));
+    let has_decimal_commas = separator != b',' && has_decimal_commas(&first_rows);
+    if has_decimal_commas {
+        tracing::info!(file, "numbers have decimal commas");
+    }
 
     // Rows.
     let mut rows = Rows::new(file, &columns, reading);
     let add = |rows: &mut Rows, fields: &StringRecord, line: usize, is_closed: bool| {
+        let with_points = has_decimal_commas.then(|| with_points(fields));
+        let fields = with_points.as_ref().unwrap_or(fields);
         let read = if !is_closed {
             Err(UNCLOSED.to_owned())
         } else if fields.len() != columns.len() {
@@ -200,9 +207,9 @@ impl<'f, R: Read> Lines<'f, R> {
     /// which at least one is a word.
     fn head_in_comment(&self) -> Option<String> {
         let row = String::from_utf8_lossy(&self.bytes);
-        let separator = char::from(separator_of(&self.bytes));
-        let is_number = |field: &str| field.trim().parse::<f64>().is_ok();
         let comment = self.comments.last()?.trim();
+        let separator = char::from(separator_of(comment.as_bytes()));
+        let is_number = |field: &str| field.trim().parse::<f64>().is_ok() || with_point(field).is_some();
         let fields = comment.split(separator).count();
         let is_head = fields > 1
             && fields == row.trim().split(separator).count()
@@ -315,6 +322,25 @@ impl<R: Read> Read for Lines<'_, R> {
     }
 }
 
+/// A number with a decimal comma, with a point instead; `None` for other text.
+fn with_point(field: &str) -> Option<String> {
+    let is_plain = |c: char| c.is_ascii_digit() || ",+-eE".contains(c);
+    let text = field.trim();
+    let number = (text.matches(',').count() == 1 && text.chars().all(is_plain)).then(|| text.replace(',', "."))?;
+    number.parse::<f64>().is_ok().then_some(number)
+}
+
+fn with_points(fields: &StringRecord) -> StringRecord {
+    fields.iter().map(|field| with_point(field).map_or(Cow::Borrowed(field), Cow::Owned)).collect::<Vec<_>>().into()
+}
+
+/// Whether numbers of these rows have decimal commas, as spreadsheets of many countries write them, and none has a decimal point.
+fn has_decimal_commas(rows: &[(StringRecord, usize, bool)]) -> bool {
+    let fields = || rows.iter().flat_map(|(row, ..)| row.iter());
+    let has_point = |field: &str| field.contains('.') && field.trim().parse::<f64>().is_ok();
+    fields().any(|field| with_point(field).is_some()) && !fields().any(has_point)
+}
+
 /// The most frequent separator of the head; a blank if it has words between blanks; else a comma.
 fn separator_of(head: &[u8]) -> u8 {
     let head = head.trim_ascii();
@@ -333,6 +359,32 @@ mod tests {
         assert_eq!(separator_of(b"ra_deg;dec_deg;v_mag"), b';');
         assert_eq!(separator_of(b"ra_deg,dec_deg,v_mag"), b',');
         assert_eq!(separator_of(b"ra_deg"), b',');
+    }
+
+    #[test]
+    fn decimal_commas_are_read_if_no_number_has_a_point() {
+        for (field, expected) in [
+            ("101,287", Some("101.287")),
+            (" -16,7 ", Some("-16.7")),
+            ("1,5e-3", Some("1.5e-3")),
+            ("1,2,3", None),
+            ("12", None),
+            ("alf, CMa", None),
+            (",", None),
+        ] {
+            assert_eq!(with_point(field).as_deref(), expected, "{field}");
+        }
+        let read = |text: &str| read_csv_from(text.as_bytes(), "test.csv", 0.0).map(|read| read.stars);
+        let plain = read("ra_deg,dec_deg,v_mag\n101.287,-16.716,-1.46\n").unwrap();
+        for text in [
+            "ra_deg;dec_deg;v_mag\n101,287;-16,716;-1,46\n",
+            "# ra_deg;dec_deg;v_mag\n101,287;-16,716;-1,46\n",
+            "ra_deg\tdec_deg\tv_mag\n101,287\t-16,716\t-1,46\n",
+        ] {
+            assert_eq!(read(text).unwrap(), plain, "{text}");
+        }
+        // A comma in a file with decimal points is an error.
+        assert!(read("ra_deg;dec_deg;v_mag\n101,287;-16.716;-1.46\n").is_err());
     }
 
     #[test]

@@ -268,3 +268,16 @@ impl<T: Copy + std::ops::Add<Output = T> + std::ops::Mul<f32, Output = T>> Plane
         self.at_origin + self.slope[0] * place.x + self.slope[1] * place.y
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_sample_is_the_one_whose_centre_follows() {
+        let cases = [(-3.0, 0), (0.0, 0), (0.49, 0), (0.51, 1), (1.49, 1), (1.6, 2), (127.49, 127), (255.6, 256)];
+        for (position, first) in cases {
+            assert_eq!(first_sample(position), first, "{position}");
+        }
+    }
+}

@@ -69,10 +69,16 @@ pub(super) fn singular_values(along_x: DVec3, along_y: DVec3) -> [f64; 2] {
     [larger, along_x.cross(along_y).length() / larger.max(1e-300)]
 }
 
+/// Directions at the midpoints of the sides of a square around a point of the picture, in the order of [`SIDES`]; `side_px`: its side.
+fn directions_around(mapping: &dyn PlaneMapping, pixel: DVec2, side_px: f64) -> [Option<DVec3>; 4] {
+    let direction = |side: DVec2| mapping.direction_from_pixel(pixel + side * side_px);
+    [direction(SIDES[0]), direction(SIDES[1]), direction(SIDES[2]), direction(SIDES[3])]
+}
+
 /// Derivatives of the direction at a point of the picture, per pixel: central differences, one-sided at a border.
 pub(super) fn derivatives(mapping: &dyn PlaneMapping, pixel: DVec2) -> Option<[DVec3; 2]> {
     let middle = mapping.direction_from_pixel(pixel)?;
-    let [right, left, below, above] = SIDES.map(|side| mapping.direction_from_pixel(pixel + side));
+    let [right, left, below, above] = directions_around(mapping, pixel, 1.0);
     let along = |ahead: Option<DVec3>, behind: Option<DVec3>| match (ahead, behind) {
         (Some(ahead), Some(behind)) => Some(ahead - behind),
         (Some(ahead), None) => Some((ahead - middle) * 2.0),
@@ -109,15 +115,14 @@ fn pixel_at(source: &dyn PlaneMapping, x: u32, y: u32) -> Result<Option<Pixel>, 
         pixel.mirrored = Some(spanned.dot(direction) < 0.0);
         // If the solid angle changes fast from pixel to pixel, the solid angle of the whole pixel differs from the
         // density at its centre: accept both.
-        let direction_at = |side: DVec2| source.direction_from_pixel(centre + side);
-        let [right, left, below, above] = SIDES.map(|side| direction_at(side * DENSITY_STEP_PX));
+        let [right, left, below, above] = directions_around(source, centre, DENSITY_STEP_PX);
         let density_sr = match (right, left, below, above) {
             (Some(right), Some(left), Some(below), Some(above)) => {
                 (right - left).cross(below - above).length() / DENSITY_STEP_PX.powi(2)
             }
             _ => f64::NAN,
         };
-        let whole = SIDES.iter().all(|side| direction_at(*side).is_some());
+        let whole = directions_around(source, centre, 1.0).iter().all(Option::is_some);
         let spanned_sr = spanned.length();
         let (least, most) = (spanned_sr.min(density_sr), spanned_sr.max(density_sr));
         let allowed = (1.0 - SOLID_ANGLE_PARTS) * least..=(1.0 + SOLID_ANGLE_PARTS) * most;

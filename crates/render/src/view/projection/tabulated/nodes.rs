@@ -18,7 +18,7 @@ pub(super) struct Nodes {
 
 /// Nodes along each side.
 pub(super) fn node_counts(size: [u32; 2]) -> [i64; 2] {
-    size.map(|side| i64::from(side) + 2 * FRINGE)
+    [i64::from(size[0]) + 2 * FRINGE, i64::from(size[1]) + 2 * FRINGE]
 }
 
 /// Node coordinates of a point of the picture.
@@ -29,6 +29,19 @@ pub(super) fn place_of_pixel(pixel: DVec2) -> DVec2 {
 /// Point of the picture at given node coordinates.
 pub(super) fn pixel_of_place(place: DVec2) -> DVec2 {
     place + 0.5 - FRINGE as f64
+}
+
+/// The largest integer up to a position. `f64::floor` is a call into the C library on processors of the baseline.
+#[inline]
+fn floor(position: f64) -> i64 {
+    let toward_zero = position as i64;
+    toward_zero - i64::from(toward_zero as f64 > position)
+}
+
+/// Fractions of a position between its nodes.
+#[inline]
+pub(super) fn part_of(place: DVec2) -> DVec2 {
+    place - DVec2::new(floor(place.x) as f64, floor(place.y) as f64)
 }
 
 /// Weights of a cubic convolution (Keys 1981, with a = -1/2) at the fraction `part` between the second and the third
@@ -60,12 +73,13 @@ impl Nodes {
     /// Whether a pixel lies in the picture.
     pub(super) fn contains(&self, x: u32, y: u32) -> bool {
         let inside = x < self.size[0] && y < self.size[1];
-        inside && self.value([x, y].map(|at| i64::from(at) + FRINGE)).is_some_and(|value| value[3] > 0.0)
+        let node = [i64::from(x) + FRINGE, i64::from(y) + FRINGE];
+        inside && self.value(node).is_some_and(|value| value[3] > 0.0)
     }
 
     /// Directions at the four nodes around a position, row by row.
     pub(super) fn quad(&self, place: DVec2) -> Option<[DVec3; 4]> {
-        let [x, y] = [place.x.floor() as i64, place.y.floor() as i64];
+        let [x, y] = [floor(place.x), floor(place.y)];
         let node = |i: i64, j: i64| self.direction([x + i, y + j]);
         Some([node(0, 0)?, node(1, 0)?, node(0, 1)?, node(1, 1)?])
     }
@@ -73,15 +87,15 @@ impl Nodes {
     /// Direction at a position by cubic convolution, of nearly unit length; bilinear between the four nodes around it
     /// if a node is missing.
     pub(super) fn between(&self, place: DVec2) -> Option<DVec3> {
-        let first = place.floor();
-        let part = place - first;
-        let [x, y] = [first.x as i64 - 1, first.y as i64 - 1];
+        let first = [floor(place.x), floor(place.y)];
+        let part = part_of(place);
+        let [x, y] = [first[0] - 1, first[1] - 1];
         let (across, down) = (cubic_weights(part.x), cubic_weights(part.y));
         let cubic = || {
             let mut sum = DVec3::ZERO;
-            for (j, down) in (0..).zip(down) {
-                for (i, across) in (0..).zip(across) {
-                    sum += self.direction([x + i, y + j])? * (across * down);
+            for j in 0..4 {
+                for i in 0..4 {
+                    sum += self.direction([x + i as i64, y + j as i64])? * (across[i] * down[j]);
                 }
             }
             Some(sum)

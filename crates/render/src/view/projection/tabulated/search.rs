@@ -3,7 +3,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::nodes::{Nodes, pixel_of_place};
+use super::nodes::{Nodes, part_of, pixel_of_place};
 
 /// Maximum number of steps; three are usual.
 pub const MOST_STEPS: u32 = 12;
@@ -23,7 +23,7 @@ pub(super) fn search(nodes: &Nodes, direction: DVec3, start: [u32; 2], shows_eve
     let mut held = place;
     let mut is_near = false;
     for _ in 0..MOST_STEPS {
-        let part = place - place.floor();
+        let part = part_of(place);
         let Some([a, b, c, d]) = nodes.quad(place) else { return shows_everything.then(|| pixel_of_place(held)) };
         held = place;
         let along_x = (b - a).lerp(d - c, part.y);

@@ -106,6 +106,8 @@ pub struct Warp {
     size: [u32; 2],
     grid: [usize; 2],
     placement: Placement,
+    /// Samples per pixel.
+    scale: DVec2,
     surface: Surface,
     /// For each cell, row by row: whether all corners are known.
     cells: Vec<bool>,
@@ -152,12 +154,15 @@ impl Warp {
             size,
             grid: [columns, rows],
             placement: grid.placement,
+            scale: DVec2::ZERO,
             surface,
             cells,
             nearest,
             reach_rad,
             longest_px_rad,
         };
+        let (origin, one) = (warp.in_samples(DVec2::ZERO), warp.in_samples(DVec2::ONE));
+        warp.scale = DVec2::new(one[0] - origin[0], one[1] - origin[1]);
         let lattice = warp.lattice();
         let sides = lattice.iter().filter_map(|(pixel, _)| warp.jet(*pixel));
         warp.longest_px_rad = sides.map(|jet| jet.across.length().max(jet.down.length())).fold(0.0, f64::max);
@@ -176,13 +181,6 @@ impl Warp {
         [sample_coordinate(pixel.x, self.size[0], self.grid[0]), sample_coordinate(pixel.y, self.size[1], self.grid[1])]
     }
 
-    /// Samples per pixel.
-    fn scale(&self) -> DVec2 {
-        let origin = self.in_samples(DVec2::ZERO);
-        let [x, y] = self.in_samples(DVec2::ONE);
-        DVec2::new(x - origin[0], y - origin[1])
-    }
-
     /// Direction, of unit length, and its derivatives per pixel.
     fn jet(&self, pixel: DVec2) -> Option<Jet> {
         let Jet { value, across, down } = self.surface.evaluate(self.in_samples(pixel));
@@ -191,7 +189,7 @@ impl Warp {
             return None;
         }
         let unit = value / length;
-        let scale = self.scale();
+        let scale = self.scale;
         let tangent = |slope: DVec3, scale: f64| (slope - unit * unit.dot(slope)) * (scale / length);
         Some(Jet { value: unit, across: tangent(across, scale.x), down: tangent(down, scale.y) })
     }
@@ -252,8 +250,8 @@ impl PlaneMapping for Warp {
     fn pixel_from_direction(&self, direction: DVec3) -> Option<DVec2> {
         let direction = direction.try_normalize()?;
         let mut pixel = self.nearest.start_point(direction)?;
-        let [width, height] = self.size.map(f64::from);
-        let beyond = BEYOND_CELLS / self.scale();
+        let (width, height) = (f64::from(self.size[0]), f64::from(self.size[1]));
+        let beyond = BEYOND_CELLS / self.scale;
         let [least, most] = [-beyond, DVec2::new(width, height) + beyond];
         for _ in 0..STEPS {
             let Jet { value, across, down } = self.jet(pixel)?;
@@ -276,7 +274,7 @@ impl PlaneMapping for Warp {
     }
 
     fn direction_from_pixel(&self, pixel: DVec2) -> Option<DVec3> {
-        let [width, height] = self.size.map(f64::from);
+        let (width, height) = (f64::from(self.size[0]), f64::from(self.size[1]));
         let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x <= width && pixel.y <= height;
         if inside && self.is_known(pixel) { Some(self.jet(pixel)?.value) } else { None }
     }

@@ -97,15 +97,16 @@ impl Surface {
 
 /// Index of the cell that contains a position, or the nearest one.
 pub(super) fn cell(at: f64, samples: usize) -> usize {
-    (at.floor().max(0.0) as usize).min(samples - 2)
+    // The conversion rounds down.
+    (at.max(0.0) as usize).min(samples - 2)
 }
 
 /// The four cubic B-splines of a cell at `t` (0 to 1 in the cell), and their derivatives.
 fn basis(t: f64) -> ([f64; 4], [f64; 4]) {
     let s = 1.0 - t;
-    let values = [s * s * s, 3.0 * t * t * t - 6.0 * t * t + 4.0, 3.0 * s * s * s - 6.0 * s * s + 4.0, t * t * t];
-    let slopes = [-s * s, 3.0 * t * t - 4.0 * t, -(3.0 * s * s - 4.0 * s), t * t];
-    (values.map(|value| value / 6.0), slopes.map(|slope| slope / 2.0))
+    let middle = |t: f64| (3.0 * t * t * t - 6.0 * t * t + 4.0) / 6.0;
+    let slope = |t: f64| (3.0 * t * t - 4.0 * t) / 2.0;
+    ([s * s * s / 6.0, middle(t), middle(s), t * t * t / 6.0], [-s * s / 2.0, slope(t), -slope(s), t * t / 2.0])
 }
 
 /// Coefficients of the cubic B-spline through samples: one more at each end than there are samples.
