@@ -116,7 +116,7 @@ impl Passes {
     }
 
     fn points(&self, gpu: &Gpu) -> AsteroidPointPass {
-        self.points.get((), AsteroidPointPass::make(gpu))
+        self.points.get((), || AsteroidPointPass::make(gpu)())
     }
 
     fn splats(&self, gpu: &Gpu) -> &AsteroidSplatPass {

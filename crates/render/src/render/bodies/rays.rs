@@ -92,7 +92,7 @@ impl GeometryPass {
 
     /// Returns the pipeline of a form.
     pub(crate) fn pipeline(&self, gpu: &Gpu, form: RayForm) -> wgpu::ComputePipeline {
-        self.pipelines.get(form, pipeline(gpu, form))
+        self.pipelines.get(form, || pipeline(gpu, form)())
     }
 
     /// Returns a job that creates the pipeline of a form.

@@ -77,8 +77,11 @@ fn directions_around(mapping: &dyn PlaneMapping, pixel: DVec2, side_px: f64) -> 
 
 /// Derivatives of the direction at a point of the picture, per pixel: central differences, one-sided at a border.
 pub(super) fn derivatives(mapping: &dyn PlaneMapping, pixel: DVec2) -> Option<[DVec3; 2]> {
-    let middle = mapping.direction_from_pixel(pixel)?;
-    let [right, left, below, above] = directions_around(mapping, pixel, 1.0);
+    differences(mapping.direction_from_pixel(pixel)?, directions_around(mapping, pixel, 1.0))
+}
+
+/// The same from the directions at the point and around it.
+fn differences(middle: DVec3, [right, left, below, above]: [Option<DVec3>; 4]) -> Option<[DVec3; 2]> {
     let along = |ahead: Option<DVec3>, behind: Option<DVec3>| match (ahead, behind) {
         (Some(ahead), Some(behind)) => Some(ahead - behind),
         (Some(ahead), None) => Some((ahead - middle) * 2.0),
@@ -109,7 +112,8 @@ fn pixel_at(source: &dyn PlaneMapping, x: u32, y: u32) -> Result<Option<Pixel>, 
         return Err(TabulationError::NotInverse { pixel: [x, y], image: image.to_array() });
     }
     let mut pixel = Pixel { direction, solid_angle_sr, sides_rad: [solid_angle_sr.sqrt(); 2], mirrored: None };
-    if let Some([along_x, along_y]) = derivatives(source, centre) {
+    let around = directions_around(source, centre, 1.0);
+    if let Some([along_x, along_y]) = differences(direction, around) {
         let spanned = along_x.cross(along_y);
         pixel.sides_rad = singular_values(along_x, along_y);
         pixel.mirrored = Some(spanned.dot(direction) < 0.0);
@@ -122,7 +126,7 @@ fn pixel_at(source: &dyn PlaneMapping, x: u32, y: u32) -> Result<Option<Pixel>, 
             }
             _ => f64::NAN,
         };
-        let whole = directions_around(source, centre, 1.0).iter().all(Option::is_some);
+        let whole = around.iter().all(Option::is_some);
         let spanned_sr = spanned.length();
         let (least, most) = (spanned_sr.min(density_sr), spanned_sr.max(density_sr));
         let allowed = (1.0 - SOLID_ANGLE_PARTS) * least..=(1.0 + SOLID_ANGLE_PARTS) * most;

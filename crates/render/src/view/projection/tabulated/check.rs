@@ -57,6 +57,11 @@ fn points_of(x: u32, y: u32) -> [DVec2; 4] {
     [pixel_centre(x, y), corner, other(0.0), other(0.37)]
 }
 
+/// Shortest distance between neighbours of four nodes, row by row.
+fn shortest_side([a, b, c, d]: [DVec3; 4]) -> f64 {
+    a.distance(b).min(c.distance(d)).min(a.distance(c)).min(b.distance(d))
+}
+
 /// Compares the results of `lookup` with the mapping, at four points of every pixel.
 pub(super) fn compare(
     source: &(dyn PlaneMapping + Send),
@@ -75,11 +80,16 @@ pub(super) fn compare(
         Some(Off { pixel, direction, off_px })
     };
     let is_torn = |point: &Off| {
-        let between = nodes.between(place_of_pixel(point.pixel)).and_then(DVec3::try_normalize);
-        let (Some(between), Some([along_x, along_y])) = (between, derivatives(source, point.pixel)) else {
+        let place = place_of_pixel(point.pixel);
+        let between = nodes.between(place).and_then(DVec3::try_normalize);
+        let (Some(between), Some(quad)) = (between, nodes.quad(place)) else { return false };
+        let off_rad = between.distance(point.direction);
+        // At nearly all points it is a small part of a pixel, so that the size of the pixel need not be known.
+        if off_rad <= 0.25 * shortest_side(quad) {
             return false;
-        };
-        between.distance(point.direction) > singular_values(along_x, along_y)[0]
+        }
+        derivatives(source, point.pixel)
+            .is_some_and(|[along_x, along_y]| off_rad > singular_values(along_x, along_y)[0])
     };
     let compare_row = |y: u32| {
         let mut row = Found { smooth_px: 0.0, off: Vec::new(), torn: None };
