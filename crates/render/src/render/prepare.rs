@@ -116,6 +116,24 @@ struct AheadState {
     last_frame: Option<Instant>,
 }
 
+impl Drop for AheadState {
+    fn drop(&mut self) {
+        // A program that ends unloads the driver, which must not compile then.
+        self.join_beside();
+    }
+}
+
+impl AheadState {
+    /// Waits for the thread, if there is one. A pipeline that it could not create is created by the frame that needs it.
+    fn join_beside(&mut self) {
+        if let Some(thread) = self.beside.take()
+            && thread.join().is_err()
+        {
+            tracing::error!("the thread that creates pipelines has panicked");
+        }
+    }
+}
+
 #[derive(Clone)]
 struct WantedPipelines {
     objects: Arc<SceneObjects>,
@@ -203,7 +221,7 @@ impl Renderer {
             if state.beside.as_ref().is_some_and(|thread| !thread.is_finished()) {
                 return;
             }
-            state.beside = None;
+            state.join_beside();
             state.wanted.clone()
         };
         let Some(WantedPipelines { objects, groups, mut done, .. }) = wanted else { return };
