@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::{
     Lod, Mesh, Shape, ShapeSet,
     solid::{Solid, principal_axes},
-    sphere,
+    sphere::{self, Sphere},
     surface::{SEMI_AXES, Surface},
     tree::MeshTree,
 };
@@ -39,7 +39,7 @@ const POINTS_AT_ONCE: usize = 4096;
 pub(super) const F32_ROUNDING: f64 = 1e-6;
 
 /// Spheres that become the levels of procedural shapes. All seeds have the same ones.
-static SPHERES: LazyLock<[(Vec<DVec3>, Vec<[u32; 3]>); 5]> = LazyLock::new(|| LEVEL_TRIANGLES.map(sphere::sphere));
+static SPHERES: LazyLock<[Sphere; 5]> = LazyLock::new(|| LEVEL_TRIANGLES.map(sphere::sphere));
 
 impl ShapeSet {
     /// Five asteroid-like shapes, from nearly round to twice as long as thick, each with [`LEVEL_TRIANGLES`]. The same
@@ -67,7 +67,7 @@ impl ShapeSet {
     }
 }
 
-fn sampled(surface: &Surface, (directions, triangles): &(Vec<DVec3>, Vec<[u32; 3]>)) -> Solid {
+fn sampled(surface: &Surface, (directions, triangles): &Sphere) -> Solid {
     Solid {
         positions: directions.iter().map(|direction| surface.place(*direction)).collect(),
         albedos: directions.iter().map(|direction| surface.albedo(*direction)).collect(),

@@ -17,8 +17,11 @@ pub(super) fn fibonacci_point(index: usize, count: usize) -> DVec3 {
     DVec3::new(rho * cos, rho * sin, z)
 }
 
+/// Points on the unit sphere, and triangles between them.
+pub(super) type Sphere = (Vec<DVec3>, Vec<[u32; 3]>);
+
 /// Points on the unit sphere and their triangulation with exactly `triangles` triangles, an even number of at least 8.
-pub(super) fn sphere(triangles: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+pub(super) fn sphere(triangles: usize) -> Sphere {
     let count = triangles / 2 + 2;
     let points: Vec<DVec3> = (0..count).map(|index| fibonacci_point(index, count)).collect();
     let hull = hull_of_sphere_points(&points);

@@ -147,6 +147,9 @@ fn byte(value: f32) -> u8 {
     (value * 255.0 + 0.5) as u8
 }
 
+/// Neighbours of a texel as columns and rows from it, row by row.
+const AROUND: [[isize; 2]; 8] = [[-1, -1], [0, -1], [1, -1], [-1, 0], [1, 0], [-1, 1], [0, 1], [1, 1]];
+
 /// Fills in colours of the uncovered texels of a tile of `px` x `px` texels.
 pub(super) fn bleed(texels: &mut [Texel], px: usize) {
     // Flags of the texels, with a border of one texel around the tile. The border counts as reached, without a colour.
@@ -166,21 +169,18 @@ pub(super) fn bleed(texels: &mut [Texel], px: usize) {
             }
         }
     }
-    // From the index of a texel to those of its neighbours, row by row.
-    let around = |width: usize| {
-        let w = width as isize;
-        [-w - 1, -w, 1 - w, -1, 1, w - 1, w, w + 1].map(|step| step as usize)
-    };
-    let steps = [around(width), around(px)];
+    // From both indices of a texel to those of its neighbours. A step back is the complement, and additions wrap.
+    let step = |x: isize, y: isize, width: usize| (y * width as isize + x) as usize;
+    let steps = AROUND.map(|[x, y]| [step(x, y, width), step(x, y, px)]);
     let (mut next, mut means) = (Vec::new(), Vec::new());
     loop {
         // Texels without a colour that touch the last ring.
         for [flag, texel] in &ring {
-            for k in 0..8 {
-                let beside = flag.wrapping_add(steps[0][k]);
+            for [flag_step, texel_step] in &steps {
+                let beside = flag.wrapping_add(*flag_step);
                 if !is_reached[beside] {
                     is_reached[beside] = true;
-                    next.push([beside, texel.wrapping_add(steps[1][k])]);
+                    next.push([beside, texel.wrapping_add(*texel_step)]);
                 }
             }
         }
@@ -191,9 +191,9 @@ pub(super) fn bleed(texels: &mut [Texel], px: usize) {
         }
         for [flag, texel] in &ring {
             let mut mean = Mean::EMPTY;
-            for k in 0..8 {
-                if has_colour[flag.wrapping_add(steps[0][k])] {
-                    mean.add(&texels[texel.wrapping_add(steps[1][k])], 1.0);
+            for [flag_step, texel_step] in &steps {
+                if has_colour[flag.wrapping_add(*flag_step)] {
+                    mean.add(&texels[texel.wrapping_add(*texel_step)], 1.0);
                 }
             }
             means.push(mean.texel(0.0));

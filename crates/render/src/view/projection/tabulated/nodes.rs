@@ -93,9 +93,9 @@ impl Nodes {
         let (across, down) = (cubic_weights(part.x), cubic_weights(part.y));
         let cubic = || {
             let mut sum = DVec3::ZERO;
-            for j in 0..4 {
-                for i in 0..4 {
-                    sum += self.direction([x + i as i64, y + j as i64])? * (across[i] * down[j]);
+            for (y, down) in (y..).zip(&down) {
+                for (x, across) in (x..).zip(&across) {
+                    sum += self.direction([x, y])? * (across * down);
                 }
             }
             Some(sum)
