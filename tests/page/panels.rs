@@ -1,5 +1,7 @@
 //! Panels that display data, and operation by keyboard only.
 
+use std::time::Duration;
+
 use fantoccini::{
     actions::{InputSource, KeyAction, KeyActions},
     key::Key,
@@ -45,7 +47,15 @@ fn everything_can_be_done_by_keyboard() -> Result<(), String> {
         for key in [char::from(Key::Right), 'w'] {
             hold(page, key).await;
         }
-        let after = client.camera().await.unwrap();
+        // The last poses may still be on their way.
+        let mut after = client.camera().await.unwrap();
+        for _ in 0..100 {
+            if after.position_m != before.position_m {
+                break;
+            }
+            tokio::time::sleep(Duration::from_millis(100)).await;
+            after = client.camera().await.unwrap();
+        }
         assert!(
             after.world_from_camera.angle_between(before.world_from_camera) > 1e-4,
             "the right arrow does not turn"
