@@ -179,16 +179,10 @@ impl PipelinesAhead {
     }
 }
 
-/// Runs `make` on another thread. If none can be started, on this one.
+/// Runs `make` on another thread. If none can be started, the frame that needs the pipeline creates it.
 fn beside_frames(make: Box<dyn FnOnce() + Send>) -> Option<JoinHandle<()>> {
-    let make = Arc::new(Mutex::new(Some(make)));
-    let run = |make: &Mutex<Option<Box<dyn FnOnce() + Send>>>| {
-        let make = make.lock().unwrap_or_else(PoisonError::into_inner).take();
-        make.into_iter().for_each(|make| make());
-    };
-    let shared = Arc::clone(&make);
-    let thread = thread::Builder::new().name("pipelines".to_owned()).spawn(move || run(&shared));
-    thread.inspect_err(|_| run(&make)).ok()
+    let thread = thread::Builder::new().name("pipelines".to_owned()).spawn(make);
+    thread.inspect_err(|error| tracing::warn!(%error, "no thread can be started to create a pipeline")).ok()
 }
 
 impl Renderer {

@@ -90,7 +90,17 @@ pub struct SkyCubeSettings {
 impl SkyCubeSettings {
     /// Whether maps with these settings have the same light in all cells. The other settings determine what is drawn individually.
     pub fn has_same_cells(&self, other: &Self) -> bool {
-        let Self { place_pc, motion, local_sky, faintest_lx, farthest_eye_pc, .. } = self;
+        // All settings are named, so that a new one is judged here.
+        let Self {
+            place_pc,
+            motion,
+            local_sky,
+            faintest_lx,
+            farthest_eye_pc,
+            tolerance: _,
+            least_cd_m2: _,
+            pixel_classes_rad: _,
+        } = self;
         *place_pc == other.place_pc
             && *motion == other.motion
             && *local_sky == other.local_sky

@@ -236,3 +236,61 @@ fn coarser(side: usize, finer: impl Fn(usize) -> Texel) -> Vec<Texel> {
     }
     texels
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Texels of a tile of 8 x 8 texels; those from (2, 2) to (5, 5) have `inside`.
+    fn tile(inside: Texel) -> Vec<Texel> {
+        let is_inside = |i| (2..6).contains(&(i % 8)) && (2..6).contains(&(i / 8));
+        (0..64).map(|i| if is_inside(i) { inside } else { Texel::default() }).collect()
+    }
+
+    fn texels_of(level: &Level) -> Vec<Texel> {
+        (0..level.normals.len() / 4).map(|i| level.texel(i)).collect()
+    }
+
+    fn covered(bytes: [u8; 3]) -> Texel {
+        let [x, y, z] = bytes.map(|byte| f32::from(byte) / 255.0);
+        Texel { normal: [x, y, z, 1.0], surface: [0.25, 0.5] }
+    }
+
+    #[test]
+    fn colours_bleed_over_the_whole_tile_but_coverage_does_not() {
+        let before = tile(covered([0x60, 0x40, 0x20]));
+        let mut texels = before.clone();
+        bleed(&mut texels, 8);
+        let level = Level::from_texels(&texels);
+        for (i, texel) in texels_of(&level).iter().enumerate() {
+            assert_eq!(texel.normal[3], before[i].normal[3]);
+            assert_eq!(level.normals[4 * i..4 * i + 3], [0x60, 0x40, 0x20]);
+            assert_eq!(level.surfaces[2 * i..2 * i + 2], [0x40, 0x80]);
+        }
+        // Without bleeding, texels outside would be black.
+        assert_ne!(Level::from_texels(&before), level);
+    }
+
+    #[test]
+    fn levels_keep_area_and_do_not_mix_tiles() {
+        // Two tiles of different colours side by side, two empty ones below.
+        let mut level = Level::empty(16);
+        for (column, bytes) in [[0x60, 0x40, 0x20], [0xa0, 0x90, 0x80]].into_iter().enumerate() {
+            let mut texels = tile(covered(bytes));
+            bleed(&mut texels, 8);
+            write_tile(&texels, 8, [&mut level.normals, &mut level.surfaces], 16, column);
+        }
+        assert_eq!((level_count(8), level_count(32), level_count(24), level_count(2)), (3, 5, 4, 1));
+        let levels = levels(level, 16, 3);
+        let area = |level: &Level, scale: f32| texels_of(level).iter().map(Texel::coverage).sum::<f32>() * scale;
+        for (index, level) in levels.iter().enumerate() {
+            let side = 16 >> index;
+            assert_eq!(level.normals.len(), 4 * side * side);
+            assert!((area(level, 4.0_f32.powi(index as i32)) - 32.0).abs() < 0.3);
+            for i in (0..side * side / 2).filter(|i| i / side < side / 2) {
+                let expected = if i % side < side / 2 { [0x60, 0x40, 0x20] } else { [0xa0, 0x90, 0x80] };
+                assert_eq!(level.normals[4 * i..4 * i + 3], expected);
+            }
+        }
+    }
+}
