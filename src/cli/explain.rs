@@ -53,14 +53,14 @@ fn describe_view(view: &ViewStatistics) -> String {
 fn describe_plan(images: &str, plan: &FramePlan) -> String {
     let FramePlan { stars, accumulator, glare, budget: _, certificate, deep, audit } = plan;
     let mut text = format!("{images}\n  stars     {stars}\n  sums      {accumulator}\n  glare     {glare}\n");
-    for Approximation { name, bound, unit, within_budget } in certificate {
-        let verdict = match within_budget {
-            Some(true) => ", within its limit",
-            Some(false) => ", beyond its limit",
-            None => "",
-        };
+    for Approximation { name, bound, unit, limit, within_budget } in certificate {
         // Writing to a string cannot fail.
-        let _ = writeln!(text, "  bound     {name}: {bound:.2e} {unit}{verdict}");
+        let _ = write!(text, "  bound     {name}: {bound:.2e} {unit}");
+        if let Some((limit, is_within)) = limit.zip(*within_budget) {
+            let side = if is_within { "within" } else { "beyond" };
+            let _ = write!(text, ", {side} its limit of {limit:.2e}");
+        }
+        text.push('\n');
     }
     if let Some(DeepReport { stars, missing, residual_codes, .. }) = deep {
         let _ = writeln!(text, "  deep      {stars} stars and composite stars drawn");
@@ -85,20 +85,15 @@ mod tests {
 
     #[test]
     fn bounds_are_printed_with_their_verdict() {
-        let approximation = |within_budget| Approximation {
-            name: "a thing".to_owned(),
-            bound: 0.012,
-            unit: "px".to_owned(),
-            within_budget,
-        };
-        let certificate = vec![approximation(Some(true)), approximation(Some(false)), approximation(None)];
+        let approximation = |limit| Approximation::new("a thing", 0.012, "px", limit);
+        let certificate = vec![approximation(Some(0.02)), approximation(Some(0.01)), approximation(None)];
         let text = describe_plan("all images", &FramePlan { certificate, ..FramePlan::default() });
         let bounds: Vec<&str> = text.lines().filter(|line| line.contains("bound")).collect();
         assert_eq!(
             bounds,
             [
-                "  bound     a thing: 1.20e-2 px, within its limit",
-                "  bound     a thing: 1.20e-2 px, beyond its limit",
+                "  bound     a thing: 1.20e-2 px, within its limit of 2.00e-2",
+                "  bound     a thing: 1.20e-2 px, beyond its limit of 1.00e-2",
                 "  bound     a thing: 1.20e-2 px"
             ]
         );

@@ -14,18 +14,21 @@ pub struct Approximation {
     pub bound: f64,
     /// Unit of the bound.
     pub unit: String,
-    /// Whether the bound is within the error budget; `None` if there is no budget for it.
+    /// The greatest bound that is allowed, in the same unit; `None` if there is no limit for it.
+    pub limit: Option<f64>,
+    /// Whether the bound is within the limit; `None` if there is none.
     pub within_budget: Option<bool>,
 }
 
 impl Approximation {
-    /// An approximation with its error budget, in the unit of the bound, if there is one.
-    pub fn new(name: &str, bound: f64, unit: &str, budget: Option<f64>) -> Self {
+    /// An approximation with the limit of its bound, in the unit of the bound, if there is one.
+    pub fn new(name: &str, bound: f64, unit: &str, limit: Option<f64>) -> Self {
         Self {
             name: name.to_owned(),
             bound,
             unit: unit.to_owned(),
-            within_budget: budget.map(|budget| bound <= budget),
+            limit,
+            within_budget: limit.map(|limit| bound <= limit),
         }
     }
 }

@@ -1,6 +1,8 @@
 //! Projected areas of shapes in each direction: they determine the light of an asteroid that is too small to be resolved.
 //!
-//! Silhouettes are drawn into a grid of cells, and a cell counts if its centre is covered. Directions are the nodes of an octahedral map of 16 x 16 steps; opposite directions have the same outline.
+//! Silhouettes are drawn into a grid of cells, and a cell counts if its centre is covered. Directions are the
+//! nodes of an octahedral map of 16 x 16 steps. Opposite directions have the same area, so only those with z >= 0 are
+//! drawn.
 
 use std::f64::consts::PI;
 
@@ -18,23 +20,50 @@ const CELLS: usize = 192;
 /// Meshes with more triangles are replaced by the shape's coarsest.
 const MOST_TRIANGLES: usize = 5000;
 
+/// Steps from the centre of the table to its sides.
+const STEPS: isize = (AREA_NODES / 2) as isize;
+
+/// Column and row of a node from the centre of the table.
+fn place_of(node: usize) -> [isize; 2] {
+    [node % AREA_NODES, node / AREA_NODES].map(|index| index as isize - STEPS)
+}
+
+/// Whether the direction of a place has z >= 0.
+fn is_upper([x, y]: [isize; 2]) -> bool {
+    x.abs() + y.abs() <= STEPS
+}
+
+/// Folds a place of one half of the table onto the other: the direction with the opposite z.
+fn folded([x, y]: [isize; 2]) -> [isize; 2] {
+    let sign = |value: isize| if value < 0 { -1 } else { 1 };
+    [(STEPS - y.abs()) * sign(x), (STEPS - x.abs()) * sign(y)]
+}
+
 /// Direction of a node.
-fn node_direction(column: usize, row: usize) -> DVec3 {
-    let part = |index: usize| 2.0 * index as f64 / (AREA_NODES - 1) as f64 - 1.0;
-    let (x, y) = (part(column), part(row));
-    let z = 1.0 - x.abs() - y.abs();
-    let sign = |value: f64| if value < 0.0 { -1.0 } else { 1.0 };
-    let (x, y) = if z < 0.0 { ((1.0 - y.abs()) * sign(x), (1.0 - x.abs()) * sign(y)) } else { (x, y) };
-    DVec3::new(x, y, z).normalize()
+fn node_direction(node: usize) -> DVec3 {
+    let place = place_of(node);
+    let [x, y] = if is_upper(place) { place } else { folded(place) };
+    let [column, row] = place;
+    DVec3::from_array([x, y, STEPS - column.abs() - row.abs()].map(|steps| steps as f64)).normalize()
 }
 
 /// Projected areas of a shape divided by pi mean radii squared, at the nodes of its table, row by row.
 pub fn projected_areas(shape: &Shape) -> Vec<f32> {
     let finest = shape.lods.first().filter(|lod| lod.mesh.triangles.len() <= MOST_TRIANGLES);
     let Some(lod) = finest.or(shape.lods.last()) else { return vec![0.0; AREA_NODES * AREA_NODES] };
-    let directions = (0..AREA_NODES * AREA_NODES).map(|node| node_direction(node % AREA_NODES, node / AREA_NODES));
-    let areas = areas_along(&lod.mesh, shape.bound, &directions.collect::<Vec<_>>());
-    areas.into_iter().map(|area| (area / PI) as f32).collect()
+    let nodes: Vec<usize> = (0..AREA_NODES * AREA_NODES).filter(|node| is_upper(place_of(*node))).collect();
+    let directions: Vec<DVec3> = nodes.iter().map(|node| node_direction(*node)).collect();
+    let areas = areas_along(&lod.mesh, shape.bound, &directions);
+    let mut table = vec![0.0; AREA_NODES * AREA_NODES];
+    for (node, area) in nodes.into_iter().zip(areas) {
+        table[node] = (area / PI) as f32;
+    }
+    for node in (0..table.len()).filter(|node| !is_upper(place_of(*node))) {
+        // The opposite direction: the other z, and the other signs of x and y.
+        let [x, y] = folded(place_of(node)).map(|steps| STEPS - steps);
+        table[node] = table[y as usize * AREA_NODES + x as usize];
+    }
+    table
 }
 
 /// Areas of a mesh's outline in directions, mean radii squared; `bound` is the radius of a sphere around the mesh.
@@ -50,13 +79,26 @@ mod tests {
     use crate::scene::asteroids::ShapeSet;
 
     #[test]
+    fn every_node_has_the_area_along_its_direction() {
+        let shape = &ShapeSet::procedural(3).shapes[1];
+        let directions: Vec<DVec3> = (0..AREA_NODES * AREA_NODES).map(node_direction).collect();
+        let drawn = areas_along(&shape.lods[0].mesh, shape.bound, &directions);
+        for (node, (area, drawn)) in projected_areas(shape).into_iter().zip(drawn).enumerate() {
+            assert!((f64::from(area) * PI / drawn - 1.0).abs() < 2e-3, "node {node}: {area} for {}", drawn / PI);
+        }
+        // The middle, the middle of a side and a corner.
+        let directions = [144, 8, 0].map(node_direction);
+        assert_eq!(directions, [DVec3::Z, DVec3::NEG_Y, DVec3::NEG_Z]);
+    }
+
+    #[test]
     fn areas_of_a_shape_have_a_mean_of_pi_and_those_of_a_cube_are_exact() {
         let set = ShapeSet::procedural(5);
         for shape in &set.shapes {
             let areas = projected_areas(shape);
             // Weights of an octahedral map, which is coarser towards the centres of its faces.
             let weight = |node: usize| {
-                let direction = node_direction(node % AREA_NODES, node / AREA_NODES);
+                let direction = node_direction(node);
                 direction.abs().element_sum().powi(-3).recip().recip()
             };
             let inner = |node: &usize| !node.is_multiple_of(AREA_NODES) && node / AREA_NODES > 0;

@@ -344,20 +344,15 @@ impl AsteroidPlan {
             }
             self.face_px.push(side as u32);
         }
-        let mut state = |name: &str, bound: f64, unit: &str, within: Option<bool>| {
-            self.certificate.push(Approximation {
-                name: name.to_owned(),
-                bound,
-                unit: unit.to_owned(),
-                within_budget: within,
-            });
+        let mut state = |name: &str, bound: f64, limit: Option<f64>| {
+            self.certificate.push(Approximation::new(name, bound, "px", limit));
         };
         let half_px = 0.5 / settings.quality;
-        state("omitted detail of an asteroid", half_px, "px", None);
-        state("straight edges of asteroids in pictures that are not flat", half_px, "px", None);
-        state("edges of asteroids, sampled", 0.5 / f64::from(fewest.max(1)), "px", Some(fewest == settings.samples));
+        state("omitted detail of an asteroid", half_px, None);
+        state("straight edges of asteroids in pictures that are not flat", half_px, None);
+        state("edges of asteroids, sampled", 0.5 / f64::from(fewest.max(1)), Some(0.5 / f64::from(settings.samples)));
         if self.cut.faces.iter().any(|faces| *faces != 0) {
-            state("texels of the faces behind pictures, in samples", coarsest, "px", Some(coarsest <= 1.0));
+            state("texels of the faces behind pictures, in samples", coarsest, Some(1.0));
         }
     }
 

@@ -166,27 +166,26 @@ pub fn certificate(
     let Some(steps) = classes.map(|(steps, _)| steps).reduce(|[a, b], [c, d]: [u32; 2]| [a.min(c), b.max(d)]) else {
         return Vec::new();
     };
-    let entry = |name: &str, bound: f64, unit: &str, within_budget: Option<bool>| Approximation {
-        name: name.to_owned(),
-        bound,
-        unit: unit.to_owned(),
-        within_budget,
-    };
     vec![
-        entry(
+        Approximation::new(
             "a star's light for a moving camera, from a table",
             TABLE_ERROR,
             "relative",
-            Some(TABLE_ERROR <= budget.flux),
+            Some(budget.flux),
         ),
-        entry(
+        Approximation::new(
             "a star's light for a moving camera, from a temperature in 11 bits",
             temperature_step_error(steps, motion),
             "relative to the greater of its light for a moving camera and for one at rest",
             None,
         ),
         // Directions behind the camera, and their errors, are spread by the inverse of the Doppler factor.
-        entry("a star's direction for a moving camera, in f32", 1e-6 / motion.doppler_behind(), "rad", None),
+        Approximation::new(
+            "a star's direction for a moving camera, in f32",
+            1e-6 / motion.doppler_behind(),
+            "rad",
+            None,
+        ),
     ]
 }
 
