@@ -93,7 +93,8 @@ fn landscape_at(sine: f32, heading: vec2<f32>, pixel_rad: f32) -> vec4<f32> {
 fn is_clear(column: GridColumn, first_row: u32, rows: u32) -> bool {
     let grid = column.grid;
     let least = max(GRID_FROM, parameters.above_ground);
-    for (var row = first_row / grid.spacing; row <= (first_row + rows - 1u) / grid.spacing + 1u; row++) {
+    let last = ((first_row + rows - 1u) >> grid.spacing_log2) + 1u;
+    for (var row = first_row >> grid.spacing_log2; row <= last; row++) {
         let point = grid.first + row * grid.columns + column.left;
         if !(grid_points[point].w > least && grid_points[point + 1u].w > least) {
             return false;

@@ -21,8 +21,9 @@
 @group(0) @binding(4) var<storage, read> roughness: array<f32>;
 @group(0) @binding(5) var<storage, read_write> grid_points: array<vec4<f32>>;
 
-// Why the light of the cell to the right and below a point is read pixel by pixel: the light itself is rough, or the
-// extinction of low air is.
+// Why the light of the cell to the right and below a point is not interpolated between points: the light itself is rough, even between
+// points at half the distance, or the extinction of low air is.
+const IS_FINE: f32 = 2.0;
 const IS_ROUGH: f32 = 1.0;
 const IS_LOW: f32 = 0.5;
 // Sine of the altitude of a cell's corner below which the extinction in the cell is too curved for interpolation.
@@ -46,7 +47,7 @@ fn place_diffuse(@builtin(global_invocation_id) place: vec3<u32>) {
     let rough = passed * luminance_beyond(parameters.light, arriving, direction);
     let light = rough + passed * zodiacal_luminance(parameters.light, arriving);
     let is_low = parameters.air.present != 0u && dot(towards, parameters.air.zenith) < LEAST_SINE;
-    var is_rough = false;
+    var why = select(0.0, IS_LOW, is_low);
     // The roughness of a block also covers its surroundings, up to the extent of a cell from its corner. The zodiacal
     // light is smooth everywhere.
     let map = parameters.light.map;
@@ -56,11 +57,13 @@ fn place_diffuse(@builtin(global_invocation_id) place: vec3<u32>) {
         let block = min(texel / ROUGHNESS_BLOCK, vec2(blocks - 1u));
         let of_block = roughness[(direction.number * blocks + block.y) * blocks + block.x];
         let most_rough = parameters.most_rough + parameters.most_rough_per_cd_m2 * dot(light, LUMINANCE_WEIGHTS);
-        is_rough = !(of_block * grid.spacing_rad * grid.spacing_rad <= most_rough);
+        // Roughness grows with the square of the distance.
+        let own = of_block * grid.spacing_rad * grid.spacing_rad;
+        why = select(select(IS_FINE, IS_ROUGH, own <= 4.0 * most_rough), why, own <= most_rough);
     }
     let point = grid.first + place.y * grid.columns + place.x;
     if parameters.rough_points > 0u {
         grid_points[point + parameters.rough_points] = vec4(rough, 0.0);
     }
-    grid_points[point] = vec4(light, select(select(0.0, IS_LOW, is_low), IS_ROUGH, is_rough));
+    grid_points[point] = vec4(light, why);
 }

@@ -66,7 +66,7 @@ struct DiffuseCell {
 }
 
 fn diffuse_cell(grid: PointGrid, x: u32, above: f32) -> DiffuseCell {
-    let left = x / grid.spacing;
+    let left = x >> grid.spacing_log2;
     let share = (f32(x - left * grid.spacing) + 0.5) / f32(grid.spacing);
     let first = grid.first + u32(above) * grid.columns + left;
     let corner = grid_points[first];
@@ -191,10 +191,15 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
             let step = 1.0 / f32(spacing);
             let is_halved = spacing < BLOCK_COLUMNS;
             for (var cell_row = first_row; cell_row < end_block; cell_row += spacing) {
-                let point = (tile.first_row + cell_row) / spacing * plain_grid.columns + group.x * BLOCK_COLUMNS / spacing;
+                let cell = vec2(group.x * BLOCK_COLUMNS, tile.first_row + cell_row) >> vec2(plain_grid.spacing_log2);
+                let point = cell.y * plain_grid.columns + cell.x;
                 let below = plain_grid.columns;
                 var top = block_points(plain_grid.first + point, 1u, is_halved, is_second, share);
                 var bottom = block_points(plain_grid.first + point + below, 1u, is_halved, is_second, share);
+                // Rows from one place at which the map of diffuse light is read to the next.
+                let rough_rows = select(max(spacing / 2u, 1u), 1u, (flags & BLOCK_HAS_FINE_SKY) != 0u);
+                var rough = vec3(0.0);
+                var rough_slope = vec3(0.0);
                 // Directions, for maps of the sky.
                 var place = vec2(0.0);
                 var place_slope = vec2(0.0);
@@ -213,10 +218,11 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
                     passed_slope = (passed_bottom - passed_top) * step;
                     passed = passed_top + 0.5 * passed_slope;
                     if is_rough {
-                        // Pixels read the map instead.
-                        let rough = plain_grid.rough + point;
-                        top -= block_points(rough, 1u, is_halved, is_second, share);
-                        bottom -= block_points(rough + below, 1u, is_halved, is_second, share);
+                        // The map is read instead.
+                        let points = plain_grid.rough + point;
+                        top -= block_points(points, 1u, is_halved, is_second, share);
+                        bottom -= block_points(points + below, 1u, is_halved, is_second, share);
+                        rough = map_luminance(parameters.diffuse.map, 0u, PictureDirection(number, place));
                     }
                 }
                 let slope = (bottom - top) * step;
@@ -229,7 +235,13 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
                         luminance += passed * faint_light(PictureDirection(number, place));
                     }
                     if is_rough {
-                        luminance += passed * map_luminance(parameters.diffuse.map, 0u, PictureDirection(number, place));
+                        if ((row - cell_row) & (rough_rows - 1u)) == 0u {
+                            let ahead = place + f32(rough_rows) * place_slope;
+                            let next = map_luminance(parameters.diffuse.map, 0u, PictureDirection(number, ahead));
+                            rough_slope = (next - rough) / f32(rough_rows);
+                        }
+                        luminance += passed * rough;
+                        rough += rough_slope;
                     }
                     cell_sum += dot(luminance, LUMINANCE_WEIGHTS);
                     var word = BLACK;

@@ -49,6 +49,34 @@ fn is_visible(light: vec3<f32>, error: vec3<f32>) -> bool {
     return !(255.0 * max(abs(change.x), max(abs(change.y), abs(change.z))) <= parameters.most_error);
 }
 
+// A point of a block's grid that has neighbours on all sides: near its first corner, or near the opposite one for `i` = 1.
+fn inner_point(grid: PlainGrid, block: vec2<u32>, i: u32) -> u32 {
+    let last = vec2(grid.columns, grid.rows) - 1u;
+    let place = clamp(min((block + i) * (PLAIN_BLOCK >> grid.spacing_log2), last), vec2(1u), max(last, vec2(2u)) - 1u);
+    return place.y * grid.columns + place.x;
+}
+
+// Flags of a mixed block: whether the light that bodies scatter is too steep in it for interpolation.
+fn flags_of_mixed(grid: PlainGrid, block: vec2<u32>) -> u32 {
+    var is_steep = grid.near == NO_POINTS;
+    if !is_steep {
+        let cells = PLAIN_BLOCK >> grid.spacing_log2;
+        let last = vec2(grid.columns, grid.rows) - 1u;
+        for (var row = 0u; row <= cells; row++) {
+            for (var column = 0u; column <= cells; column++) {
+                let place = min(block * cells + vec2(column, row), last);
+                is_steep = is_steep || grid_points[grid.near + place.y * grid.columns + place.x].w > 0.0;
+            }
+        }
+        for (var i = 0u; i < 2u; i++) {
+            let point = inner_point(grid, block, i);
+            let error = error_at(grid.near, point, grid.columns, 1u);
+            is_steep = is_steep || is_visible(grid_points[grid.first + point].xyz, error.xyz);
+        }
+    }
+    return BLOCK_IS_MIXED | select(0u, BLOCK_HAS_NEAR_SOURCE, is_steep);
+}
+
 @compute @workgroup_size(VEIL_SIDE, VEIL_SIDE)
 fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     let grid = plain_grids[id.z];
@@ -58,7 +86,7 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     let viewport = viewports[id.z];
     let flag = grid.first_flag + id.y * grid.block_columns + id.x;
     if grid.first == NO_POINTS {
-        counters[flag] = BLOCK_IS_MIXED;
+        counters[flag] = BLOCK_IS_MIXED | BLOCK_HAS_NEAR_SOURCE;
         return;
     }
     // A block outside of a round picture: its pixel nearest to the centre is outside.
@@ -68,48 +96,56 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
         counters[flag] = BLOCK_IS_OUTSIDE;
         return;
     }
-    let cells = PLAIN_BLOCK / grid.spacing;
+    let cells = PLAIN_BLOCK >> grid.spacing_log2;
     let least_sine = parameters.ground_sine + PIXELS_ABOVE_GROUND * grid.spacing_rad / f32(grid.spacing);
     let last = vec2(grid.columns, grid.rows) - 1u;
     var is_mixed = false;
     var is_steep = false;
     var is_rough = false;
+    var is_fine = false;
     // Whether the block is at an edge between two pictures of the sky.
     var is_edge = false;
     // Corners of the block's cells: what they show.
     let first_number = grid_points[grid.sky + 2u * (id.y * cells * grid.columns + id.x * cells)].z;
-    for (var i = 0u; i < (cells + 1u) * (cells + 1u); i++) {
-        let place = min(id.xy * cells + vec2(i % (cells + 1u), i / (cells + 1u)), last);
-        let point = place.y * grid.columns + place.x;
-        is_mixed = is_mixed || !(grid_points[grid.first + point].w > 0.0);
-        if grid.air != NO_POINTS {
-            is_mixed = is_mixed || !(grid_points[grid.air + point].w > least_sine);
-        }
-        if grid.near != NO_POINTS {
-            is_mixed = is_mixed || grid_points[grid.near + point].w > 0.0;
-        }
-        if grid.rough != NO_POINTS {
-            is_rough = is_rough || grid_points[grid.diffuse + point].w >= 1.0;
-        }
-        if grid.rough != NO_POINTS || parameters.reads_faint_map != 0u {
-            is_edge = is_edge || grid_points[grid.sky + 2u * point].z != first_number;
+    for (var row = 0u; row <= cells; row++) {
+        for (var column = 0u; column <= cells; column++) {
+            let place = min(id.xy * cells + vec2(column, row), last);
+            let point = place.y * grid.columns + place.x;
+            is_mixed = is_mixed || !(grid_points[grid.first + point].w > 0.0);
+            if grid.air != NO_POINTS {
+                is_mixed = is_mixed || !(grid_points[grid.air + point].w > least_sine);
+            }
+            if grid.near != NO_POINTS {
+                is_mixed = is_mixed || grid_points[grid.near + point].w > 0.0;
+            }
+            if grid.rough != NO_POINTS {
+                let roughness = grid_points[grid.diffuse + point].w;
+                is_rough = is_rough || roughness >= 1.0;
+                is_fine = is_fine || roughness >= 2.0;
+            }
+            if grid.rough != NO_POINTS || parameters.reads_faint_map != 0u {
+                is_edge = is_edge || grid_points[grid.sky + 2u * point].z != first_number;
+            }
         }
     }
     if is_mixed {
         // The air near the horizon is steep.
-        counters[flag] = BLOCK_IS_MIXED | BLOCK_HAS_STEEP_AIR;
+        counters[flag] = flags_of_mixed(grid, id.xy) | BLOCK_HAS_STEEP_AIR;
         return;
     }
-    // Second differences at two opposite corners.
+    // Second differences at two opposite corners. Those of places need one corner whose neighbours are in the same picture.
+    var reads_place = false;
+    var has_place = false;
     for (var i = 0u; i < 2u; i++) {
-        let inner = clamp(min((id.xy + i) * cells, last), vec2(1u), max(last, vec2(2u)) - 1u);
-        let point = inner.y * grid.columns + inner.x;
+        let point = inner_point(grid, id.xy, i);
         let own = grid_points[grid.first + point];
         var error = error_at(grid.first, point, grid.columns, 1u);
         is_mixed = is_mixed || !(error.w <= parameters.most_solid_angle_error * own.w);
         if grid.rough != NO_POINTS {
             let of_rough = error_at(grid.rough, point, grid.columns, 1u);
             is_rough = is_rough || is_visible(own.xyz, of_rough.xyz);
+            // Half the distance has a quarter of the error.
+            is_fine = is_fine || is_visible(own.xyz, 0.25 * of_rough.xyz);
             if is_rough {
                 // The rest of the light.
                 let before = grid.rough + point;
@@ -123,16 +159,26 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
             }
         }
         if is_rough || parameters.reads_faint_map != 0u {
+            reads_place = true;
             let of_place = error_at(grid.sky, point, grid.columns, 2u);
             let of_passed = error_at(grid.sky + 1u, point, grid.columns, 2u);
-            is_mixed = is_mixed || is_edge || !(max(of_place.x, of_place.y) <= MOST_PLACE_ERROR)
-                || !(max(of_passed.x, max(of_passed.y, of_passed.z)) <= MOST_PASSED_ERROR);
+            // A neighbour in another picture says nothing about places in this one.
+            if of_place.z == 0.0 {
+                has_place = true;
+                is_mixed = is_mixed || !(max(of_place.x, of_place.y) <= MOST_PLACE_ERROR);
+            }
+            is_mixed = is_mixed || !(max(of_passed.x, max(of_passed.y, of_passed.z)) <= MOST_PASSED_ERROR);
         }
         if is_visible(own.xyz, error.xyz) {
             is_mixed = true;
             is_steep = grid.air != NO_POINTS && is_visible(own.xyz, error_at(grid.air, point, grid.columns, 1u).xyz);
         }
     }
-    counters[flag] = select(0u, BLOCK_IS_MIXED, is_mixed) | select(0u, BLOCK_HAS_STEEP_AIR, is_steep)
-        | select(0u, BLOCK_HAS_ROUGH_SKY, is_rough);
+    is_mixed = is_mixed || (reads_place && (is_edge || !has_place));
+    var flags = select(0u, BLOCK_HAS_STEEP_AIR, is_steep) | select(0u, BLOCK_HAS_ROUGH_SKY, is_rough)
+        | select(0u, BLOCK_HAS_FINE_SKY, is_fine);
+    if is_mixed {
+        flags |= flags_of_mixed(grid, id.xy);
+    }
+    counters[flag] = flags;
 }

@@ -30,30 +30,47 @@ fn raise_flag(pixel: u32) {
 }
 
 const FIELD_BITS: u32 = 21u;
+// The first number of units that a field does not hold.
+const FIELD_UNITS: f32 = 2097152.0;
+// Bits that a carry out of a field reaches: 21, 42 and 63.
+const CARRIES: u64 = 0x8000040000200000lu;
 
-fn packed_fields(fields: vec3<u32>) -> u64 {
-    let low = fields.x | (fields.y << 21u);
-    let high = (fields.y >> 11u) | (fields.z << 10u);
+// Packs integers from 0 to FIELD_UNITS - 1. They are the low bits of their sums with 2^23, which costs a CPU less than a conversion.
+fn packed_fields(units: vec3<f32>) -> u64 {
+    let bits = bitcast<vec3<u32>>(units + 8388608.0);
+    // The shifts to the left remove the bits of the exponent.
+    let low = (bits.x & 0x1fffffu) | (bits.y << 21u);
+    let high = ((bits.y & 0x1fffffu) >> 11u) | (bits.z << 10u);
     return u64(low) | (u64(high) << 32u);
 }
 
-// Adds `units` (integers) to a pixel. A value that exceeds a channel is counted as an overflow and not added.
-fn accumulate(pixel: u32, units: vec3<f32>) {
-    if any(units >= vec3(CHANNEL_UNITS)) {
+// Adds fields to the second word of a pixel.
+fn accumulate_high(pixel: u32, added: u64) {
+    let before = atomicAdd(&high_words[pixel], added);
+    raise_flag(pixel);
+    if ((before ^ added ^ (before + added)) & CARRIES) != 0lu {
         atomicAdd(&counters[COUNTER_OVERFLOWS], 1u);
-        return;
     }
-    let high = floor(units * (1.0 / 2097152.0));
-    let added = packed_fields(vec3<u32>(units - high * 2097152.0));
-    let before = atomicAdd(&pixels[pixel], added);
-    // Carries into bit 21, 42 and 63 are carries out of the three fields.
-    let carried = (before ^ added ^ (before + added)) & 0x8000040000200000lu;
-    if carried != 0lu || any(high > vec3(0.0)) {
-        let added_high = (carried >> FIELD_BITS) + packed_fields(vec3<u32>(high));
-        let before_high = atomicAdd(&high_words[pixel], added_high);
-        raise_flag(pixel);
-        if ((before_high ^ added_high ^ (before_high + added_high)) & 0x8000040000200000lu) != 0lu {
+}
+
+// Adds `units` (integers) to a pixel. A value that exceeds a channel is counted as an overflow and not added. Few values
+// need a second word, and a software driver skips what none of its lanes needs.
+fn accumulate(pixel: u32, units: vec3<f32>) {
+    var low = units;
+    var added_high = 0lu;
+    if any(units >= vec3(FIELD_UNITS)) {
+        if any(units >= vec3(CHANNEL_UNITS)) {
             atomicAdd(&counters[COUNTER_OVERFLOWS], 1u);
+            return;
         }
+        let high = floor(units * (1.0 / FIELD_UNITS));
+        low = units - high * FIELD_UNITS;
+        added_high = packed_fields(high);
+    }
+    let added = packed_fields(low);
+    let before = atomicAdd(&pixels[pixel], added);
+    added_high += ((before ^ added ^ (before + added)) & CARRIES) >> FIELD_BITS;
+    if added_high != 0lu {
+        accumulate_high(pixel, added_high);
     }
 }

@@ -18,7 +18,7 @@ struct GridColumn {
 fn grid_column(grid: PointGrid, x: u32) -> GridColumn {
     var column: GridColumn;
     column.grid = grid;
-    column.left = x / grid.spacing;
+    column.left = x >> grid.spacing_log2;
     column.share = (f32(x - column.left * grid.spacing) + 0.5) / f32(grid.spacing);
     column.held = -1.0;
     return column;

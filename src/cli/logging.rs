@@ -2,7 +2,11 @@
 
 use std::io::{self, IsTerminal};
 
-use tracing_subscriber::{EnvFilter, Layer, layer::SubscriberExt, util::SubscriberInitExt};
+use tracing_subscriber::{
+    EnvFilter, Layer, Registry,
+    layer::{Layered, SubscriberExt},
+    util::SubscriberInitExt,
+};
 
 use super::{
     CliError,
@@ -26,15 +30,39 @@ pub fn start(argument: Option<&str>) -> Result<Option<Exporting>, CliError> {
         ))
     };
     let filter = EnvFilter::try_new(&filter).map_err(|error| wrong(error.to_string()))?;
+    let (exporting, traces) = telemetry::start()?.unzip();
+    subscriber(filter, traces.map(Layer::boxed)).try_init().map_err(|error| wrong(error.to_string()))?;
+    Ok(exporting)
+}
+
+type BoxedLayer = Box<dyn Layer<Registry> + Send + Sync>;
+
+/// All receivers of the log. They are a list without gaps: beside an absent layer (`None`), no filter can switch a span off for good. Every
+/// call would then create the spans of the network libraries.
+fn subscriber(filter: EnvFilter, traces: Option<BoxedLayer>) -> Layered<Vec<BoxedLayer>, Registry> {
     let lines = tracing_subscriber::fmt::layer()
         .with_writer(io::stderr)
         .with_ansi(io::stderr().is_terminal())
         .with_target(false)
         .with_filter(filter);
-    let (exporting, traces) = telemetry::start()?.unzip();
-    let all = tracing_subscriber::registry().with(lines).with(traces);
+    let mut layers = vec![lines.boxed()];
+    layers.extend(traces);
     #[cfg(feature = "cluster")]
-    let all = all.with(crate::service::cluster::watch_refusals());
-    all.try_init().map_err(|error| wrong(error.to_string()))?;
-    Ok(exporting)
+    layers.push(crate::service::cluster::watch_refusals().boxed());
+    tracing_subscriber::registry().with(layers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[allow(clippy::unwrap_used, reason = "a test may panic")]
+    fn spans_that_no_filter_wants_are_not_created() {
+        let filter = EnvFilter::try_new(DEFAULT).unwrap();
+        tracing::subscriber::with_default(subscriber(filter, None), || {
+            assert!(tracing::trace_span!(target: "h2::codec", "poll").is_disabled());
+            assert!(!tracing::info_span!(target: "steradian", "work").is_disabled());
+        });
+    }
 }

@@ -1,6 +1,6 @@
 // Glare of surfaces in display images whose veil is in their sums of light: removes the scattered part of the light of
-// surfaces, and adds the light scattered by bodies. This is done per pixel as in shaders/glare/composite.wgsl, since
-// the veil of a bright body is too curved for the grid of points used for the rest.
+// surfaces, and adds the light scattered by bodies. Beside a source it is computed per pixel as in shaders/glare/composite.wgsl,
+// since the veil of a bright body is too curved there for a grid of points.
 
 #import constants/frame_lists
 #import constants/pixel_grid
@@ -8,6 +8,7 @@
 #import glare/sky_cube/columns
 #import glare/sky_cube/near
 #import shared/plain_block
+#import shared/point_grid
 #import shared/viewport
 #import structs/ObjectGlareParameters
 
@@ -19,6 +20,8 @@
 // Flags of plain blocks: see shared/plain_block.wgsl.
 @group(0) @binding(4) var<storage, read> counters: array<u32>;
 @group(0) @binding(5) var<uniform> plain_grids: array<PlainGrid, MAX_VIEWPORTS>;
+// The light that bodies scatter, at the points of the grids.
+@group(0) @binding(6) var<storage, read> grid_points: array<vec4<f32>>;
 @group(1) @binding(0) var<uniform> sky: SkyCubeParameters;
 @group(1) @binding(1) var<uniform> views: array<GlareView, MAX_VIEWPORTS>;
 @group(1) @binding(2) var<storage, read> near: array<GlareNear>;
@@ -27,7 +30,33 @@
 // Runs of ROWS rows per workgroup, with one invocation per column.
 override ROW_GROUPS: u32;
 
-// `run`: column, first row in the tile, and number of rows.
+// Adds scattered light to a pixel, in place of the scattered fraction of its own light.
+fn scatter_in_pixel(index: u32, scattered: vec3<f32>) {
+    let before = geometry[index];
+    var luminance = scattered;
+    if parameters.fraction < 1.0 {
+        luminance += (1.0 - parameters.fraction) * bitcast<vec3<f32>>(before.xyz);
+    }
+    geometry[index] = vec4(bitcast<vec3<u32>>(luminance), before.w);
+}
+
+// Interpolates the scattered light of a run of pixels between the points of the grid. `run`: column, first row in the tile, and
+// number of rows.
+fn scatter_from_grid(viewport: Viewport, tile: Tile, run: vec3<u32>) {
+    let plain = plain_grids[tile.viewport];
+    var grid: PointGrid;
+    grid.first = plain.near;
+    grid.columns = plain.columns;
+    grid.spacing = plain.spacing;
+    grid.spacing_log2 = plain.spacing_log2;
+    var column = grid_column(grid, run.x);
+    for (var i = 0u; i < run.z; i++) {
+        let index = tile.first_pixel + (run.y + i) * viewport.size.x + run.x;
+        scatter_in_pixel(index, grid_in_row(&column, tile.first_row + run.y + i));
+    }
+}
+
+// Computes the scattered light of a run of pixels.
 fn scatter_in_run(viewport: Viewport, view: GlareView, tile: Tile, run: vec3<u32>) {
     var light: Light8;
     if view.near_count > 0u {
@@ -38,14 +67,10 @@ fn scatter_in_run(viewport: Viewport, view: GlareView, tile: Tile, run: vec3<u32
     }
     for (var i = 0u; i < run.z; i++) {
         let index = tile.first_pixel + (run.y + i) * viewport.size.x + run.x;
-        let before = geometry[index];
         let four = i / 4u;
         let one = i % 4u;
-        var luminance = parameters.fraction * vec3(light.red[four][one], light.green[four][one], light.blue[four][one]);
-        if parameters.fraction < 1.0 {
-            luminance += (1.0 - parameters.fraction) * bitcast<vec3<f32>>(before.xyz);
-        }
-        geometry[index] = vec4(bitcast<vec3<u32>>(luminance), before.w);
+        let scattered = vec3(light.red[four][one], light.green[four][one], light.blue[four][one]);
+        scatter_in_pixel(index, parameters.fraction * scattered);
     }
 }
 
@@ -63,8 +88,11 @@ fn scatter_objects(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
     for (var first_row = row_group * ROWS; first_row < end_row; first_row += 8u) {
         // The light of plain blocks is in their grid.
         let flags = block_flags(tile.viewport, vec2(x, tile.first_row + first_row));
-        if (flags & BLOCK_IS_MIXED) != 0u {
-            scatter_in_run(viewport, view, tile, vec3(x, first_row, min(8u, end_row - first_row)));
+        let run = vec3(x, first_row, min(8u, end_row - first_row));
+        if (flags & BLOCK_HAS_NEAR_SOURCE) != 0u {
+            scatter_in_run(viewport, view, tile, run);
+        } else if (flags & BLOCK_IS_MIXED) != 0u {
+            scatter_from_grid(viewport, tile, run);
         }
     }
 }

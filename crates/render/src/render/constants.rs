@@ -131,6 +131,10 @@ shared_constants! {
         BLOCK_IS_OUTSIDE: u32 = 4;
         /// Flag of a block: its pixels read the map of diffuse light.
         BLOCK_HAS_ROUGH_SKY: u32 = 8;
+        /// Flag of a block with rough sky: each row of pixels reads the map, not every few.
+        BLOCK_HAS_FINE_SKY: u32 = 16;
+        /// Flag of a mixed block: the light that bodies scatter in the eye is computed for each pixel.
+        BLOCK_HAS_NEAR_SOURCE: u32 = 32;
         /// A part that a frame does not have, in place of the index of its first point.
         NO_POINTS: u32 = u32::MAX;
     }

@@ -72,9 +72,10 @@ gpu_structs! {
         spacing: u32,
         /// The greatest angle from point to point, rad.
         spacing_rad: f32,
+        /// `spacing` is 2 to this power. A shift replaces a division, which CPUs do one lane at a time.
+        spacing_log2: u32,
         unused_0: u32,
         unused_1: u32,
-        unused_2: u32,
     }
     /// The grid over the picture of a viewport with plain blocks: all smooth light together, and where its parts begin.
     struct PlainGrid {
@@ -102,8 +103,9 @@ gpu_structs! {
         sky: u32,
         /// The greatest angle from point to point, rad.
         spacing_rad: f32,
+        /// `spacing` is 2 to this power.
+        spacing_log2: u32,
         unused_0: u32,
-        unused_1: u32,
     }
     /// Parameters of the tone mapping.
     struct Display {

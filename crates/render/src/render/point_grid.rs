@@ -34,8 +34,15 @@ fn grids_of(viewports: &[Viewport], spacing: GridSpacing, plain: &[Option<PlainS
             let PlainSpacing { px: spacing, rad: spacing_rad } =
                 own.unwrap_or_else(|| PlainSpacing { px: spacing.in_viewport(viewport), rad: spacing.most_rad });
             let [columns, rows] = viewport.size().map(|side| side.div_ceil(spacing) + 1);
-            let grid =
-                PointGrid { first, columns, rows, spacing, spacing_rad: spacing_rad as f32, ..Default::default() };
+            let grid = PointGrid {
+                first,
+                columns,
+                rows,
+                spacing,
+                spacing_rad: spacing_rad as f32,
+                spacing_log2: spacing.ilog2(),
+                ..Default::default()
+            };
             first += columns * rows;
             grid
         })

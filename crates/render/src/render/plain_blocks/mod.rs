@@ -113,6 +113,7 @@ impl Technique for PlainBlocks {
                     rough,
                     sky,
                     spacing_rad: grid.spacing_rad,
+                    spacing_log2: grid.spacing_log2,
                     ..Default::default()
                 }
             })

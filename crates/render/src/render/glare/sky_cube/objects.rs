@@ -181,9 +181,11 @@ impl SkyCube {
         let parameters = layout::ObjectGlareParameters { fraction, ..Default::default() };
         let parameters = gpu.frame_uniform("object glare parameters", &parameters);
         let sky_parameters = gpu.frame_uniform("glare sky parameters", &held.parameters());
-        let tiles = &recording.targets.batches[number].tiles;
+        let points = recording.targets.grid_points(gpu);
         let targets = &*recording.targets;
-        let over_pixels = [&parameters, &targets.viewports, tiles, &geometry, &targets.counters, targets.plain_list()];
+        let tiles = &targets.batches[number].tiles;
+        let plain = targets.plain_list();
+        let over_pixels = [&parameters, &targets.viewports, tiles, &geometry, &targets.counters, plain, &points];
         let source_buffers = [&sky_parameters, &frame_buffers.views, &frame_buffers.near, &held.kernel_table];
         let mut pass = begin_pass(recording.encoder, recording.timer, "glare");
         pass.set_pipeline(&pipeline);
