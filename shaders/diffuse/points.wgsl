@@ -22,7 +22,8 @@
 @group(0) @binding(5) var<storage, read_write> grid_points: array<vec4<f32>>;
 
 // Why the light of the cell to the right and below a point is not interpolated between points: the light itself is rough, even between
-// points at half the distance, or the extinction of low air is.
+// points at half or a quarter of the distance, or the extinction of low air is.
+const IS_FINEST: f32 = 3.0;
 const IS_FINE: f32 = 2.0;
 const IS_ROUGH: f32 = 1.0;
 const IS_LOW: f32 = 0.5;
@@ -59,7 +60,8 @@ fn place_diffuse(@builtin(global_invocation_id) place: vec3<u32>) {
         let most_rough = parameters.most_rough + parameters.most_rough_per_cd_m2 * dot(light, LUMINANCE_WEIGHTS);
         // Roughness grows with the square of the distance.
         let own = of_block * grid.spacing_rad * grid.spacing_rad;
-        why = select(select(IS_FINE, IS_ROUGH, own <= 4.0 * most_rough), why, own <= most_rough);
+        let fine = select(IS_FINEST, IS_FINE, own <= 16.0 * most_rough);
+        why = select(select(fine, IS_ROUGH, own <= 4.0 * most_rough), why, own <= most_rough);
     }
     let point = grid.first + place.y * grid.columns + place.x;
     if parameters.rough_points > 0u {

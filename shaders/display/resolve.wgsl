@@ -197,7 +197,8 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
                 var top = block_points(plain_grid.first + point, 1u, is_halved, is_second, share);
                 var bottom = block_points(plain_grid.first + point + below, 1u, is_halved, is_second, share);
                 // Rows from one place at which the map of diffuse light is read to the next.
-                let rough_rows = select(max(spacing / 2u, 1u), 1u, (flags & BLOCK_HAS_FINE_SKY) != 0u);
+                let if_fine = select(spacing / 4u, 1u, (flags & BLOCK_HAS_FINEST_SKY) != 0u);
+                let rough_rows = max(select(spacing / 2u, if_fine, (flags & BLOCK_HAS_FINE_SKY) != 0u), 1u);
                 var rough = vec3(0.0);
                 var rough_slope = vec3(0.0);
                 // Directions, for maps of the sky.

@@ -103,6 +103,7 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     var is_steep = false;
     var is_rough = false;
     var is_fine = false;
+    var is_finest = false;
     // Whether the block is at an edge between two pictures of the sky.
     var is_edge = false;
     // Corners of the block's cells: what they show.
@@ -122,6 +123,7 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
                 let roughness = grid_points[grid.diffuse + point].w;
                 is_rough = is_rough || roughness >= 1.0;
                 is_fine = is_fine || roughness >= 2.0;
+                is_finest = is_finest || roughness >= 3.0;
             }
             if grid.rough != NO_POINTS || parameters.reads_faint_map != 0u {
                 is_edge = is_edge || grid_points[grid.sky + 2u * point].z != first_number;
@@ -144,9 +146,10 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
         if grid.rough != NO_POINTS {
             let of_rough = error_at(grid.rough, point, grid.columns, 1u);
             is_rough = is_rough || is_visible(own.xyz, of_rough.xyz);
-            // Half the distance has a quarter of the error.
-            is_fine = is_fine || is_visible(own.xyz, 0.25 * of_rough.xyz);
             if is_rough {
+                // Half the distance has a quarter of the error.
+                is_fine = is_fine || is_visible(own.xyz, 0.25 * of_rough.xyz);
+                is_finest = is_finest || is_visible(own.xyz, 0.0625 * of_rough.xyz);
                 // The rest of the light.
                 let before = grid.rough + point;
                 let centre = 2.0 * (grid_points[grid.first + point].xyz - grid_points[before].xyz);
@@ -176,7 +179,7 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     is_mixed = is_mixed || (reads_place && (is_edge || !has_place));
     var flags = select(0u, BLOCK_HAS_STEEP_AIR, is_steep) | select(0u, BLOCK_HAS_ROUGH_SKY, is_rough)
-        | select(0u, BLOCK_HAS_FINE_SKY, is_fine);
+        | select(0u, BLOCK_HAS_FINE_SKY, is_fine) | select(0u, BLOCK_HAS_FINEST_SKY, is_finest);
     if is_mixed {
         flags |= flags_of_mixed(grid, id.xy);
     }

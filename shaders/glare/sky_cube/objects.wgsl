@@ -33,6 +33,9 @@ override ROW_GROUPS: u32;
 // Adds scattered light to a pixel, in place of the scattered fraction of its own light.
 fn scatter_in_pixel(index: u32, scattered: vec3<f32>) {
     let before = geometry[index];
+    if all(before.xyz == vec3(0u)) && all(scattered == vec3(0.0)) {
+        return;
+    }
     var luminance = scattered;
     if parameters.fraction < 1.0 {
         luminance += (1.0 - parameters.fraction) * bitcast<vec3<f32>>(before.xyz);
