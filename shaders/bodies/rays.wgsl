@@ -546,8 +546,7 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
         if shows_surface {
             let grid = plain_grids[tile.viewport];
             let block = pixel / PLAIN_BLOCK;
-            let flag = grid.first_flag + block.y * grid.block_columns + block.x;
-            atomicOr(&counters[flag], BLOCK_IS_MIXED | BLOCK_HAS_NEAR_SOURCE);
+            atomicOr(&counters[grid.first_flag + block.y * grid.block_columns + block.x], BLOCK_IS_MIXED);
         }
     }
 }

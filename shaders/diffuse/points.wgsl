@@ -21,11 +21,8 @@
 @group(0) @binding(4) var<storage, read> roughness: array<f32>;
 @group(0) @binding(5) var<storage, read_write> grid_points: array<vec4<f32>>;
 
-// Why the light of the cell to the right and below a point is not interpolated between points: the light itself is rough, even between
-// points at half or a quarter of the distance, or the extinction of low air is.
-const IS_FINEST: f32 = 3.0;
-const IS_FINE: f32 = 2.0;
-const IS_ROUGH: f32 = 1.0;
+// A point says how often the spacing has to be halved until the light of the cell to the right and below is smooth, at most three times. If
+// only the extinction of low air is rough, it says IS_LOW.
 const IS_LOW: f32 = 0.5;
 // Sine of the altitude of a cell's corner below which the extinction in the cell is too curved for interpolation.
 const LEAST_SINE: f32 = 0.12;
@@ -60,8 +57,8 @@ fn place_diffuse(@builtin(global_invocation_id) place: vec3<u32>) {
         let most_rough = parameters.most_rough + parameters.most_rough_per_cd_m2 * dot(light, LUMINANCE_WEIGHTS);
         // Roughness grows with the square of the distance.
         let own = of_block * grid.spacing_rad * grid.spacing_rad;
-        let fine = select(IS_FINEST, IS_FINE, own <= 16.0 * most_rough);
-        why = select(select(fine, IS_ROUGH, own <= 4.0 * most_rough), why, own <= most_rough);
+        let exceeds = select(vec3(1.0), vec3(0.0), vec3(own) <= vec3(1.0, 4.0, 16.0) * most_rough);
+        why = max(why, exceeds.x + exceeds.y + exceeds.z);
     }
     let point = grid.first + place.y * grid.columns + place.x;
     if parameters.rough_points > 0u {

@@ -184,21 +184,21 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
         if (flags & BLOCK_IS_MIXED) == 0u {
             // Stars in front of light that is interpolated between the points of one grid. A block has one or two cells along
             // each side. All addresses of points are the same for the whole workgroup.
-            let is_rough = (flags & BLOCK_HAS_ROUGH_SKY) != 0u;
+            let halvings = flags >> BLOCK_HALVINGS_SHIFT;
+            let is_rough = halvings > 0u;
             let spacing = plain_grid.spacing;
             let is_second = local >= spacing;
             let share = (f32(select(local, local - spacing, is_second)) + 0.5) / f32(spacing);
             let step = 1.0 / f32(spacing);
             let is_halved = spacing < BLOCK_COLUMNS;
             for (var cell_row = first_row; cell_row < end_block; cell_row += spacing) {
-                let cell = vec2(group.x * BLOCK_COLUMNS, tile.first_row + cell_row) >> vec2(plain_grid.spacing_log2);
-                let point = cell.y * plain_grid.columns + cell.x;
+                let corner = vec2(group.x * BLOCK_COLUMNS, tile.first_row + cell_row) >> vec2(plain_grid.spacing_log2);
+                let point = corner.y * plain_grid.columns + corner.x;
                 let below = plain_grid.columns;
                 var top = block_points(plain_grid.first + point, 1u, is_halved, is_second, share);
                 var bottom = block_points(plain_grid.first + point + below, 1u, is_halved, is_second, share);
                 // Rows from one place at which the map of diffuse light is read to the next.
-                let if_fine = select(spacing / 4u, 1u, (flags & BLOCK_HAS_FINEST_SKY) != 0u);
-                let rough_rows = max(select(spacing / 2u, if_fine, (flags & BLOCK_HAS_FINE_SKY) != 0u), 1u);
+                let rough_rows = max(spacing >> halvings, 1u);
                 var rough = vec3(0.0);
                 var rough_slope = vec3(0.0);
                 // Directions, for maps of the sky.

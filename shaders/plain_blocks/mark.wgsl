@@ -56,25 +56,18 @@ fn inner_point(grid: PlainGrid, block: vec2<u32>, i: u32) -> u32 {
     return place.y * grid.columns + place.x;
 }
 
-// Flags of a mixed block: whether the light that bodies scatter is too steep in it for interpolation.
-fn flags_of_mixed(grid: PlainGrid, block: vec2<u32>) -> u32 {
-    var is_steep = grid.near == NO_POINTS;
-    if !is_steep {
-        let cells = PLAIN_BLOCK >> grid.spacing_log2;
-        let last = vec2(grid.columns, grid.rows) - 1u;
-        for (var row = 0u; row <= cells; row++) {
-            for (var column = 0u; column <= cells; column++) {
-                let place = min(block * cells + vec2(column, row), last);
-                is_steep = is_steep || grid_points[grid.near + place.y * grid.columns + place.x].w > 0.0;
-            }
-        }
-        for (var i = 0u; i < 2u; i++) {
-            let point = inner_point(grid, block, i);
-            let error = error_at(grid.near, point, grid.columns, 1u);
-            is_steep = is_steep || is_visible(grid_points[grid.first + point].xyz, error.xyz);
-        }
+// Flags of a mixed block: whether the light that bodies scatter can be interpolated. `is_beside`: the block is beside a body.
+fn flags_of_mixed(grid: PlainGrid, block: vec2<u32>, is_beside: bool) -> u32 {
+    if is_beside || grid.near == NO_POINTS {
+        return BLOCK_IS_MIXED;
     }
-    return BLOCK_IS_MIXED | select(0u, BLOCK_HAS_NEAR_SOURCE, is_steep);
+    var is_smooth = true;
+    for (var i = 0u; i < 2u; i++) {
+        let point = inner_point(grid, block, i);
+        let error = error_at(grid.near, point, grid.columns, 1u);
+        is_smooth = is_smooth && !is_visible(grid_points[grid.first + point].xyz, error.xyz);
+    }
+    return BLOCK_IS_MIXED | select(0u, BLOCK_HAS_SMOOTH_GLARE, is_smooth);
 }
 
 @compute @workgroup_size(VEIL_SIDE, VEIL_SIDE)
@@ -86,7 +79,7 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     let viewport = viewports[id.z];
     let flag = grid.first_flag + id.y * grid.block_columns + id.x;
     if grid.first == NO_POINTS {
-        counters[flag] = BLOCK_IS_MIXED | BLOCK_HAS_NEAR_SOURCE;
+        counters[flag] = BLOCK_IS_MIXED;
         return;
     }
     // A block outside of a round picture: its pixel nearest to the centre is outside.
@@ -101,9 +94,10 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     let last = vec2(grid.columns, grid.rows) - 1u;
     var is_mixed = false;
     var is_steep = false;
-    var is_rough = false;
-    var is_fine = false;
-    var is_finest = false;
+    // Whether the block is beside a body.
+    var is_beside = false;
+    // How often the spacing is halved until the rough part of diffuse light is smooth.
+    var halvings = 0u;
     // Whether the block is at an edge between two pictures of the sky.
     var is_edge = false;
     // Corners of the block's cells: what they show.
@@ -117,22 +111,19 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
                 is_mixed = is_mixed || !(grid_points[grid.air + point].w > least_sine);
             }
             if grid.near != NO_POINTS {
-                is_mixed = is_mixed || grid_points[grid.near + point].w > 0.0;
+                is_beside = is_beside || grid_points[grid.near + point].w > 0.0;
             }
             if grid.rough != NO_POINTS {
-                let roughness = grid_points[grid.diffuse + point].w;
-                is_rough = is_rough || roughness >= 1.0;
-                is_fine = is_fine || roughness >= 2.0;
-                is_finest = is_finest || roughness >= 3.0;
+                halvings = max(halvings, u32(grid_points[grid.diffuse + point].w));
             }
             if grid.rough != NO_POINTS || parameters.reads_faint_map != 0u {
                 is_edge = is_edge || grid_points[grid.sky + 2u * point].z != first_number;
             }
         }
     }
-    if is_mixed {
+    if is_mixed || is_beside {
         // The air near the horizon is steep.
-        counters[flag] = flags_of_mixed(grid, id.xy) | BLOCK_HAS_STEEP_AIR;
+        counters[flag] = flags_of_mixed(grid, id.xy, is_beside) | BLOCK_HAS_STEEP_AIR;
         return;
     }
     // Second differences at two opposite corners. Those of places need one corner whose neighbours are in the same picture.
@@ -145,11 +136,11 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
         is_mixed = is_mixed || !(error.w <= parameters.most_solid_angle_error * own.w);
         if grid.rough != NO_POINTS {
             let of_rough = error_at(grid.rough, point, grid.columns, 1u);
-            is_rough = is_rough || is_visible(own.xyz, of_rough.xyz);
-            if is_rough {
-                // Half the distance has a quarter of the error.
-                is_fine = is_fine || is_visible(own.xyz, 0.25 * of_rough.xyz);
-                is_finest = is_finest || is_visible(own.xyz, 0.0625 * of_rough.xyz);
+            // Half the distance has a quarter of the error.
+            while halvings < MOST_HALVINGS && is_visible(own.xyz, of_rough.xyz / f32(1u << (2u * halvings))) {
+                halvings++;
+            }
+            if halvings > 0u {
                 // The rest of the light.
                 let before = grid.rough + point;
                 let centre = 2.0 * (grid_points[grid.first + point].xyz - grid_points[before].xyz);
@@ -161,7 +152,7 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
                 error = vec4(0.125 * (abs(along) + abs(across)), 0.0);
             }
         }
-        if is_rough || parameters.reads_faint_map != 0u {
+        if halvings > 0u || parameters.reads_faint_map != 0u {
             reads_place = true;
             let of_place = error_at(grid.sky, point, grid.columns, 2u);
             let of_passed = error_at(grid.sky + 1u, point, grid.columns, 2u);
@@ -178,10 +169,9 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     is_mixed = is_mixed || (reads_place && (is_edge || !has_place));
-    var flags = select(0u, BLOCK_HAS_STEEP_AIR, is_steep) | select(0u, BLOCK_HAS_ROUGH_SKY, is_rough)
-        | select(0u, BLOCK_HAS_FINE_SKY, is_fine) | select(0u, BLOCK_HAS_FINEST_SKY, is_finest);
+    var flags = select(0u, BLOCK_HAS_STEEP_AIR, is_steep) | (halvings << BLOCK_HALVINGS_SHIFT);
     if is_mixed {
-        flags |= flags_of_mixed(grid, id.xy);
+        flags |= flags_of_mixed(grid, id.xy, is_beside);
     }
     counters[flag] = flags;
 }

@@ -37,8 +37,8 @@ pub fn start(argument: Option<&str>) -> Result<Option<Exporting>, CliError> {
 
 type BoxedLayer = Box<dyn Layer<Registry> + Send + Sync>;
 
-/// All receivers of the log. They are a list without gaps: beside an absent layer (`None`), no filter can switch a span off for good. Every
-/// call would then create the spans of the network libraries.
+/// The receivers of the log. Absent ones are left out of the list: with a layer that is `None`, every call would create spans of the network
+/// libraries that no filter wants.
 fn subscriber(filter: EnvFilter, traces: Option<BoxedLayer>) -> Layered<Vec<BoxedLayer>, Registry> {
     let lines = tracing_subscriber::fmt::layer()
         .with_writer(io::stderr)

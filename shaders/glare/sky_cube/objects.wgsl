@@ -30,7 +30,7 @@
 // Runs of ROWS rows per workgroup, with one invocation per column.
 override ROW_GROUPS: u32;
 
-// Adds scattered light to a pixel, in place of the scattered fraction of its own light.
+// Replaces the scattered fraction of a pixel's own light by the light that is scattered towards the pixel.
 fn scatter_in_pixel(index: u32, scattered: vec3<f32>) {
     let before = geometry[index];
     if all(before.xyz == vec3(0u)) && all(scattered == vec3(0.0)) {
@@ -92,10 +92,10 @@ fn scatter_objects(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
         // The light of plain blocks is in their grid.
         let flags = block_flags(tile.viewport, vec2(x, tile.first_row + first_row));
         let run = vec3(x, first_row, min(8u, end_row - first_row));
-        if (flags & BLOCK_HAS_NEAR_SOURCE) != 0u {
-            scatter_in_run(viewport, view, tile, run);
-        } else if (flags & BLOCK_IS_MIXED) != 0u {
+        if (flags & BLOCK_HAS_SMOOTH_GLARE) != 0u {
             scatter_from_grid(viewport, tile, run);
+        } else if (flags & BLOCK_IS_MIXED) != 0u {
+            scatter_in_run(viewport, view, tile, run);
         }
     }
 }

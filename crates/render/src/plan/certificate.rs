@@ -14,7 +14,7 @@ pub struct Approximation {
     pub bound: f64,
     /// Unit of the bound.
     pub unit: String,
-    /// The greatest bound that is allowed, in the same unit; `None` if there is no limit for it.
+    /// Limit of the bound, in the same unit. `None`: it has no limit.
     pub limit: Option<f64>,
     /// Whether the bound is within the limit; `None` if there is none.
     pub within_budget: Option<bool>,

@@ -129,14 +129,13 @@ shared_constants! {
         BLOCK_HAS_STEEP_AIR: u32 = 2;
         /// Flag of a block: it is outside of a round picture.
         BLOCK_IS_OUTSIDE: u32 = 4;
-        /// Flag of a block: its pixels read the map of diffuse light.
-        BLOCK_HAS_ROUGH_SKY: u32 = 8;
-        /// Flag of a block with rough sky: the map is read at a quarter of the grid's spacing, not at half of it.
-        BLOCK_HAS_FINE_SKY: u32 = 16;
-        /// Flag of a block with fine sky: each row of pixels reads the map.
-        BLOCK_HAS_FINEST_SKY: u32 = 32;
-        /// Flag of a mixed block: the light that bodies scatter in the eye is computed for each pixel.
-        BLOCK_HAS_NEAR_SOURCE: u32 = 64;
+        /// Flag of a mixed block: the light that bodies scatter in the eye is interpolated.
+        BLOCK_HAS_SMOOTH_GLARE: u32 = 8;
+        /// First bit of a number in the flags of a block: how often the spacing of the grid is halved to read the map of diffuse light. It is the
+        /// last field. 0: the grid is fine enough.
+        BLOCK_HALVINGS_SHIFT: u32 = 4;
+        /// Greatest number of halvings: every row of pixels reads the map.
+        MOST_HALVINGS: u32 = 3;
         /// A part that a frame does not have, in place of the index of its first point.
         NO_POINTS: u32 = u32::MAX;
     }
