@@ -153,6 +153,13 @@ impl Browser {
         errors.map(|entry| entry["message"].to_string()).collect()
     }
 
+    /// Returns the errors in the browser's log since the last call, without those that a restart of the daemon causes: failed connections,
+    /// and the status 503 of a daemon that starts. Chromium asks for the icon at a moment of its own, so it may ask during a restart.
+    pub fn errors_beside_restarts(&self) -> Vec<String> {
+        let of_restarts = ["net::ERR_", "a status of 503"];
+        self.errors().into_iter().filter(|error| !of_restarts.iter().any(|text| error.contains(text))).collect()
+    }
+
     /// Returns the result of a script.
     pub async fn run<T: DeserializeOwned>(&self, script: &str) -> T {
         let value = self.client.execute(script, Vec::new()).await.unwrap_or_else(|error| panic!("{script}: {error}"));

@@ -164,8 +164,7 @@ fn snapshots_are_saved_and_loaded() -> Result<(), String> {
         page.click("#snapshots button").await;
         wait_for_notice(page, "Snapshot evening is loaded").await;
         assert_eq!(client.scene().await.unwrap().magnitude_limit, before.magnitude_limit);
-        // The browser logs failed connections during the restart.
-        let others: Vec<String> = page.errors().into_iter().filter(|error| !error.contains("net::ERR_")).collect();
+        let others = page.errors_beside_restarts();
         assert!(others.is_empty(), "{others:#?}");
     })
 }
@@ -234,8 +233,7 @@ fn the_place_of_the_observer_is_set() -> Result<(), String> {
         let place = client.scene().await.unwrap().observer;
         assert_eq!((place.latitude_deg, place.longitude_deg, place.height_m), (Some(-33.86), Some(151.21), Some(58.0)));
         page.until("document.getElementById('observer').textContent.includes('33.8600° S, 151.2100° E, 58 m')").await;
-        // The browser logs failed connections during the restart.
-        let others: Vec<String> = page.errors().into_iter().filter(|error| !error.contains("net::ERR_")).collect();
+        let others = page.errors_beside_restarts();
         assert!(others.is_empty(), "{others:#?}");
     })
 }

@@ -48,7 +48,7 @@ fn a_token() -> Result<(), String> {
         enter("look").await;
         page.until("document.getElementById('age').textContent.startsWith('picture')").await;
         assert!(!page.run::<String>("return document.getElementById('notices').textContent").await.contains("is back"));
-        let others: Vec<String> = page.errors().into_iter().filter(|error| !error.contains("net::ERR_")).collect();
+        let others = page.errors_beside_restarts();
         assert!(others.is_empty(), "{others:#?}");
     })
 }
@@ -101,7 +101,7 @@ fn a_frozen_daemon() -> Result<(), String> {
         daemon.signal("CONT");
         page.until("document.getElementById('banner').hidden").await;
         page.until("document.querySelector('figcaption').textContent.includes('frames/s')").await;
-        let others: Vec<String> = page.errors().into_iter().filter(|error| !error.contains("net::ERR_")).collect();
+        let others = page.errors_beside_restarts();
         assert!(others.is_empty(), "{others:#?}");
     })
 }
@@ -125,8 +125,7 @@ fn a_killed_daemon() -> Result<(), String> {
         page.until(&format!("{} !== '{frame}'", has_picture("window"))).await;
         let (_, codes) = page.brightest("[data-view=window] canvas", None).await;
         assert!(codes > 200, "black: {codes}");
-        // The browser itself logs every failed connection. It must log no other errors.
-        let others: Vec<String> = page.errors().into_iter().filter(|error| !error.contains("net::ERR_")).collect();
+        let others = page.errors_beside_restarts();
         assert!(others.is_empty(), "{others:#?}");
     })
 }

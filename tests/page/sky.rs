@@ -88,7 +88,7 @@ async fn check_panel(page: &Browser, daemon: &Daemon) {
         (told[0] - azimuth_deg).abs() < 0.02 && (told[1] - local.z.asin().to_degrees()).abs() < 0.02,
         "{text}: {local}"
     );
-    let errors: Vec<String> = page.errors().into_iter().filter(|error| !error.contains("net::ERR_")).collect();
+    let errors = page.errors_beside_restarts();
     assert!(errors.is_empty(), "{errors:#?}");
 }
 

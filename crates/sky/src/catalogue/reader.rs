@@ -124,6 +124,8 @@ pub struct ReadReport {
     pub temperature_clamped: usize,
     /// Used rows with a colour index that no star has, which counts as missing.
     pub colour_ignored: usize,
+    /// Used rows with a proper motion or a radial velocity that is a mark for a missing value, such as -9999.
+    pub motion_ignored: usize,
     /// Used rows with Hipparcos' Hp instead of V.
     pub hp_taken_as_v: usize,
     /// Used rows with a proper motion or a radial velocity.
@@ -222,6 +224,7 @@ impl ReadReport {
         self.without_colour += usize::from(notes.without_colour);
         self.temperature_clamped += usize::from(notes.temperature_clamped);
         self.colour_ignored += usize::from(notes.colour_ignored);
+        self.motion_ignored += usize::from(notes.motion_ignored);
         self.g_taken_as_v += usize::from(notes.g_taken_as_v);
         self.hp_taken_as_v += usize::from(notes.hp_taken_as_v);
         self.moving += usize::from(notes.velocity.is_some());
@@ -255,6 +258,7 @@ impl fmt::Display for ReadReport {
             (self.without_colour, "without colour (5772 K)"),
             (self.temperature_clamped, "with a temperature outside 500 to 100000 K (moved to the edge)"),
             (self.colour_ignored, "with a colour index outside -1.5 to 8.5 (taken as missing)"),
+            (self.motion_ignored, "with a motion of nines, such as -9999 (taken as missing)"),
             (self.g_taken_as_v, "without BP-RP (G taken as V)"),
             (self.hp_taken_as_v, "without V (Hp taken as V)"),
             (self.repeated, "repeated (drawn once)"),

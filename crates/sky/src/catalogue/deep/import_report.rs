@@ -49,6 +49,7 @@ impl Rows {
             (report.g_taken_as_v, "without BP-RP: G taken as V"),
             (report.hp_taken_as_v, "without V: Hp taken as V"),
             (report.colour_ignored, "with a colour index outside -1.5 to 8.5: taken as missing"),
+            (report.motion_ignored, "with a motion of nines, such as -9999: taken as missing"),
             (report.temperature_clamped, "with a temperature outside 500 to 100000 K: moved to the edge"),
         ];
         let remarks = remarks.into_iter().filter(|(count, _)| *count > 0);

@@ -60,6 +60,8 @@ pub(super) struct Notes {
     pub without_colour: bool,
     pub temperature_clamped: bool,
     pub colour_ignored: bool,
+    /// Whether a proper motion or the radial velocity is a mark for a missing value.
+    pub motion_ignored: bool,
     pub g_taken_as_v: bool,
     pub hp_taken_as_v: bool,
     /// Velocity of the star, as in [`StarVelocity`](super::super::motion::StarVelocity); `None` if it has none.
@@ -358,21 +360,22 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         if let (Some(d), Some((column, text))) =
             (self.number(self.columns.distance_pc)?, self.text(self.columns.distance_pc))
         {
+            let is_missing = d < 0.0 && is_nines(text);
             if d == 0.0 {
                 return Err(self.refuse(column, text, "puts the star at the origin"));
             }
-            if d < 0.0 {
+            if d < 0.0 && !is_missing {
                 return Err(self.refuse(column, text, "is below 0"));
             }
-            if d < NEAREST_PC {
+            if d < NEAREST_PC && !is_missing {
                 return Err(self.refuse_as(column, text, &format!("is too near: {}", too_near(d)), "is too near"));
             }
-            if d.is_finite() && d < self.columns.unknown_from_pc {
+            if !is_missing && d.is_finite() && d < self.columns.unknown_from_pc {
                 return Ok(Some(d));
             }
         }
         match (self.number(self.columns.parallax_mas)?, self.text(self.columns.parallax_mas)) {
-            (Some(p), Some((column, text))) if p.is_finite() && p > 0.0 => {
+            (Some(p), Some((column, text))) if p.is_finite() && p > 0.0 && !(p >= 999.0 && is_nines(text)) => {
                 let d = 1000.0 / p;
                 if d < NEAREST_PC {
                     return Err(self.refuse_as(
@@ -409,8 +412,11 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         notes: &mut Notes,
     ) -> Result<DVec3, Refusal> {
         let Columns { pm_ra, pm_dec, pm_unit_mas, radial_velocity_km_s, ref_epoch, epoch, .. } = self.columns;
-        let bounded = |column: Option<usize>, most: f64| match (self.finite(column)?, self.text(column)) {
-            (Some(value), Some((_, text))) if value.abs() >= 999.0 && is_nines(text) => Ok(0.0),
+        let mut bounded = |column: Option<usize>, most: f64| match (self.finite(column)?, self.text(column)) {
+            (Some(value), Some((_, text))) if value.abs() >= 999.0 && is_nines(text) => {
+                notes.motion_ignored = true;
+                Ok(0.0)
+            }
             (Some(value), Some((column, text))) if value.abs() > most => {
                 Err(self.refuse(column, text, &format!("is outside -{most} to {most}")))
             }
@@ -445,11 +451,12 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
 
     fn temperature_k(&self, bp_rp: Option<f64>, b_v: Option<f64>, notes: &mut Notes) -> Result<f64, Refusal> {
         if let (Some(t), Some((column, text))) = (self.finite(self.columns.teff_k)?, self.text(self.columns.teff_k)) {
-            if t == 0.0 || (t < 0.0 && !is_nines(text)) {
-                return Err(self.refuse(column, text, "is not above 0 K"));
-            }
-            if t < 0.0 {
+            // 9999 K is a temperature.
+            if (t < 0.0 || t >= 99_999.0) && is_nines(text) {
                 return Ok(temperature_of_colour_k(bp_rp, b_v, notes));
+            }
+            if t <= 0.0 {
+                return Err(self.refuse(column, text, "is not above 0 K"));
             }
             let clamped = t.clamp(TEMPERATURE_RANGE_K.0, TEMPERATURE_RANGE_K.1);
             notes.temperature_clamped = clamped != t;
@@ -510,8 +517,10 @@ pub(super) fn names<'a>(columns: &Columns, field: impl Fn(usize) -> &'a str) -> 
     Row { columns, field }.names()
 }
 
-/// Whether a number has no digits other than 9, at least two of them: a mark for a missing value, such as -9999.
+/// Whether a number has no digits other than 9, at least two of them, but for zeros after the point: a mark for a missing value, such as -9999.
 fn is_nines(text: &str) -> bool {
+    let is_whole = |(_, rest): &(&str, &str)| rest.bytes().all(|digit| digit == b'0');
+    let text = text.split_once('.').filter(is_whole).map_or(text, |(whole, _)| whole);
     let digits = text.chars().filter(char::is_ascii_digit);
     digits.clone().count() >= 2 && digits.clone().all(|digit| digit == '9')
 }

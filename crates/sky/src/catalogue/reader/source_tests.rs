@@ -67,10 +67,25 @@ fn sentinels_are_missing_values() {
     let text = "source_id,ra_deg,dec_deg,v_mag,phot_g_mean_mag,bp_rp,teff_val,pmra,radial_velocity\n\
                 1,10,20,99.999,12.0,0.8,-9999,-9999,9999\n2,10,21,9.99,12.0,0.8,5000,10,20\n";
     let CatalogueRead { stars, report, .. } = read_csv_from(text.as_bytes(), "test.csv", 50.0).unwrap();
-    assert_eq!(stars.len(), 2, "{report}");
+    assert_eq!((stars.len(), report.motion_ignored, report.moving), (2, 1, 1), "{report}");
+    assert!(report.to_string().contains("1 with a motion of nines"), "{report}");
     assert!((stars[0].apparent_magnitude() - 12.16).abs() < 0.1, "{}", stars[0].apparent_magnitude());
     assert!(off_arcsec(&stars[0], 10.0, 20.0) < 1e-6, "a sentinel is no motion");
     assert!((stars[1].apparent_magnitude() - 9.99).abs() < 1e-5, "9.99 is a magnitude");
+    // Distances, parallaxes and temperatures have such marks too; 9999 K is a temperature, and 990 mas a parallax.
+    let text = "source_id,ra_deg,dec_deg,v_mag,dist_pc,parallax,teff_val\n\
+                1,10,20,5,-9999.0,10,5000\n2,10,21,5,,9999.99,99999\n3,10,22,5,-9999,,9999\n4,10,23,5,,990,5000\n5,10,24,5,-9998,,5000\n";
+    let CatalogueRead { stars, report, .. } = read_csv_from(text.as_bytes(), "test.csv", 0.0).unwrap();
+    assert_eq!(
+        (report.used, report.without_distance, report.without_colour, report.rejected),
+        (4, 2, 1, 1),
+        "{report}"
+    );
+    assert!(
+        (stars[0].position.length() - 100.0).abs() < 1e-9 && (stars[3].position.length() - 1000.0 / 990.0).abs() < 1e-9
+    );
+    assert_eq!([stars[1].temperature_k, stars[2].temperature_k], [5772.0, 9999.0]);
+    assert!(report.first_rejected[0].reason.contains("is below 0"), "{report}");
 }
 
 #[test]
