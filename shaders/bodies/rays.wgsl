@@ -94,7 +94,11 @@ fn ray_of(viewport: Viewport, pixel: vec2<f32>, otherwise: vec3<f32>) -> vec3<f3
 
 // Half the diagonal of a pixel in units of the ray through its centre, plus a third for pixels that are not square.
 fn extent_of(viewport: Viewport, corner: vec2<f32>, ray: vec3<f32>) -> f32 {
-    return 1.35 * max(length(ray_of(viewport, corner, ray) - ray), length(ray_of(viewport, corner + 1.0, ray) - ray));
+    var diagonal = 0.0;
+    for (var i = 0; i < turns(viewport, 2); i++) {
+        diagonal = max(diagonal, length(ray_of(viewport, corner + f32(i), ray) - ray));
+    }
+    return 1.35 * diagonal;
 }
 
 // Contribution of a body to a pixel: luminance times coverage, and coverage.
@@ -124,41 +128,40 @@ fn body_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec
     // Near the limb, cosines vary with the square root of the distance from it.
     let steep = middle.s >= 1.0 - STEEP_REACHES * reach;
     let parts = u32(clamp(ceil(reach / SMALL_PART), select(select(1.0, 2.0, steep), LEAST_LIMB_PARTS, contribution.limb), MOST_LIMB_PARTS));
-    if parts == 1u {
-        contribution.coverage = 1.0;
-        contribution.light = luminance_at(body, middle, entry, footprint) * before_globe(body, middle, entry, footprint);
-        return contribution;
-    }
     let step = 1.0 / f32(parts);
+    // The centre of a part and the middles of its sides: right, left, bottom, top. A whole pixel needs its own ray only.
+    var places = array<vec2<f32>, 5>(vec2(0.0), vec2(0.5, 0.0), vec2(-0.5, 0.0), vec2(0.0, 0.5), vec2(0.0, -0.5));
+    let ray_count = select(5u, 0u, parts == 1u);
     var whole = 0.0;
     var is_covered = true;
     for (var i = 0u; i < parts * parts; i++) {
         let position = corner + (vec2(f32(i % parts), f32(i / parts)) + 0.5) * step;
-        let own = ray_of(viewport, position, ray);
-        let right = ray_of(viewport, position + vec2(0.5 * step, 0.0), own);
-        let left = ray_of(viewport, position - vec2(0.5 * step, 0.0), own);
-        let down = ray_of(viewport, position + vec2(0.0, 0.5 * step), own);
-        let up = ray_of(viewport, position - vec2(0.0, 0.5 * step), own);
-        // Near a pole, the parts of a pixel cover less and less sky.
-        let weight = length(cross(right - left, down - up));
-        let passage = passage_of(body, own);
-        var share = 1.0;
+        var own = ray;
+        var passage = middle;
+        // Differences between the sides: of rays, and of the distance from the body's centre.
+        var across = array<vec3<f32>, 2>();
         var slopes = vec2(0.0);
-        if steep {
-            slopes = vec2(
-                passage_of(body, right).s - passage_of(body, left).s, passage_of(body, down).s - passage_of(body, up).s);
-            share = positive_share(1.0 - passage.s, slopes);
+        for (var k = 0u; k < ray_count; k++) {
+            let found = ray_of(viewport, position + places[k] * step, own);
+            let found_passage = passage_of(body, found);
+            if k == 0u {
+                own = found;
+                passage = found_passage;
+            } else {
+                let sign = select(-1.0, 1.0, (k & 1u) != 0u);
+                across[(k - 1u) / 2u] += sign * found;
+                slopes[(k - 1u) / 2u] += sign * found_passage.s;
+            }
         }
+        // Near a pole, the parts of a pixel cover less and less sky.
+        let weight = select(length(cross(across[0], across[1])), 1.0, parts == 1u);
+        let share = select(1.0, positive_share(1.0 - passage.s, slopes), steep);
         whole += weight;
         is_covered = is_covered && share >= 1.0;
         if share > 0.0 {
             let part_entry = entry_of(body, passage);
             let part = weight * before_globe(body, passage, part_entry, footprint * step);
-            if steep {
-                contribution.light += part * light_of_part(body, passage, share, slopes, footprint * step);
-            } else {
-                contribution.light += part * share * luminance_at(body, passage, part_entry, footprint * step);
-            }
+            contribution.light += part * light_of_part(body, passage, share, slopes, steep, footprint * step);
             contribution.coverage += weight * share;
         }
     }
@@ -222,8 +225,14 @@ fn rings_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: ve
     var contribution: Contribution;
     contribution.rings = true;
     let own = on_equator(body, ray);
-    let right = on_equator(body, ray_of(viewport, corner + vec2(1.0, 0.5), ray));
-    let down = on_equator(body, ray_of(viewport, corner + vec2(0.5, 1.0), ray));
+    // To the right and below.
+    var beyond: array<vec4<f32>, 2>;
+    for (var i = 0; i < turns(viewport, 2); i++) {
+        let side = select(vec2(1.0, 0.5), vec2(0.5, 1.0), i == 1);
+        beyond[i] = on_equator(body, ray_of(viewport, corner + side, ray));
+    }
+    let right = beyond[0];
+    let down = beyond[1];
     if own.w * right.w * down.w == 0.0 {
         return contribution;
     }
@@ -480,9 +489,10 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
     var is_corona_steep = false;
     let unit = normalize(ray);
     let end = run.x + run.y;
+    var extent = 0.0;
     for (var b = next_near(run.x, end, unit); b < end; b = next_near(b + 1u, end, unit)) {
         let body = body_for(viewport, b, ray);
-        let extent = extent_of(viewport, corner, ray);
+        extent = extent_of(viewport, corner, ray);
         var contribution = body_in_pixel(viewport, body, corner, ray, extent);
         var rings: Contribution;
         if body.around == AROUND_RINGS {
@@ -532,7 +542,7 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
     let crossed = count > 1u && !hits[1].rings && hits[1].coverage > 0.0;
     // The same applies to a body in front of a corona, which is brightest at the limb of its sun.
     if partly && (crossed || (before_corona < 1.0 && is_corona_steep && any(corona > vec3(0.0)))) {
-        let sampled = nearest_of_parts(viewport, run, corner, ray, extent_of(viewport, corner, ray));
+        let sampled = nearest_of_parts(viewport, run, corner, ray, extent);
         light = sampled.xyz;
         open = 1.0 - sampled.w;
     }

@@ -158,9 +158,12 @@ fn positive_share(middle: f32, slopes: vec2<f32>) -> f32 {
     return select(1.0 - share, share, middle >= 0.0);
 }
 
-// A passage moved along its radius to a distance from the limb: the square of `root`.
+// A passage moved along its radius to a distance from the limb: the square of `root`; not moved if it is negative.
 fn moved_to(body: ViewBody, passage: Passage, root: f32) -> Passage {
     var moved = passage;
+    if root < 0.0 {
+        return moved;
+    }
     let inside = clamp((1.0 - root * root) / max(passage.s, 1e-6), 0.0, 1.0 / max(passage.s, 1e-6));
     moved.beside *= inside;
     moved.along = body.unit_centre + moved.beside;
@@ -173,18 +176,52 @@ fn incidence_at(body: ViewBody, passage: Passage, root: f32) -> f32 {
     return dot(normal_at(body, entry_of(body, moved_to(body, passage, root))), suns[body.first_sun].direction);
 }
 
-// Light of a part of a pixel near the limb: mean luminance times the share that the body covers. `slopes`: of the
-// distance from the centre across the part. If the terminator of the first sun is in it, only the lit band is integrated,
+// Where the luminance of a part of a pixel is computed: see `moved_to`.
+struct LitPlace {
+    root: f32,
+    // Share of the part.
+    weight: f32,
+    // Whether the first sun, the other ones, and the emission count.
+    first: bool,
+    others: bool,
+}
+
+// Light of a part of a pixel: mean luminance times the share that the body covers. `slopes`: of the distance from the centre
+// across the part. Near the limb (`steep`), if the terminator of the first sun is in the part, only the lit band is integrated,
 // in two halves with the areas that they have in the part: otherwise a crescent that is thinner than a part would get too
 // much light or none.
-fn light_of_part(body: ViewBody, passage: Passage, share: f32, slopes: vec2<f32>, footprint: f32) -> vec3<f32> {
+//
+// The luminance is computed in one loop: drivers insert a copy of its code at each call, and would compile it for half a minute.
+fn light_of_part(body: ViewBody, passage: Passage, share: f32, slopes: vec2<f32>, steep: bool, footprint: f32) -> vec3<f32> {
+    var places: array<LitPlace, 3>;
+    places[0] = LitPlace(-1.0, share, true, true);
+    var count = 1u;
+    if steep {
+        count = places_near_limb(body, passage, share, slopes, &places);
+    }
+    var sum = vec3(0.0);
+    for (var i = 0u; i < count; i++) {
+        let place = places[i];
+        let moved = moved_to(body, passage, place.root);
+        let from_sun = select(1u, 0u, place.first);
+        let to_sun = select(1u, body.sun_count, place.others);
+        let emission = select(vec3(0.0), body.emission, place.others);
+        sum += place.weight * luminance_by(body, moved, entry_of(body, moved), footprint, from_sun, to_sun, emission);
+    }
+    return sum;
+}
+
+// The places of a part near the limb; returns their number.
+fn places_near_limb(
+    body: ViewBody, passage: Passage, share: f32, slopes: vec2<f32>, places: ptr<function, array<LitPlace, 3>>,
+) -> u32 {
     let depth = 1.0 - passage.s;
     // The covered part is between these distances from the limb; the root has its mean at this distance.
     let half = 0.5 * length(slopes);
     let near = max(depth - half, 0.0);
     let far = max(depth + half, near + 1e-6);
     let mean = (2.0 / 3.0) * (far * sqrt(far) - near * sqrt(near)) / (far - near);
-    let middle = moved_to(body, passage, mean);
+    (*places)[0] = LitPlace(mean, share, true, true);
     let reach = 0.5 * (abs(slopes.x) + abs(slopes.y));
     let roots = sqrt(max(vec2(depth - reach, depth + reach), vec2(0.0)));
     if body.sun_count > 0u && roots.y < MOST_INNER_ROOT {
@@ -196,8 +233,7 @@ fn light_of_part(body: ViewBody, passage: Passage, share: f32, slopes: vec2<f32>
             let between = incidence_at(body, passage, border);
             border = clamp(mix(roots.x, border, clamp(outer / (outer - between), 0.0, 2.0)), roots.x, roots.y);
             let lit = select(vec2(border, roots.y), vec2(roots.x, border), outer > 0.0);
-            var sum = share
-                * luminance_by(body, middle, entry_of(body, middle), footprint, 1u, body.sun_count, body.emission);
+            (*places)[0].first = false;
             // Share of the part that is deeper than an end of a half.
             var deeper = min(positive_share(depth - lit.x * lit.x, slopes), share);
             for (var i = 0u; i < 2u; i++) {
@@ -205,13 +241,11 @@ fn light_of_part(body: ViewBody, passage: Passage, share: f32, slopes: vec2<f32>
                 let beyond = positive_share(depth - ends.y * ends.y, slopes);
                 // The mean of the root over the half.
                 let root = (2.0 / 3.0) * (dot(ends, ends) + ends.x * ends.y) / max(ends.x + ends.y, 1e-12);
-                let place = moved_to(body, passage, root);
-                sum += max(deeper - beyond, 0.0)
-                    * luminance_by(body, place, entry_of(body, place), footprint, 0u, 1u, vec3(0.0));
+                (*places)[i + 1u] = LitPlace(root, max(deeper - beyond, 0.0), true, false);
                 deeper = beyond;
             }
-            return sum;
+            return 3u;
         }
     }
-    return share * luminance_at(body, middle, entry_of(body, middle), footprint);
+    return 1u;
 }

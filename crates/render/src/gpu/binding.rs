@@ -65,7 +65,7 @@ impl Tables {
 }
 
 /// Creates a texture for tables with a number of rows.
-pub(super) fn empty_table_texture(device: &wgpu::Device, rows: u32) -> wgpu::Texture {
+fn empty_table_texture(device: &wgpu::Device, rows: u32) -> wgpu::Texture {
     device.create_texture(&wgpu::TextureDescriptor {
         label: Some("mapping tables"),
         size: wgpu::Extent3d { width: TABLE_COLUMNS, height: rows, depth_or_array_layers: 1 },

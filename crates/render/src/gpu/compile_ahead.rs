@@ -5,11 +5,14 @@
 //! device that draws frames then loads the machine code from the cache. A shader that the cache already has is skipped
 //! (`gpu/driver_cache.rs`), and so is a driver without such a cache.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::{
+    sync::{Mutex, MutexGuard, PoisonError},
+    time::Instant,
+};
 
 use wgpu::naga;
 
-use super::{ShaderSource, adapter::Selection, binding::empty_table_texture, driver_cache::DriverCache};
+use super::{ShaderSource, adapter::Selection, driver_cache::DriverCache};
 
 /// Size of every buffer, bytes; larger if a structure of the shader needs it.
 const LEAST_BUFFER_BYTES: u64 = 1 << 16;
@@ -25,9 +28,16 @@ struct Binding {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum BindingKind {
     /// A buffer with its usage and size.
-    Buffer { usage: wgpu::BufferUsages, bytes: u64 },
-    /// Tables of projections: [`super::Tables::Texture`].
-    Table,
+    Buffer {
+        usage: wgpu::BufferUsages,
+        bytes: u64,
+    },
+    /// A texture of one texel per layer. The driver's code does not depend on its format.
+    Texture {
+        format: wgpu::TextureFormat,
+        dimension: wgpu::TextureViewDimension,
+    },
+    Sampler,
 }
 
 /// Why a shader is not compiled ahead, so that the first frame compiles it.
@@ -37,7 +47,7 @@ enum SkipReason {
     Device(#[from] wgpu::RequestDeviceError),
     #[error("it cannot be read: {0}")]
     Parse(String),
-    #[error("it has a binding that is neither a buffer nor a table of projections")]
+    #[error("it has a binding that is neither a buffer, nor a flat texture that is read, nor a sampler")]
     Binding,
     #[error("{0}")]
     Driver(String),
@@ -77,7 +87,9 @@ impl CompileAhead {
         let compiled = self.driver_cache.compile(source, constants, || {
             let device = self.idle().as_mut().and_then(Vec::pop);
             let (device, queue) = device.map_or_else(|| self.open(), Ok)?;
+            let begin = Instant::now();
             dispatch_nothing(&device, &queue, source, constants)?;
+            tracing::debug!("compiled {} in {} ms", source.name, begin.elapsed().as_millis());
             if let Some(idle) = self.idle().as_mut() {
                 idle.push((device, queue));
             }
@@ -115,7 +127,15 @@ fn bindings(source: &ShaderSource) -> Result<Vec<Binding>, SkipReason> {
                 (naga::AddressSpace::Storage { .. }, _) => {
                     BindingKind::Buffer { usage: wgpu::BufferUsages::STORAGE, bytes: bytes() }
                 }
-                (_, naga::TypeInner::Image { class, .. }) if is_table(*class) => BindingKind::Table,
+                (_, naga::TypeInner::Image { dim: naga::ImageDimension::D2, arrayed, class }) => BindingKind::Texture {
+                    format: format_of(*class).ok_or(SkipReason::Binding)?,
+                    dimension: if *arrayed {
+                        wgpu::TextureViewDimension::D2Array
+                    } else {
+                        wgpu::TextureViewDimension::D2
+                    },
+                },
+                (_, naga::TypeInner::Sampler { comparison: false }) => BindingKind::Sampler,
                 _ => return Err(SkipReason::Binding),
             };
             Ok(Binding { group: binding.group, binding: binding.binding, kind })
@@ -123,9 +143,18 @@ fn bindings(source: &ShaderSource) -> Result<Vec<Binding>, SkipReason> {
         .collect()
 }
 
-/// Whether a texture has unsigned integers, as only tables of projections have.
-fn is_table(class: naga::ImageClass) -> bool {
-    matches!(class, naga::ImageClass::Sampled { kind: naga::ScalarKind::Uint, multi: false })
+/// A format that a texture of this class may have; `None` for textures that are written or have several samples.
+fn format_of(class: naga::ImageClass) -> Option<wgpu::TextureFormat> {
+    match class {
+        naga::ImageClass::Sampled { kind: naga::ScalarKind::Uint, multi: false } => {
+            Some(wgpu::TextureFormat::Rgba32Uint)
+        }
+        naga::ImageClass::Sampled { kind: naga::ScalarKind::Float, multi: false } => {
+            Some(wgpu::TextureFormat::Rgba16Float)
+        }
+        naga::ImageClass::Depth { multi: false } => Some(wgpu::TextureFormat::Depth32Float),
+        _ => None,
+    }
 }
 
 /// Creates the pipeline on a device and dispatches zero workgroups, for which the driver compiles it.
@@ -171,7 +200,8 @@ fn dispatch_nothing(
 /// A resource for a binding.
 enum Resource {
     Buffer(wgpu::Buffer),
-    Table(wgpu::TextureView),
+    Texture(wgpu::TextureView),
+    Sampler(wgpu::Sampler),
 }
 
 impl Resource {
@@ -183,17 +213,29 @@ impl Resource {
                 usage,
                 mapped_at_creation: false,
             })),
-            BindingKind::Table => {
-                let texture = empty_table_texture(device, 1);
-                Self::Table(texture.create_view(&wgpu::TextureViewDescriptor::default()))
+            BindingKind::Texture { format, dimension } => {
+                let texture = device.create_texture(&wgpu::TextureDescriptor {
+                    label: Some("compile ahead"),
+                    size: wgpu::Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
+                    mip_level_count: 1,
+                    sample_count: 1,
+                    dimension: wgpu::TextureDimension::D2,
+                    format,
+                    usage: wgpu::TextureUsages::TEXTURE_BINDING,
+                    view_formats: &[],
+                });
+                let descriptor = wgpu::TextureViewDescriptor { dimension: Some(dimension), ..Default::default() };
+                Self::Texture(texture.create_view(&descriptor))
             }
+            BindingKind::Sampler => Self::Sampler(device.create_sampler(&wgpu::SamplerDescriptor::default())),
         }
     }
 
     fn as_binding(&self) -> wgpu::BindingResource<'_> {
         match self {
             Self::Buffer(buffer) => buffer.as_entire_binding(),
-            Self::Table(view) => wgpu::BindingResource::TextureView(view),
+            Self::Texture(view) => wgpu::BindingResource::TextureView(view),
+            Self::Sampler(sampler) => wgpu::BindingResource::Sampler(sampler),
         }
     }
 }
@@ -232,15 +274,21 @@ mod tests {
         let Some(ahead) = &gpu.compile_ahead else { return };
         let (device, queue) = ahead.open().unwrap();
         dispatch_nothing(&device, &queue, &source(DOUBLES), &[("WIDTH", 8.0)]).unwrap();
-        let table = "@group(0) @binding(0) var table: texture_2d<u32>;
-            @group(0) @binding(1) var<storage, read_write> values: array<u32>;
-            @compute @workgroup_size(1) fn double() { values[0] = textureLoad(table, vec2(0), 0).x; }";
-        dispatch_nothing(&device, &queue, &source(table), &[]).unwrap();
-        let sampled = "@group(0) @binding(0) var picture: texture_2d<f32>;
+        let textures = "@group(0) @binding(0) var table: texture_2d<u32>;
             @group(0) @binding(1) var<storage, read_write> values: array<f32>;
-            @compute @workgroup_size(1) fn double() { values[0] = textureLoad(picture, vec2(0), 0).x; }";
+            @group(0) @binding(2) var layers: texture_2d_array<f32>;
+            @group(0) @binding(3) var depth: texture_depth_2d;
+            @group(0) @binding(4) var smooth_texels: sampler;
+            @compute @workgroup_size(1) fn double() {
+                values[0] = f32(textureLoad(table, vec2(0), 0).x) + textureLoad(depth, vec2(0), 0);
+                values[1] = textureSampleLevel(layers, smooth_texels, vec2(0.5), 0, 0.0).x;
+            }";
+        dispatch_nothing(&device, &queue, &source(textures), &[]).unwrap();
+        let volume = "@group(0) @binding(0) var picture: texture_3d<f32>;
+            @group(0) @binding(1) var<storage, read_write> values: array<f32>;
+            @compute @workgroup_size(1) fn double() { values[0] = textureLoad(picture, vec3(0), 0).x; }";
         let wrong = [
-            (source(sampled), "neither a buffer nor a table"),
+            (source(volume), "nor a flat texture"),
             (source("fn double() {"), "cannot be read"),
             (source("@compute @workgroup_size(1) fn other() {}"), "entry point"),
         ];
