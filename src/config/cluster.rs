@@ -57,7 +57,7 @@ pub struct ClusterConfig {
     /// Folder in which each node keeps the epoch that it has promised, in a file with its name. It must be on a disk that a restart keeps.
     #[serde(default = "epochs")]
     pub epochs: PathBuf,
-    /// Whether the threads of the network ask for real-time scheduling. The log states a refusal.
+    /// Whether the threads of the network, and the one that presents, ask for real-time scheduling. The log states a refusal.
     #[serde(default = "yes")]
     pub real_time: bool,
     /// Encrypts and authenticates the connections.

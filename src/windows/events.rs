@@ -456,7 +456,8 @@ impl ApplicationHandler<Notice> for App {
                     let _ = self.0.send_event(Notice::Ended);
                 }
             }
-            let _farewell = EndNotice(proxy, host);
+            let farewell = EndNotice(proxy, host);
+            farewell.1.presenting_began();
             presenter.run()
         });
         match started {

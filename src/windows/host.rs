@@ -83,6 +83,9 @@ pub trait Host: Send + Sync {
     /// A frame of [`Next::Prepare`] is prepared; `false`: the device was lost with it. Must not block.
     fn prepared(&self, _number: u64, _is_ready: bool) {}
 
+    /// The presenting thread, which calls this, begins.
+    fn presenting_began(&self) {}
+
     /// The presenting thread has ended, also by a panic: no frame is prepared any more. Must not block.
     fn presenting_ended(&self) {}
 

@@ -1,7 +1,10 @@
 //! Priority of threads, memory and open files of this process.
 #![cfg_attr(
-    all(target_os = "linux", target_env = "gnu"),
-    expect(unsafe_code, reason = "neither the standard library nor `rustix` has `malloc_trim`")
+    target_os = "linux",
+    expect(
+        unsafe_code,
+        reason = "neither the standard library nor `rustix` has `malloc_trim` and `sched_setscheduler`"
+    )
 )]
 
 use std::io;
@@ -32,6 +35,24 @@ pub(crate) fn real_time_thread() -> io::Result<()> {
     return round_robin();
     #[cfg(not(feature = "cluster"))]
     Err(io::Error::new(io::ErrorKind::Unsupported, "the program was built without the feature `cluster`"))
+}
+
+/// Gives the calling thread alone real-time scheduling, with a priority below that of [`real_time_thread`]. Threads that it starts have none.
+///
+/// # Errors
+///
+/// The system refuses: `LimitRTPRIO=` of the unit, or `ulimit -r`, is too low. Only Linux tells both kinds of threads apart.
+pub(crate) fn real_time_thread_alone() -> io::Result<()> {
+    #[cfg(target_os = "linux")]
+    {
+        let parameters = libc::sched_param { sched_priority: 9 };
+        // SAFETY: 0 is the calling thread, and `parameters` outlives the call.
+        let done =
+            unsafe { libc::sched_setscheduler(0, libc::SCHED_RR | libc::SCHED_RESET_ON_FORK, &raw const parameters) };
+        if done == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
+    }
+    #[cfg(not(target_os = "linux"))]
+    Err(io::Error::new(io::ErrorKind::Unsupported, "this system has no real-time scheduling of a thread alone"))
 }
 
 #[cfg(feature = "cluster")]

@@ -29,6 +29,15 @@ pub(crate) fn real_time_thread() -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::Unsupported, "not implemented on Windows"))
 }
 
+/// Real-time scheduling of threads is not implemented on Windows.
+///
+/// # Errors
+///
+/// Always.
+pub(crate) fn real_time_thread_alone() -> io::Result<()> {
+    real_time_thread()
+}
+
 /// Windows returns freed memory by itself.
 pub(crate) fn return_freed_memory() {}
 

@@ -66,7 +66,7 @@ pub struct ClusterOptions {
     pub epoch_file: PathBuf,
     /// Address at which clients reach the director.
     pub director: String,
-    /// Whether to ask for real-time scheduling of the network's threads.
+    /// Whether to ask for real-time scheduling of the threads of the network, and of the one that presents.
     pub real_time: bool,
     /// Opens the network.
     pub open: OpenWire,
@@ -132,7 +132,7 @@ impl Cluster {
                 (thread, Box::new(move || queue.push_surely(director::Event::Stop)))
             }
             Some(own) => {
-                render.be_led(own.views);
+                render.be_led(own.views, real_time);
                 let (queue, events, hear) = queue_of(node::Event::Heard);
                 let open = move || opened(hear);
                 let thread = node::spawn(party, render.clone(), &queue, events, Arc::clone(&figures), open)?;

@@ -24,6 +24,7 @@ use tokio::{
 
 use crate::{
     config::WindowConfig,
+    platform::process,
     render::Wanted,
     service::{
         engine::{
@@ -271,6 +272,13 @@ fn figures(configs: &[WindowConfig], reason: &str) -> Vec<WindowFigures> {
 }
 
 impl Host for Windows {
+    fn presenting_began(&self) {
+        let is_asked = self.render.stage().is_some_and(|stage| stage.real_time);
+        if is_asked && let Err(error) = process::real_time_thread_alone() {
+            tracing::warn!("cluster: no real-time scheduling of the thread that presents: {error}");
+        }
+    }
+
     fn next(&self, shown: &[bool]) -> Next {
         let Ok(scene) = self.render.scene() else { return Next::End };
         let mut state = self.state();

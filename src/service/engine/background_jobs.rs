@@ -1,7 +1,8 @@
 //! Long jobs besides rendering, run one at a time on a low-priority thread: failure tests, with a device of their own, and the preparation
-//! of new asteroid shapes, with the device that draws.
+//! of new asteroid shapes and of shaders, with the device that draws.
 
 use std::{
+    any::Any,
     io,
     panic::{AssertUnwindSafe, catch_unwind},
     sync::{
@@ -35,6 +36,7 @@ type Reply<T> = oneshot::Sender<Result<T, String>>;
 enum Job {
     Verify { check: &'static Check, settings: Box<RenderSettings>, reply: Reply<CheckResult> },
     Bake { sets: Vec<Arc<ShapeSet>>, settings: AsteroidSettings, reply: Reply<()> },
+    Compile { reply: Reply<()> },
 }
 
 /// Handle of the thread, which ends with the last clone.
@@ -49,9 +51,10 @@ impl BackgroundJobs {
     /// Starts the thread; the device is opened with the first failure test.
     pub(crate) fn spawn(open: OpenBeside, pipelines: PipelinesAhead) -> io::Result<Self> {
         let (jobs, given) = mpsc::channel();
+        let ahead = pipelines.clone();
         thread::Builder::new().name("background_jobs".to_owned()).spawn(move || {
             threads::stand_back();
-            work(&given, open);
+            work(&given, open, &ahead);
         })?;
         Ok(Self { jobs, pipelines })
     }
@@ -76,6 +79,12 @@ impl BackgroundJobs {
         self.give(Job::Bake { sets, settings, reply }, result).await
     }
 
+    /// Compiles the shaders of the pipelines that frames have created for a later scene: at once, if the driver's cache has them.
+    pub(crate) async fn compile(&self) -> Result<Result<(), String>, Refused> {
+        let (reply, result) = oneshot::channel();
+        self.give(Job::Compile { reply }, result).await
+    }
+
     async fn give<T>(
         &self,
         job: Job,
@@ -86,7 +95,7 @@ impl BackgroundJobs {
     }
 }
 
-fn work(given: &mpsc::Receiver<Job>, mut open: OpenBeside) {
+fn work(given: &mpsc::Receiver<Job>, mut open: OpenBeside, pipelines: &PipelinesAhead) {
     let mut engine = None;
     loop {
         let next = match &engine {
@@ -105,6 +114,11 @@ fn work(given: &mpsc::Receiver<Job>, mut open: OpenBeside) {
         match job {
             Job::Verify { reply, .. } if reply.is_closed() => {}
             Job::Bake { reply, .. } if reply.is_closed() => {}
+            // Its frames will come, whoever asked for them.
+            Job::Compile { reply } => {
+                let compiled = catch_unwind(AssertUnwindSafe(|| threads::on_own_cores(|| pipelines.compile())));
+                let _ = reply.send(compiled.map_err(|payload| panicked(payload.as_ref())));
+            }
             Job::Verify { check, settings, reply } => {
                 let _ = reply.send(with(&mut engine, &mut open, |engine| engine.verify(check, &settings)));
             }
@@ -142,6 +156,10 @@ where
             }
             Err(error.to_string())
         }
-        Err(payload) => Err(format!("the background job panicked: {}", panic_message(payload.as_ref()))),
+        Err(payload) => Err(panicked(payload.as_ref())),
     }
+}
+
+fn panicked(payload: &(dyn Any + Send)) -> String {
+    format!("the background job panicked: {}", panic_message(payload))
 }

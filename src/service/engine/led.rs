@@ -151,9 +151,9 @@ impl State {
 }
 
 impl RenderHandle {
-    /// From now on, frames are drawn only for cues, with these views.
-    pub(crate) fn be_led(&self, views: Vec<String>) {
-        let stage = Arc::default();
+    /// From now on, frames are drawn only for cues, with these views. `real_time`: whether the presenting thread asks for real-time scheduling.
+    pub(crate) fn be_led(&self, views: Vec<String>, real_time: bool) {
+        let stage = Arc::new(Stage::new(real_time));
         self.shared.state().led = Some(Led { views: views.into(), next: None, of_windows: Vec::new(), stage });
         self.shared.wake.notify_one();
     }

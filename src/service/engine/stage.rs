@@ -39,9 +39,15 @@ struct State {
 pub(crate) struct Stage {
     state: Mutex<State>,
     wake: Condvar,
+    /// Whether the presenting thread asks for real-time scheduling.
+    pub(crate) real_time: bool,
 }
 
 impl Stage {
+    pub(crate) fn new(real_time: bool) -> Self {
+        Self { real_time, ..Self::default() }
+    }
+
     fn state(&self) -> MutexGuard<'_, State> {
         // Nothing can panic while the lock is held, so a poisoned state is consistent.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     plan::{Output, PlanOutputs, settings::AsteroidSettings, view_settings::FrameGroup},
-    scene::{SceneSnapshot, asteroids::ShapeSet},
+    scene::{SceneObjects, SceneSnapshot, asteroids::ShapeSet},
     service::{
         frames::errors::{Refused, refused},
         network::{access::By, clients::ClientInfo},
@@ -85,17 +85,23 @@ impl Service {
         self.plan(self.render.snapshot(after), groups.clone()).await?;
         let new = new_sets(before, after);
         // Without fields, this releases the data of earlier ones.
-        if new.is_empty() && (before.objects.drawn.fields.is_empty() || !after.objects.drawn.fields.is_empty()) {
-            return Ok(());
-        }
+        let ends_fields = !before.objects.drawn.fields.is_empty() && after.objects.drawn.fields.is_empty();
+        let needs_shaders = !new.is_empty() || brings_shaders(&before.objects.drawn, &after.objects.drawn);
         let pipelines = self.background_jobs.pipelines.clone();
-        if !new.is_empty() {
+        if needs_shaders {
             pipelines.begin(Arc::clone(&after.objects.drawn), groups);
         }
-        let baked = self.background_jobs.bake(new, after.asteroids.clone()).await.map_err(refused)?;
-        baked.map_err(refusals::invalid)?;
-        let waited = task::spawn_blocking(move || pipelines.wait()).await;
-        waited.map_err(|error| Status::internal(format!("waiting for pipelines failed: {error}")))
+        if !new.is_empty() || ends_fields {
+            let baked = self.background_jobs.bake(new, after.asteroids.clone()).await.map_err(refused)?;
+            baked.map_err(refusals::invalid)?;
+        }
+        if needs_shaders {
+            let waited = task::spawn_blocking(move || pipelines.wait()).await;
+            waited.map_err(|error| Status::internal(format!("waiting for pipelines failed: {error}")))?;
+            let compiled = self.background_jobs.compile().await.map_err(refused)?;
+            compiled.map_err(Status::internal)?;
+        }
+        Ok(())
     }
 
     /// Returns the scene if it has the expected revision.
@@ -235,6 +241,13 @@ fn snapshot_name(name: String) -> Result<String, Status> {
         return Err(refusals::invalid(format!("name: must have at most {MOST_NAME} characters")));
     }
     Ok(name)
+}
+
+/// Whether a change brings the first objects of a kind, whose frames need shaders of their own.
+fn brings_shaders(before: &SceneObjects, after: &SceneObjects) -> bool {
+    (before.bodies.is_empty() && !after.bodies.is_empty())
+        || (before.surroundings.is_none() && after.surroundings.is_some())
+        || (!before.zodiacal_light && after.zodiacal_light)
 }
 
 /// Returns the shape sets that are new after a change, or drawn differently, without duplicates.

@@ -6,10 +6,11 @@
 //! (`gpu/driver_cache.rs`), and so is a driver without such a cache.
 
 use std::{
-    sync::{Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::Instant,
 };
 
+use rayon::prelude::*;
 use wgpu::naga;
 
 use super::{ShaderSource, adapter::Selection, driver_cache::DriverCache};
@@ -32,10 +33,11 @@ enum BindingKind {
         usage: wgpu::BufferUsages,
         bytes: u64,
     },
-    /// A texture of one texel per layer. The driver's code does not depend on its format.
+    /// A texture of one texel per layer. The driver's code for reading does not depend on its format.
     Texture {
         format: wgpu::TextureFormat,
         dimension: wgpu::TextureViewDimension,
+        usage: wgpu::TextureUsages,
     },
     Sampler,
 }
@@ -47,10 +49,16 @@ enum SkipReason {
     Device(#[from] wgpu::RequestDeviceError),
     #[error("it cannot be read: {0}")]
     Parse(String),
-    #[error("it has a binding that is neither a buffer, nor a flat texture that is read, nor a sampler")]
+    #[error("it has a binding that is neither a buffer, nor a flat texture, nor a sampler")]
     Binding,
     #[error("{0}")]
     Driver(String),
+}
+
+/// A shader with values for its overridable constants.
+struct Shader {
+    source: ShaderSource,
+    constants: Vec<(String, f64)>,
 }
 
 /// The compiling devices of one adapter.
@@ -60,11 +68,51 @@ pub(super) struct CompileAhead {
     driver_cache: DriverCache,
     /// Devices that no thread uses at the moment; `None` outside `during`.
     idle: Mutex<Option<Vec<(wgpu::Device, wgpu::Queue)>>>,
+    /// Shaders of the pipelines created since `collect`; `None` before it.
+    collected: Mutex<Option<Vec<Shader>>>,
+}
+
+/// Shaders that were collected, to be compiled on a thread that nothing waits for.
+pub(crate) struct CollectedShaders {
+    ahead: Arc<CompileAhead>,
+    shaders: Vec<Shader>,
+}
+
+impl CollectedShaders {
+    /// Compiles those that the driver's cache does not have, on the threads of rayon's current pool. A frame that needs one of them before
+    /// compiles it itself.
+    pub(crate) fn compile(&self) {
+        let begin = Instant::now();
+        self.ahead.during(|| {
+            self.shaders.par_iter().for_each(|Shader { source, constants }| {
+                let constants: Vec<(&str, f64)> =
+                    constants.iter().map(|(name, value)| (name.as_str(), *value)).collect();
+                self.ahead.compile(source, &constants);
+            });
+        });
+        tracing::debug!("compiled the shaders of a later scene in {:.1} s", begin.elapsed().as_secs_f64());
+    }
 }
 
 impl CompileAhead {
     pub(super) fn new(adapter: wgpu::Adapter, selection: Selection, driver_cache: DriverCache) -> Self {
-        Self { adapter, selection, driver_cache, idle: Mutex::new(None) }
+        Self { adapter, selection, driver_cache, idle: Mutex::new(None), collected: Mutex::new(None) }
+    }
+
+    fn collected(&self) -> MutexGuard<'_, Option<Vec<Shader>>> {
+        // No code panics while it holds the lock.
+        self.collected.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// From now on, collects the shaders of created pipelines.
+    pub(super) fn collect(&self) {
+        self.collected().get_or_insert_default();
+    }
+
+    /// The shaders that were collected; ends the collection.
+    pub(super) fn take_collected(self: &Arc<Self>) -> Option<CollectedShaders> {
+        let shaders = self.collected().take().filter(|shaders| !shaders.is_empty())?;
+        Some(CollectedShaders { ahead: Arc::clone(self), shaders })
     }
 
     fn idle(&self) -> MutexGuard<'_, Option<Vec<(wgpu::Device, wgpu::Queue)>>> {
@@ -79,9 +127,14 @@ impl CompileAhead {
         *self.idle() = None;
     }
 
-    /// Compiles a shader with values for its overridable constants, if called inside `during` and the driver's cache does not have it.
+    /// Inside `during`, compiles a shader with values for its overridable constants, if the driver's cache does not have it; otherwise
+    /// collects it.
     pub(super) fn compile(&self, source: &ShaderSource, constants: &[(&str, f64)]) {
         if self.idle().is_none() {
+            if let Some(collected) = &mut *self.collected() {
+                let constants = constants.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
+                collected.push(Shader { source: source.clone(), constants });
+            }
             return;
         }
         let compiled = self.driver_cache.compile(source, constants, || {
@@ -127,14 +180,12 @@ fn bindings(source: &ShaderSource) -> Result<Vec<Binding>, SkipReason> {
                 (naga::AddressSpace::Storage { .. }, _) => {
                     BindingKind::Buffer { usage: wgpu::BufferUsages::STORAGE, bytes: bytes() }
                 }
-                (_, naga::TypeInner::Image { dim: naga::ImageDimension::D2, arrayed, class }) => BindingKind::Texture {
-                    format: format_of(*class).ok_or(SkipReason::Binding)?,
-                    dimension: if *arrayed {
-                        wgpu::TextureViewDimension::D2Array
-                    } else {
-                        wgpu::TextureViewDimension::D2
-                    },
-                },
+                (_, naga::TypeInner::Image { dim: naga::ImageDimension::D2, arrayed, class }) => {
+                    let (format, usage) = form_of(*class).ok_or(SkipReason::Binding)?;
+                    let dimension =
+                        if *arrayed { wgpu::TextureViewDimension::D2Array } else { wgpu::TextureViewDimension::D2 };
+                    BindingKind::Texture { format, dimension, usage }
+                }
                 (_, naga::TypeInner::Sampler { comparison: false }) => BindingKind::Sampler,
                 _ => return Err(SkipReason::Binding),
             };
@@ -143,18 +194,18 @@ fn bindings(source: &ShaderSource) -> Result<Vec<Binding>, SkipReason> {
         .collect()
 }
 
-/// A format that a texture of this class may have; `None` for textures that are written or have several samples.
-fn format_of(class: naga::ImageClass) -> Option<wgpu::TextureFormat> {
-    match class {
-        naga::ImageClass::Sampled { kind: naga::ScalarKind::Uint, multi: false } => {
-            Some(wgpu::TextureFormat::Rgba32Uint)
+/// A format that a texture of this class may have, and its usage; `None` for textures with several samples.
+fn form_of(class: naga::ImageClass) -> Option<(wgpu::TextureFormat, wgpu::TextureUsages)> {
+    let format = match class {
+        naga::ImageClass::Sampled { kind: naga::ScalarKind::Uint, multi: false } => wgpu::TextureFormat::Rgba32Uint,
+        naga::ImageClass::Sampled { kind: naga::ScalarKind::Float, multi: false } => wgpu::TextureFormat::Rgba16Float,
+        naga::ImageClass::Depth { multi: false } => wgpu::TextureFormat::Depth32Float,
+        naga::ImageClass::Storage { format: naga::StorageFormat::Rgba16Float, .. } => {
+            return Some((wgpu::TextureFormat::Rgba16Float, wgpu::TextureUsages::STORAGE_BINDING));
         }
-        naga::ImageClass::Sampled { kind: naga::ScalarKind::Float, multi: false } => {
-            Some(wgpu::TextureFormat::Rgba16Float)
-        }
-        naga::ImageClass::Depth { multi: false } => Some(wgpu::TextureFormat::Depth32Float),
-        _ => None,
-    }
+        _ => return None,
+    };
+    Some((format, wgpu::TextureUsages::TEXTURE_BINDING))
 }
 
 /// Creates the pipeline on a device and dispatches zero workgroups, for which the driver compiles it.
@@ -213,7 +264,7 @@ impl Resource {
                 usage,
                 mapped_at_creation: false,
             })),
-            BindingKind::Texture { format, dimension } => {
+            BindingKind::Texture { format, dimension, usage } => {
                 let texture = device.create_texture(&wgpu::TextureDescriptor {
                     label: Some("compile ahead"),
                     size: wgpu::Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
@@ -221,7 +272,7 @@ impl Resource {
                     sample_count: 1,
                     dimension: wgpu::TextureDimension::D2,
                     format,
-                    usage: wgpu::TextureUsages::TEXTURE_BINDING,
+                    usage,
                     view_formats: &[],
                 });
                 let descriptor = wgpu::TextureViewDescriptor { dimension: Some(dimension), ..Default::default() };
@@ -279,7 +330,9 @@ mod tests {
             @group(0) @binding(2) var layers: texture_2d_array<f32>;
             @group(0) @binding(3) var depth: texture_depth_2d;
             @group(0) @binding(4) var smooth_texels: sampler;
+            @group(0) @binding(5) var written: texture_storage_2d<rgba16float, write>;
             @compute @workgroup_size(1) fn double() {
+                textureStore(written, vec2(0), vec4(1.0));
                 values[0] = f32(textureLoad(table, vec2(0), 0).x) + textureLoad(depth, vec2(0), 0);
                 values[1] = textureSampleLevel(layers, smooth_texels, vec2(0.5), 0, 0.0).x;
             }";

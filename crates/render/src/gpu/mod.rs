@@ -22,6 +22,7 @@ pub(crate) use binding::{Tables, bind_buffers, bind_in_order, dispatch_rows};
 pub(crate) use buffers::{
     GrowingBuffer, ReadbackBuffer, ReadbackPlace, filled_buffer, storage_buffer, uniform_buffer, uniform_list,
 };
+pub(crate) use compile_ahead::CollectedShaders;
 #[doc(hidden)]
 pub use constants::Table;
 pub(crate) use constants::{ConstantValue, shared_constants};

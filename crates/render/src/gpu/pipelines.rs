@@ -9,7 +9,11 @@ use std::{
     time::Instant,
 };
 
-use super::{Gpu, ShaderSource, compile_ahead::CompileAhead, frame_pool::Counters};
+use super::{
+    Gpu, ShaderSource,
+    compile_ahead::{CollectedShaders, CompileAhead},
+    frame_pool::Counters,
+};
 
 /// Pipelines of one pass, by the settings that are compiled into them. The first request for a pipeline creates it; requests of other
 /// threads for the same one wait.
@@ -159,6 +163,18 @@ impl Gpu {
             Some(ahead) => ahead.during(make),
             None => make(),
         }
+    }
+
+    /// From now on, collects the compute shaders of created pipelines, if the driver compiles them when they first run.
+    pub(crate) fn collect_shaders(&self) {
+        if let Some(ahead) = &self.compile_ahead {
+            ahead.collect();
+        }
+    }
+
+    /// The shaders that were collected.
+    pub(crate) fn collected_shaders(&self) -> Option<CollectedShaders> {
+        self.compile_ahead.as_ref()?.take_collected()
     }
 
     /// Creates a pipeline with one colour target, without depth and vertex buffers, with the layout of its shaders.

@@ -16,6 +16,7 @@ use super::{
     technique::{PipelineJob, PipelineWork, Wish},
 };
 use crate::{
+    gpu::CollectedShaders,
     plan::{Forecast, Limits, exposure::origin::ExposureOrigin, settings::RenderSettings, view_settings::FrameGroup},
     scene::{SceneObjects, SceneSnapshot},
     view::{Rig, Viewport},
@@ -114,6 +115,8 @@ struct AheadState {
     beside: Option<JoinHandle<()>>,
     /// Begin of the last frame.
     last_frame: Option<Instant>,
+    /// Shaders of the pipelines that were created.
+    shaders: Option<CollectedShaders>,
 }
 
 impl Drop for AheadState {
@@ -164,6 +167,15 @@ impl PipelinesAhead {
     /// Whether nothing that was asked for is missing.
     pub fn is_done(&self) -> bool {
         self.state().wanted.is_none()
+    }
+
+    /// Compiles the shaders of the pipelines that frames have created, if the driver compiles shaders when they first run. Takes up to a minute
+    /// with an empty cache of the driver; frames go on.
+    pub fn compile(&self) {
+        let shaders = self.state().shaders.take();
+        if let Some(shaders) = shaders {
+            shaders.compile();
+        }
     }
 
     /// Waits until the pipelines exist. Returns earlier if no frame creates them.
@@ -227,6 +239,7 @@ impl Renderer {
         let pictures: Vec<Picture> = groups.iter().flat_map(of_group).collect();
         let jobs = self.jobs(&objects, &pictures, &[]);
         let all = jobs.len();
+        self.gpu.collect_shaders();
         let mut beside = None;
         for job in jobs.into_iter().skip(done) {
             done += 1;
@@ -248,6 +261,7 @@ impl Renderer {
             wanted.done = done;
             if done >= all && !is_busy {
                 state.wanted = None;
+                state.shaders = self.gpu.collected_shaders();
             }
         }
         self.pipelines_ahead.0.created.notify_all();

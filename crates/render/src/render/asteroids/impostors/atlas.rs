@@ -33,7 +33,7 @@ use crate::{
 };
 
 /// The finest levels of all layers.
-const PART: Part = Part { name: "asteroid-atlas", version: 4 };
+const PART: Part = Part { name: "asteroid-atlas", version: 3 };
 const FORM: Form<Vec<Level>> = Form { to_bytes, from_bytes };
 
 /// Reason why an atlas cannot be made.

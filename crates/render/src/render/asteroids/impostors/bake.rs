@@ -21,12 +21,10 @@ use crate::{
     scene::asteroids::{Mesh, Shape},
 };
 
-/// Samples along the side of a texel. A row of them is one vector.
+/// Samples along the side of a texel.
 const SAMPLES: usize = 4;
-/// Centres of the samples in a row of a texel, from its left side.
-const CENTRES: Vec4 = Vec4::new(0.5, 1.5, 2.5, 3.5);
-/// Number of a triangle at samples that none covers: beyond every index.
-const NO_TRIANGLE: f32 = f32::INFINITY;
+/// Number of a triangle at samples that none covers.
+const NO_TRIANGLE: u32 = u32::MAX;
 
 /// Layout and size of an atlas.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -87,10 +85,10 @@ struct Plane<T> {
 /// Samples of one tile, row by row, and the projected mesh; kept from tile to tile.
 #[derive(Default)]
 pub(super) struct Samples {
-    /// Depths towards the eye, bounding radii.
-    depths: Vec<Vec4>,
-    /// Indices into `seen` as floats, or [`NO_TRIANGLE`].
-    triangles: Vec<Vec4>,
+    /// Depth towards the eye, bounding radii.
+    depths: Vec<f32>,
+    /// Index into `seen`, or [`NO_TRIANGLE`].
+    triangles: Vec<u32>,
     /// What a triangle shows at its samples: normal and albedo.
     seen: Vec<Plane<Vec4>>,
     /// Position in samples from the top left, and depth.
@@ -105,18 +103,19 @@ impl<'a> TileBaker<'a> {
     /// Texels of a tile, row by row from the top left. Those without a covered sample are [`Texel::default`].
     pub(super) fn texels(&self, samples: &mut Samples, tile: AtlasTile) -> Vec<Texel> {
         let px = self.size.tile_px as usize;
-        self.project(samples, tile, px);
-        self.draw(samples, px);
-        (0..px * px).map(|texel| samples.texel(px, [texel % px, texel / px])).collect()
+        let side = px * SAMPLES;
+        self.project(samples, tile, side);
+        self.draw(samples, side);
+        (0..px * px).map(|texel| self.texel(samples, side, [texel % px, texel / px])).collect()
     }
 
     /// Projects the vertices along the tile's direction and clears the samples.
-    fn project(&self, samples: &mut Samples, tile: AtlasTile, px: usize) {
+    fn project(&self, samples: &mut Samples, tile: AtlasTile, side: usize) {
         let axes = self.size.layout.axes(tile, self.size.tiles);
         let [right, up, direction] = [axes.right, axes.up, axes.direction].map(|axis| axis.as_vec3() / self.bound);
         // A border of half of `BORDER_PX` texels around the bounding sphere stays empty.
         let scale = 0.5 * (self.size.tile_px - BORDER_PX) as f32 * SAMPLES as f32;
-        let middle = 0.5 * (px * SAMPLES) as f32;
+        let middle = 0.5 * side as f32;
         samples.vertices.clear();
         samples.vertices.extend(self.mesh.positions.iter().map(|position| {
             let position = Vec3::from_array(*position);
@@ -124,14 +123,13 @@ impl<'a> TileBaker<'a> {
         }));
         samples.seen.clear();
         samples.depths.clear();
-        samples.depths.resize(SAMPLES * px * px, Vec4::NEG_INFINITY);
+        samples.depths.resize(side * side, f32::NEG_INFINITY);
         samples.triangles.clear();
-        samples.triangles.resize(SAMPLES * px * px, Vec4::splat(NO_TRIANGLE));
+        samples.triangles.resize(side * side, NO_TRIANGLE);
     }
 
     /// Draws all triangles that face the eye. The mesh is closed, so the others are hidden.
-    fn draw(&self, samples: &mut Samples, px: usize) {
-        let side = px * SAMPLES;
+    fn draw(&self, samples: &mut Samples, side: usize) {
         for triangle in &self.mesh.triangles {
             let at = |corner: usize| samples.vertices[triangle[corner] as usize];
             let corners = [at(0), at(1), at(2)];
@@ -141,64 +139,68 @@ impl<'a> TileBaker<'a> {
             if doubled_area >= 0.0 {
                 continue;
             }
-            // Rows of samples, and texels of each row, that the triangle may cover.
-            let (least, most) = (a.min(b).min(c), a.max(b).max(c));
-            let rows = first_sample(least.y)..first_sample(most.y).min(side);
-            let [left, right] = [first_sample(least.x), first_sample(most.x).min(side)];
-            if rows.is_empty() || left >= right {
-                continue;
-            }
-            let texels = left / SAMPLES..right.div_ceil(SAMPLES);
-            // A sample is inside if it is on the inner side of all edges. Triangles at a common edge compute values that differ in sign only,
-            // so every sample belongs to at least one of them.
-            let edges = [edge(a, b), edge(b, c), edge(c, a)];
             let depth = plane(corners, doubled_area, [corners[0].z, corners[1].z, corners[2].z]);
-            let number = Vec4::splat(samples.seen.len() as f32);
-            for row in rows {
-                let y = row as u32 as f32 + 0.5;
-                let [one, two, three] = [edges[0].row(y), edges[1].row(y), edges[2].row(y)];
-                let depth = depth.row(y);
-                let texels = row * px + texels.start..row * px + texels.end;
-                let nearest = &mut samples.depths[texels.clone()];
-                let shown = &mut samples.triangles[texels];
-                let mut x = CENTRES + (left / SAMPLES * SAMPLES) as u32 as f32;
-                for i in 0..nearest.len() {
-                    let inside = one.at(x).min(two.at(x)).min(three.at(x)).cmpge(Vec4::ZERO);
-                    let found = depth.at(x);
-                    let visible = inside & found.cmpgt(nearest[i]);
-                    nearest[i] = Vec4::select(visible, found, nearest[i]);
-                    shown[i] = Vec4::select(visible, number, shown[i]);
-                    x += SAMPLES as f32;
+            let number = samples.seen.len() as u32;
+            let mut covers = false;
+            // Samples of a row are between the crossings of two edges. Triangles at a common edge compute the same
+            // crossing, so every sample belongs to exactly one of them.
+            let [top, middle, bottom] = by_y([a, b, c]);
+            let (long, upper, lower) = (Edge::new(top, bottom), Edge::new(top, middle), Edge::new(middle, bottom));
+            let (first, bend, end) = (first_sample(top.y), first_sample(middle.y), first_sample(bottom.y).min(side));
+            let mut y = first as u32 as f32 + 0.5;
+            for row in first..end {
+                let (one, other) = (long.crossing(y), if row < bend { upper.crossing(y) } else { lower.crossing(y) });
+                let at_row = depth.at_origin + depth.slope[1] * y;
+                y += 1.0;
+                let (start, end) = (first_sample(one.min(other)), first_sample(one.max(other)).min(side));
+                if start >= end {
+                    continue;
+                }
+                covers = true;
+                let nearest = &mut samples.depths[row * side..][start..end];
+                let shown = &mut samples.triangles[row * side..][start..end];
+                let mut x = start as u32 as f32 + 0.5;
+                for i in 0..end - start {
+                    let found = at_row + depth.slope[0] * x;
+                    x += 1.0;
+                    if found > nearest[i] {
+                        nearest[i] = found;
+                        shown[i] = number;
+                    }
                 }
             }
-            let shown = |corner: usize| {
-                let vertex = triangle[corner] as usize;
-                Vec3::from_array(self.mesh.normals[vertex]).extend(self.mesh.albedos[vertex] / self.albedo_scale)
-            };
-            samples.seen.push(plane(corners, doubled_area, [shown(0), shown(1), shown(2)]));
+            if covers {
+                let shown = |corner: usize| {
+                    let vertex = triangle[corner] as usize;
+                    Vec3::from_array(self.mesh.normals[vertex]).extend(self.mesh.albedos[vertex] / self.albedo_scale)
+                };
+                samples.seen.push(plane(corners, doubled_area, [shown(0), shown(1), shown(2)]));
+            }
         }
     }
-}
 
-impl Samples {
-    /// Means over the covered samples of a texel, and the covered share, in a tile of `px` texels along a side.
-    fn texel(&self, px: usize, [x, y]: [usize; 2]) -> Texel {
+    /// Means over the covered samples of a texel, and the covered share.
+    fn texel(&self, samples: &Samples, side: usize, [x, y]: [usize; 2]) -> Texel {
         let (mut sum, mut depth, mut count) = (Vec4::ZERO, 0.0, 0.0);
-        let xs = (CENTRES + (x * SAMPLES) as u32 as f32).to_array();
+        let left = (x * SAMPLES) as u32 as f32 + 0.5;
+        let mut place = Vec2::new(left, (y * SAMPLES) as u32 as f32 + 0.5);
         for row in y * SAMPLES..(y + 1) * SAMPLES {
-            let place_y = row as u32 as f32 + 0.5;
-            let triangles = self.triangles[row * px + x].to_array();
-            let depths = self.depths[row * px + x].to_array();
+            let first = row * side + x * SAMPLES;
+            let triangles = &samples.triangles[first..first + SAMPLES];
+            let depths = &samples.depths[first..first + SAMPLES];
+            place.x = left;
             for column in 0..SAMPLES {
-                if let Some(seen) = self.seen.get(triangles[column] as usize) {
-                    let shown = seen.at(Vec2::new(xs[column], place_y));
+                if let Some(seen) = samples.seen.get(triangles[column] as usize) {
+                    let shown = seen.at(place);
                     let length = shown.truncate().length();
                     let scale = if length > 0.0 { 1.0 / length } else { 0.0 };
                     sum += shown * Vec4::new(scale, scale, scale, 1.0);
                     depth += depths[column];
                     count += 1.0;
                 }
+                place.x += 1.0;
             }
+            place.y += 1.0;
         }
         if count == 0.0 {
             return Texel::default();
@@ -217,10 +219,34 @@ fn first_sample(position: f32) -> usize {
     ((position.max(0.0) + TWO_TO_23).to_bits() - TWO_TO_23.to_bits()) as usize
 }
 
-/// Twice the area between an edge of a triangle that faces the eye and a place, positive inside.
+/// Sorts corners from the top to the bottom.
 #[inline]
-fn edge(from: Vec2, to: Vec2) -> Plane<f32> {
-    Plane { at_origin: to.perp_dot(from), slope: [to.y - from.y, from.x - to.x] }
+fn by_y([a, b, c]: [Vec2; 3]) -> [Vec2; 3] {
+    let (a, b) = if a.y <= b.y { (a, b) } else { (b, a) };
+    let (b, c) = if b.y <= c.y { (b, c) } else { (c, b) };
+    let (a, b) = if a.y <= b.y { (a, b) } else { (b, a) };
+    [a, b, c]
+}
+
+/// An edge of a triangle.
+struct Edge {
+    top: Vec2,
+    /// Change of x per row.
+    slope: f32,
+}
+
+impl Edge {
+    /// The edge from its upper to its lower end.
+    #[inline]
+    fn new(top: Vec2, bottom: Vec2) -> Self {
+        Self { top, slope: (bottom.x - top.x) / (bottom.y - top.y) }
+    }
+
+    /// x at which the edge crosses a row between its ends.
+    #[inline]
+    fn crossing(&self, y: f32) -> f32 {
+        self.top.x + (y - self.top.y) * self.slope
+    }
 }
 
 /// The plane through the values at the corners of a triangle.
@@ -240,27 +266,6 @@ impl<T: Copy + std::ops::Add<Output = T> + std::ops::Mul<f32, Output = T>> Plane
     #[inline]
     fn at(&self, place: Vec2) -> T {
         self.at_origin + self.slope[0] * place.x + self.slope[1] * place.y
-    }
-}
-
-/// The values of a plane along a row.
-#[derive(Clone, Copy)]
-struct Row {
-    at_left: Vec4,
-    slope: Vec4,
-}
-
-impl Plane<f32> {
-    #[inline]
-    fn row(&self, y: f32) -> Row {
-        Row { at_left: Vec4::splat(self.at_origin + self.slope[1] * y), slope: Vec4::splat(self.slope[0]) }
-    }
-}
-
-impl Row {
-    #[inline]
-    fn at(&self, x: Vec4) -> Vec4 {
-        self.at_left + self.slope * x
     }
 }
 
