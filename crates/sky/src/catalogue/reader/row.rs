@@ -452,7 +452,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
     fn temperature_k(&self, bp_rp: Option<f64>, b_v: Option<f64>, notes: &mut Notes) -> Result<f64, Refusal> {
         if let (Some(t), Some((column, text))) = (self.finite(self.columns.teff_k)?, self.text(self.columns.teff_k)) {
             // 9999 K is a temperature.
-            if (t < 0.0 || t >= 99_999.0) && is_nines(text) {
+            if !(0.0..99_999.0).contains(&t) && is_nines(text) {
                 return Ok(temperature_of_colour_k(bp_rp, b_v, notes));
             }
             if t <= 0.0 {
