@@ -521,8 +521,8 @@ pub(super) fn names<'a>(columns: &Columns, field: impl Fn(usize) -> &'a str) -> 
 fn is_nines(text: &str) -> bool {
     let is_whole = |(_, rest): &(&str, &str)| rest.bytes().all(|digit| digit == b'0');
     let text = text.split_once('.').filter(is_whole).map_or(text, |(whole, _)| whole);
-    let digits = text.chars().filter(char::is_ascii_digit);
-    digits.clone().count() >= 2 && digits.clone().all(|digit| digit == '9')
+    let digits = text.trim_start_matches(['+', '-']).bytes().filter(|digit| *digit != b'.');
+    digits.clone().count() >= 2 && digits.clone().all(|digit| digit == b'9')
 }
 
 /// Kind of a refusal for a distance below [`NEAREST_PC`].

@@ -73,7 +73,7 @@ fn sentinels_are_missing_values() {
     assert!(off_arcsec(&stars[0], 10.0, 20.0) < 1e-6, "a sentinel is no motion");
     assert!((stars[1].apparent_magnitude() - 9.99).abs() < 1e-5, "9.99 is a magnitude");
     // Distances, parallaxes and temperatures have such marks too; 9999 K is a temperature, and 990 mas a parallax.
-    let text = "source_id,ra_deg,dec_deg,v_mag,dist_pc,parallax,teff_val\n\
+    let text = "source_id,ra_deg,dec_deg,v_mag,distance_pc,parallax,teff_val\n\
                 1,10,20,5,-9999.0,10,5000\n2,10,21,5,,9999.99,99999\n3,10,22,5,-9999,,9999\n4,10,23,5,,990,5000\n5,10,24,5,-9998,,5000\n";
     let CatalogueRead { stars, report, .. } = read_csv_from(text.as_bytes(), "test.csv", 0.0).unwrap();
     assert_eq!(
