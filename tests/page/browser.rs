@@ -153,11 +153,14 @@ impl Browser {
         errors.map(|entry| entry["message"].to_string()).collect()
     }
 
-    /// Returns the errors in the browser's log since the last call, without those that a restart of the daemon causes: failed connections,
-    /// and the status 503 of a daemon that starts. Chromium asks for the icon at a moment of its own, so it may ask during a restart.
+    /// Returns the errors in the browser's log since the last call, without failed connections.
+    pub fn errors_beside_connections(&self) -> Vec<String> {
+        self.errors().into_iter().filter(|error| !error.contains("net::ERR_")).collect()
+    }
+
+    /// The same for a daemon that was restarted: without the status 503, which it answers while it starts. Chromium may request the icon then.
     pub fn errors_beside_restarts(&self) -> Vec<String> {
-        let of_restarts = ["net::ERR_", "a status of 503"];
-        self.errors().into_iter().filter(|error| !of_restarts.iter().any(|text| error.contains(text))).collect()
+        self.errors_beside_connections().into_iter().filter(|error| !error.contains("a status of 503")).collect()
     }
 
     /// Returns the result of a script.

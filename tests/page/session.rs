@@ -101,7 +101,7 @@ fn a_frozen_daemon() -> Result<(), String> {
         daemon.signal("CONT");
         page.until("document.getElementById('banner').hidden").await;
         page.until("document.querySelector('figcaption').textContent.includes('frames/s')").await;
-        let others = page.errors_beside_restarts();
+        let others = page.errors_beside_connections();
         assert!(others.is_empty(), "{others:#?}");
     })
 }

@@ -41,7 +41,7 @@ pub(crate) fn real_time_thread() -> io::Result<()> {
 ///
 /// # Errors
 ///
-/// The system refuses: `LimitRTPRIO=` of the unit, or `ulimit -r`, is too low. Only Linux tells both kinds of threads apart.
+/// The system refuses: `LimitRTPRIO=` of the unit, or `ulimit -r`, is too low. Only Linux can exclude the threads that it starts.
 pub(crate) fn real_time_thread_alone() -> io::Result<()> {
     #[cfg(target_os = "linux")]
     {

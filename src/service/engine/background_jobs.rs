@@ -114,7 +114,7 @@ fn work(given: &mpsc::Receiver<Job>, mut open: OpenBeside, pipelines: &Pipelines
         match job {
             Job::Verify { reply, .. } if reply.is_closed() => {}
             Job::Bake { reply, .. } if reply.is_closed() => {}
-            // Its frames will come, whoever asked for them.
+            // Also for a caller that has disconnected: the change that it asked for may be asked for again.
             Job::Compile { reply } => {
                 let compiled = catch_unwind(AssertUnwindSafe(|| threads::on_own_cores(|| pipelines.compile())));
                 let _ = reply.send(compiled.map_err(|payload| panicked(payload.as_ref())));

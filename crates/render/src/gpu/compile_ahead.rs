@@ -6,6 +6,7 @@
 //! (`gpu/driver_cache.rs`), and so is a driver without such a cache.
 
 use std::{
+    mem,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::Instant,
 };
@@ -61,15 +62,27 @@ struct Shader {
     constants: Vec<(String, f64)>,
 }
 
-/// The compiling devices of one adapter.
+/// Compiling devices that no thread uses at the moment.
+type Idle = Mutex<Vec<(wgpu::Device, wgpu::Queue)>>;
+
+/// What happens to the shaders of created pipelines.
+#[derive(Default)]
+enum Mode {
+    /// The first frame compiles them.
+    #[default]
+    Nothing,
+    /// The creating thread compiles them, on one of these devices.
+    Compile(Arc<Idle>),
+    /// They are kept for later.
+    Collect(Vec<Shader>),
+}
+
+/// Compiles for one adapter.
 pub(super) struct CompileAhead {
     adapter: wgpu::Adapter,
     selection: Selection,
     driver_cache: DriverCache,
-    /// Devices that no thread uses at the moment; `None` outside `during`.
-    idle: Mutex<Option<Vec<(wgpu::Device, wgpu::Queue)>>>,
-    /// Shaders of the pipelines created since `collect`; `None` before it.
-    collected: Mutex<Option<Vec<Shader>>>,
+    mode: Mutex<Mode>,
 }
 
 /// Shaders that were collected, to be compiled on a thread that nothing waits for.
@@ -83,12 +96,10 @@ impl CollectedShaders {
     /// compiles it itself.
     pub(crate) fn compile(&self) {
         let begin = Instant::now();
-        self.ahead.during(|| {
-            self.shaders.par_iter().for_each(|Shader { source, constants }| {
-                let constants: Vec<(&str, f64)> =
-                    constants.iter().map(|(name, value)| (name.as_str(), *value)).collect();
-                self.ahead.compile(source, &constants);
-            });
+        let idle = Idle::default();
+        self.shaders.par_iter().for_each(|Shader { source, constants }| {
+            let constants: Vec<(&str, f64)> = constants.iter().map(|(name, value)| (name.as_str(), *value)).collect();
+            self.ahead.compile_on(&idle, source, &constants);
         });
         tracing::debug!("compiled the shaders of a later scene in {:.1} s", begin.elapsed().as_secs_f64());
     }
@@ -96,56 +107,64 @@ impl CollectedShaders {
 
 impl CompileAhead {
     pub(super) fn new(adapter: wgpu::Adapter, selection: Selection, driver_cache: DriverCache) -> Self {
-        Self { adapter, selection, driver_cache, idle: Mutex::new(None), collected: Mutex::new(None) }
+        Self { adapter, selection, driver_cache, mode: Mutex::default() }
     }
 
-    fn collected(&self) -> MutexGuard<'_, Option<Vec<Shader>>> {
+    fn mode(&self) -> MutexGuard<'_, Mode> {
         // No code panics while it holds the lock.
-        self.collected.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// From now on, collects the shaders of created pipelines.
-    pub(super) fn collect(&self) {
-        self.collected().get_or_insert_default();
-    }
-
-    /// The shaders that were collected; ends the collection.
-    pub(super) fn take_collected(self: &Arc<Self>) -> Option<CollectedShaders> {
-        let shaders = self.collected().take().filter(|shaders| !shaders.is_empty())?;
-        Some(CollectedShaders { ahead: Arc::clone(self), shaders })
-    }
-
-    fn idle(&self) -> MutexGuard<'_, Option<Vec<(wgpu::Device, wgpu::Queue)>>> {
-        // No code panics while it holds the lock.
-        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
+        self.mode.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Runs `make` and compiles the compute shaders of all pipelines that it creates.
     pub(super) fn during(&self, make: impl FnOnce()) {
-        *self.idle() = Some(Vec::new());
+        *self.mode() = Mode::Compile(Arc::default());
         make();
-        *self.idle() = None;
+        *self.mode() = Mode::Nothing;
     }
 
-    /// Inside `during`, compiles a shader with values for its overridable constants, if the driver's cache does not have it; otherwise
+    /// From now on, collects the shaders of created pipelines. Has no effect inside `during`.
+    pub(super) fn collect(&self) {
+        let mut mode = self.mode();
+        if matches!(*mode, Mode::Nothing) {
+            *mode = Mode::Collect(Vec::new());
+        }
+    }
+
+    /// The shaders that were collected; ends the collection.
+    pub(super) fn take_collected(self: &Arc<Self>) -> Option<CollectedShaders> {
+        let mut mode = self.mode();
+        let Mode::Collect(collected) = &mut *mode else { return None };
+        let shaders = mem::take(collected);
+        *mode = Mode::Nothing;
+        (!shaders.is_empty()).then(|| CollectedShaders { ahead: Arc::clone(self), shaders })
+    }
+
+    /// Inside `during`, compiles a shader with values for its overridable constants, if the driver's cache does not have it; after `collect`,
     /// collects it.
     pub(super) fn compile(&self, source: &ShaderSource, constants: &[(&str, f64)]) {
-        if self.idle().is_none() {
-            if let Some(collected) = &mut *self.collected() {
+        let idle = match &mut *self.mode() {
+            Mode::Nothing => return,
+            Mode::Collect(shaders) => {
                 let constants = constants.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
-                collected.push(Shader { source: source.clone(), constants });
+                shaders.push(Shader { source: source.clone(), constants });
+                return;
             }
-            return;
-        }
+            Mode::Compile(idle) => Arc::clone(idle),
+        };
+        self.compile_on(&idle, source, constants);
+    }
+
+    /// Compiles a shader on an idle device or a new one, unless the driver's cache has it.
+    fn compile_on(&self, idle: &Idle, source: &ShaderSource, constants: &[(&str, f64)]) {
+        // No code panics while it holds the lock.
+        let devices = || idle.lock().unwrap_or_else(PoisonError::into_inner);
         let compiled = self.driver_cache.compile(source, constants, || {
-            let device = self.idle().as_mut().and_then(Vec::pop);
+            let device = devices().pop();
             let (device, queue) = device.map_or_else(|| self.open(), Ok)?;
             let begin = Instant::now();
             dispatch_nothing(&device, &queue, source, constants)?;
             tracing::debug!("compiled {} in {} ms", source.name, begin.elapsed().as_millis());
-            if let Some(idle) = self.idle().as_mut() {
-                idle.push((device, queue));
-            }
+            devices().push((device, queue));
             Ok::<_, SkipReason>(())
         });
         // The first frame compiles the shader instead.

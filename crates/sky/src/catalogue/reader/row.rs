@@ -229,6 +229,22 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         }
     }
 
+    /// Number in a column; `None` also for nines that `is_impossible`, which mark a missing value.
+    fn unmarked(&self, column: Option<usize>, is_impossible: impl Fn(f64) -> bool) -> Result<Option<f64>, Refusal> {
+        match (self.number(column)?, self.text(column)) {
+            (Some(value), Some((_, text))) if is_impossible(value) && is_nines(text) => Ok(None),
+            (value, _) => Ok(value),
+        }
+    }
+
+    fn distance_column_pc(&self) -> Result<Option<f64>, Refusal> {
+        self.unmarked(self.columns.distance_pc, |distance_pc| distance_pc < 0.0)
+    }
+
+    fn parallax_mas(&self) -> Result<Option<f64>, Refusal> {
+        self.unmarked(self.columns.parallax_mas, |parallax_mas| parallax_mas >= 999.0)
+    }
+
     fn finite(&self, column: Option<usize>) -> Result<Option<f64>, Refusal> {
         match (self.number(column)?, self.text(column)) {
             (Some(value), Some((column, text))) if !value.is_finite() => {
@@ -357,25 +373,22 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
 
     /// Distance in parsecs from the distance column or else the parallax column; `None` if both lack it.
     fn distance_pc(&self) -> Result<Option<f64>, Refusal> {
-        if let (Some(d), Some((column, text))) =
-            (self.number(self.columns.distance_pc)?, self.text(self.columns.distance_pc))
-        {
-            let is_missing = d < 0.0 && is_nines(text);
+        if let (Some(d), Some((column, text))) = (self.distance_column_pc()?, self.text(self.columns.distance_pc)) {
             if d == 0.0 {
                 return Err(self.refuse(column, text, "puts the star at the origin"));
             }
-            if d < 0.0 && !is_missing {
+            if d < 0.0 {
                 return Err(self.refuse(column, text, "is below 0"));
             }
-            if d < NEAREST_PC && !is_missing {
+            if d < NEAREST_PC {
                 return Err(self.refuse_as(column, text, &format!("is too near: {}", too_near(d)), "is too near"));
             }
-            if !is_missing && d.is_finite() && d < self.columns.unknown_from_pc {
+            if d.is_finite() && d < self.columns.unknown_from_pc {
                 return Ok(Some(d));
             }
         }
-        match (self.number(self.columns.parallax_mas)?, self.text(self.columns.parallax_mas)) {
-            (Some(p), Some((column, text))) if p.is_finite() && p > 0.0 && !(p >= 999.0 && is_nines(text)) => {
+        match (self.parallax_mas()?, self.text(self.columns.parallax_mas)) {
+            (Some(p), Some((column, text))) if p.is_finite() && p > 0.0 => {
                 let d = 1000.0 / p;
                 if d < NEAREST_PC {
                     return Err(self.refuse_as(
@@ -393,13 +406,13 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
 
     /// Parallax and error; `None` if the file has no column of errors, or if the distance is not that of the parallax.
     fn measured_parallax(&self) -> Result<Option<MeasuredParallax>, Refusal> {
-        let Columns { direction, parallax_mas, parallax_error_mas, distance_pc, .. } = self.columns;
+        let Columns { direction, parallax_error_mas, .. } = self.columns;
         let is_cartesian = matches!(direction, Direction::Cartesian(_));
-        if is_cartesian || parallax_error_mas.is_none() || self.text(*distance_pc).is_some() {
+        if is_cartesian || parallax_error_mas.is_none() || self.distance_column_pc()?.is_some() {
             return Ok(None);
         }
         let error_mas = self.number(*parallax_error_mas)?.filter(|error| *error > 0.0 && error.is_finite());
-        let parallax_mas = self.number(*parallax_mas)?.filter(|parallax| parallax.is_finite());
+        let parallax_mas = self.parallax_mas()?.filter(|parallax| parallax.is_finite());
         Ok(Some(MeasuredParallax { parallax_mas, error_mas }))
     }
 
