@@ -98,8 +98,26 @@ const IDLE: Duration = Duration::from_secs(2);
 
 /// Pipelines that a later scene needs. The renderer creates them a few at a time, with the frames before, and those that take long on
 /// another thread. Clones share the content.
-#[derive(Clone, Default)]
-pub struct PipelinesAhead(Arc<AheadShared>);
+#[derive(Clone)]
+pub struct PipelinesAhead(Arc<dyn Opaque>);
+
+impl Default for PipelinesAhead {
+    fn default() -> Self {
+        Self(Arc::new(AheadShared::default()))
+    }
+}
+
+/// Hides the content from the compiler. It would otherwise search all types of the GPU library in each asynchronous call that holds the
+/// pipelines, to see whether threads may share them: that made the daemon's crate take 90 s longer to check.
+trait Opaque: Send + Sync {
+    fn content(&self) -> &AheadShared;
+}
+
+impl Opaque for AheadShared {
+    fn content(&self) -> &AheadShared {
+        self
+    }
+}
 
 #[derive(Default)]
 struct AheadShared {
@@ -149,7 +167,7 @@ struct WantedPipelines {
 impl PipelinesAhead {
     fn state(&self) -> MutexGuard<'_, AheadState> {
         // No code panics while it holds the lock.
-        self.0.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.content().state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Asks for the pipelines of frames with these objects. An earlier request is dropped.
@@ -186,7 +204,7 @@ impl PipelinesAhead {
             if frame.map_or(wanted.since.elapsed() > FIRST_FRAME, |frame| frame.elapsed() > IDLE) {
                 return;
             }
-            state = self.0.created.wait_timeout(state, FIRST_FRAME).unwrap_or_else(PoisonError::into_inner).0;
+            state = self.0.content().created.wait_timeout(state, FIRST_FRAME).unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 }
@@ -264,7 +282,7 @@ impl Renderer {
                 state.shaders = self.gpu.collected_shaders();
             }
         }
-        self.pipelines_ahead.0.created.notify_all();
+        self.pipelines_ahead.0.content().created.notify_all();
     }
 
     /// Creates, on all cores, the pipelines for frames of these objects, views and settings. `wanted` states which
