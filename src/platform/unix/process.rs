@@ -1,10 +1,7 @@
 //! Priority of threads, memory and open files of this process.
-#![cfg_attr(
-    target_os = "linux",
-    expect(
-        unsafe_code,
-        reason = "neither the standard library nor `rustix` has `malloc_trim` and `sched_setscheduler`"
-    )
+#![expect(
+    unsafe_code,
+    reason = "neither the standard library nor `rustix` has `malloc_trim` and `pthread_setschedparam`"
 )]
 
 use std::io;
@@ -31,10 +28,7 @@ pub(crate) fn lower_thread_priority() -> io::Result<()> {
 ///
 /// The system refuses: `LimitRTPRIO=` of the unit, or `ulimit -r`, is too low.
 pub(crate) fn real_time_thread() -> io::Result<()> {
-    #[cfg(feature = "cluster")]
-    return round_robin();
-    #[cfg(not(feature = "cluster"))]
-    Err(io::Error::new(io::ErrorKind::Unsupported, "the program was built without the feature `cluster`"))
+    round_robin(10, 0)
 }
 
 /// Gives the calling thread alone real-time scheduling, with a priority below that of [`real_time_thread`]. Threads that it starts have none.
@@ -44,29 +38,20 @@ pub(crate) fn real_time_thread() -> io::Result<()> {
 /// The system refuses: `LimitRTPRIO=` of the unit, or `ulimit -r`, is too low. Only Linux can exclude the threads that it starts.
 pub(crate) fn real_time_thread_alone() -> io::Result<()> {
     #[cfg(target_os = "linux")]
-    {
-        let parameters = libc::sched_param { sched_priority: 9 };
-        // SAFETY: 0 is the calling thread, and `parameters` outlives the call.
-        let done =
-            unsafe { libc::sched_setscheduler(0, libc::SCHED_RR | libc::SCHED_RESET_ON_FORK, &raw const parameters) };
-        if done == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
-    }
+    return round_robin(9, libc::SCHED_RESET_ON_FORK);
     #[cfg(not(target_os = "linux"))]
     Err(io::Error::new(io::ErrorKind::Unsupported, "this system has no real-time scheduling of a thread alone"))
 }
 
-#[cfg(feature = "cluster")]
-fn round_robin() -> io::Result<()> {
-    use thread_priority::{
-        RealtimeThreadSchedulePolicy::RoundRobin, ThreadPriority, ThreadSchedulePolicy::Realtime,
-        set_thread_priority_and_policy, thread_native_id,
-    };
-    let refused = |error: &dyn std::fmt::Debug| io::Error::other(format!("{error:?}"));
-    let priority = ThreadPriority::try_from(10_u8).map_err(|error| refused(&error))?;
-    set_thread_priority_and_policy(thread_native_id(), priority, Realtime(RoundRobin)).map_err(|error| match error {
-        thread_priority::Error::OS(code) => io::Error::from_raw_os_error(code),
-        error => refused(&error),
-    })
+/// Gives the calling thread `SCHED_RR` with a priority and with flags of the policy.
+fn round_robin(priority: libc::c_int, flags: libc::c_int) -> io::Result<()> {
+    // SAFETY: every field is a number or an array of bytes. Some systems have fields that cannot be named here.
+    let mut parameters: libc::sched_param = unsafe { std::mem::zeroed() };
+    parameters.sched_priority = priority;
+    // SAFETY: the thread is the calling one, and `parameters` outlives the call.
+    let code =
+        unsafe { libc::pthread_setschedparam(libc::pthread_self(), libc::SCHED_RR | flags, &raw const parameters) };
+    if code == 0 { Ok(()) } else { Err(io::Error::from_raw_os_error(code)) }
 }
 
 /// Returns freed memory to the system. The allocator of glibc keeps it for each thread; others return it by themselves.
