@@ -4,18 +4,20 @@ mod deep;
 mod ranges;
 mod single;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 
 use self::ranges::{Cone, Range};
 use super::CliError;
+use super::output::refuse_own_input;
 use crate::cache;
 use crate::catalogue::bright;
 use crate::catalogue::deep::build::DEFAULT_MEMORY;
 use crate::catalogue::deep::cell_range::CellRange;
 use crate::catalogue::deep::slice::Selection;
 use crate::catalogue::galaxy::{GalaxyParameters, MOST_STARS, stream::MOST_STREAMED};
+use crate::catalogue::store;
 use crate::memory_size::MemorySize;
 use crate::scene::loader::StarSource;
 
@@ -108,10 +110,10 @@ enum CatalogueCommand {
         steradian catalogue synth --stars 1000000000 --seed 1 --memory 2GiB --out galaxy")]
     Synth {
         /// Number of stars: the apparently brightest of the model, as seen from the Sun.
-        #[arg(long, value_name = "N", value_parser = star_count)]
+        #[arg(long, value_name = "N", value_parser = star_count, allow_negative_numbers = true)]
         stars: usize,
         /// Seed of the random number generator: the same seed gives the same stars.
-        #[arg(long, value_name = "S")]
+        #[arg(long, value_name = "S", allow_negative_numbers = true)]
         seed: u64,
         /// No star brighter than this apparent V magnitude.
         #[arg(long, value_name = "MAGNITUDE", allow_negative_numbers = true)]
@@ -131,7 +133,7 @@ struct Output {
     out: PathBuf,
     /// Write a deep store, for catalogues larger than memory, and use at most this much memory (64MiB and more, such as 1GiB). An
     /// interrupted command continues if it is run again.
-    #[arg(long, value_name = "SIZE")]
+    #[arg(long, value_name = "SIZE", allow_hyphen_values = true)]
     memory: Option<MemorySize>,
 }
 
@@ -161,7 +163,7 @@ struct Part {
     #[arg(long, value_name = "A..B", allow_hyphen_values = true)]
     magnitudes: Option<Range>,
     /// Only stars at these distances, pc; stars at infinity are left out.
-    #[arg(long, value_name = "A..B")]
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true)]
     distances_pc: Option<Range>,
 }
 
@@ -187,6 +189,7 @@ fn star_count(text: &str) -> Result<usize, String> {
 pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
     match arguments.command {
         CatalogueCommand::Import { files, output, share: Share { cells } } => {
+            check_output(&output.out, files.iter().map(PathBuf::as_path))?;
             let sources: Vec<StarSource> = files.into_iter().map(source_of).collect();
             // Folders are deep stores or catalogues in HATS, which may not fit in memory.
             let has_folder = sources.iter().any(|source| matches!(source, StarSource::File(path) if path.is_dir()));
@@ -200,6 +203,7 @@ pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
             // More stars than this do not fit in a store in one file.
             let is_deep = stars > MOST_STARS || cells.is_some();
             let memory = output.deep_memory().or_else(|| is_deep.then_some(DEFAULT_MEMORY));
+            check_output(&output.out, [])?;
             // The store is kept already.
             cache::set_for_process(None);
             match memory {
@@ -213,6 +217,7 @@ pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
         CatalogueCommand::Check { store, light } if store.is_dir() => deep::check(&store, light),
         CatalogueCommand::Check { store, light } => single::check(&store, light),
         CatalogueCommand::Slice { store, part, output } if store.is_dir() => {
+            check_output(&output.out, [store.as_path()])?;
             deep::slice(&store, &part.selection(), &output.out, output.memory.map_or(DEFAULT_MEMORY, |size| size.bytes))
         }
         CatalogueCommand::Slice { store, part, output } => match output.deep_memory() {
@@ -220,13 +225,29 @@ pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
                 "--memory: {} is a store in one file, and so is a part of it; import it for a deep store",
                 store.display()
             ))),
-            None => single::slice(&store, &part.selection(), &output.out),
+            None => {
+                check_output(&output.out, [store.as_path()])?;
+                single::slice(&store, &part.selection(), &output.out)
+            }
         },
         CatalogueCommand::Export { store, part, out } if store.is_dir() => {
             deep::export(&store, &part.selection(), &out)
         }
-        CatalogueCommand::Export { store, part, out } => single::export(&store, &part.selection(), &out),
+        CatalogueCommand::Export { store, part, out } => {
+            refuse_own_input(&out, [store.as_path()])?;
+            single::export(&store, &part.selection(), &out)
+        }
     }
+}
+
+/// Refuses an output that is an input, or a file that is not a store: it would be lost.
+fn check_output<'a>(out: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<(), CliError> {
+    refuse_own_input(out, inputs)?;
+    if out.is_file() && store::read_header(out).is_err() {
+        let problem = "exists and is not a store of stars: choose another file, or remove this one";
+        return Err(CliError::Usage(format!("--out: {} {problem}", out.display())));
+    }
+    Ok(())
 }
 
 fn source_of(file: PathBuf) -> StarSource {

@@ -37,7 +37,7 @@ pub fn write(sources: &[StarSource], out: &Path) -> Result<(), CliError> {
             results::line(format!("not stored: the columns {}", rows.unused.join(", ")))?;
         }
         for note in &rows.notes {
-            results::line(format!("not stored: {note}"))?;
+            results::line(format!("note: {note}"))?;
         }
         if rows.names_left_out > 0 {
             results::line(format!(

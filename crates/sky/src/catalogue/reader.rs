@@ -13,6 +13,7 @@
 mod columns;
 mod csv;
 mod fits;
+mod frame;
 mod json;
 mod parquet;
 mod row;
@@ -21,6 +22,7 @@ mod scalar;
 mod sexagesimal;
 mod sources;
 mod table;
+mod units;
 mod votable;
 
 use std::fmt;
@@ -118,6 +120,8 @@ pub struct ReadReport {
     pub without_distance: usize,
     /// Used rows with a distance below 1 pc, where no star but the Sun is.
     pub very_near: usize,
+    /// Stars that look brighter than any star: such a row is the Sun, the Moon or a planet.
+    pub very_bright: usize,
     /// Used rows without temperature and colour: the star gets the Sun's temperature.
     pub without_colour: usize,
     /// Used rows with a temperature or colour outside the valid range, which was clamped.
@@ -217,10 +221,12 @@ impl ReadReport {
     }
 
     /// Counts a star and the notes on its row.
-    fn count(&mut self, notes: row::Notes) {
+    fn count(&mut self, notes: &row::Notes) {
         self.used += 1;
         self.without_distance += usize::from(notes.without_distance);
         self.very_near += usize::from(notes.very_near);
+        self.very_bright += usize::from(notes.very_bright);
+        self.source = notes.source.unwrap_or(self.source);
         self.without_colour += usize::from(notes.without_colour);
         self.temperature_clamped += usize::from(notes.temperature_clamped);
         self.colour_ignored += usize::from(notes.colour_ignored);
@@ -255,6 +261,7 @@ impl fmt::Display for ReadReport {
         for (count, note) in [
             (self.without_distance, "without distance (at infinity)"),
             (self.very_near, "nearer than 1 pc, as no star but the Sun is (another unit?)"),
+            (self.very_bright, "brighter than any star (the Sun, the Moon or a planet?)"),
             (self.without_colour, "without colour (5772 K)"),
             (self.temperature_clamped, "with a temperature outside 500 to 100000 K (moved to the edge)"),
             (self.colour_ignored, "with a colour index outside -1.5 to 8.5 (taken as missing)"),
@@ -416,7 +423,15 @@ fn read_once(path: &Path, reading: &rows::Reading) -> Result<CatalogueRead, Cata
     let (mut source, is_gzip) = files::expanded(open(path)?).map_err(io_error)?;
     let start = source.fill_buf().map_err(io_error)?;
     let text = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start).trim_ascii_start();
-    let unknown = [(&b"PK\x03\x04"[..], "it is a ZIP archive"), (b"\x89HDF", "it is an HDF5 file")];
+    let unknown = [
+        (&b"PK\x03\x04"[..], "it is a ZIP archive"),
+        (b"\x89HDF", "it is an HDF5 file"),
+        (b"\xfd7zXZ", "it is compressed with xz"),
+        (b"BZh", "it is compressed with bzip2"),
+        (b"\x28\xb5\x2f\xfd", "it is compressed with zstd"),
+        (b"\xff\xfe", "it is text in UTF-16; save it as UTF-8"),
+        (b"\xfe\xff", "it is text in UTF-16; save it as UTF-8"),
+    ];
     if let Some((_, found)) = unknown.iter().find(|(bytes, _)| text.starts_with(bytes)) {
         return Err(CatalogueError::Format { path: path.to_owned(), found: (*found).to_owned() });
     }
@@ -442,6 +457,10 @@ fn read_once(path: &Path, reading: &rows::Reading) -> Result<CatalogueRead, Cata
     if start.iter().take(512).any(|byte| *byte == 0) {
         return Err(CatalogueError::Format { path: path.to_owned(), found: "it is not text".to_owned() });
     }
+    if start.contains(&b'\r') && !start.contains(&b'\n') && !text.starts_with(b"{") && !text.starts_with(b"[") {
+        let found = "its lines end with carriage returns alone; end them with line feeds".to_owned();
+        return Err(CatalogueError::Format { path: path.to_owned(), found });
+    }
     match text.first() {
         Some(b'{' | b'[') => json::read(source, &name, reading),
         _ => csv::read(source, &name, reading),
@@ -463,6 +482,8 @@ fn excerpt(text: &str) -> String {
     short
 }
 
+#[cfg(test)]
+mod delivered_tests;
 #[cfg(test)]
 mod format_tests;
 #[cfg(test)]

@@ -46,6 +46,7 @@ impl Rows {
         });
         let rejected = rejected.collect();
         let remarks = [
+            (report.very_bright, "brighter than any star: the Sun, the Moon or a planet?"),
             (report.g_taken_as_v, "without BP-RP: G taken as V"),
             (report.hp_taken_as_v, "without V: Hp taken as V"),
             (report.colour_ignored, "with a colour index outside -1.5 to 8.5: taken as missing"),
@@ -104,7 +105,7 @@ pub fn input_lines(name: &str, inputs: &[ReadInput]) -> Vec<String> {
     if !unused.is_empty() {
         lines.push(format!("not stored: the columns {} of {name}", unused.join(", ")));
     }
-    lines.extend(notes.iter().map(|note| format!("not stored: {note}")));
+    lines.extend(notes.iter().map(|note| format!("note: {note}")));
     lines
 }
 

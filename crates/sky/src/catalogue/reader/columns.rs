@@ -6,6 +6,7 @@
 //! line of units, as VizieR writes one, is believed before the source.
 
 use super::sources::{DEGREES, Source};
+use super::units::{Conversion, DirectionUnit, Quantity, direction_unit};
 
 /// Required columns, for messages.
 pub(super) const NEEDED: &str = "needed: a direction (ra_deg,dec_deg or x,y,z in parsecs), a brightness (v_mag or \
@@ -74,6 +75,8 @@ pub(super) enum RaUnit {
     Hours,
     /// Radians.
     Radians,
+    /// Hours by the source of the file, unless a row has a value that cannot be hours.
+    HoursUnlessRefuted,
     /// Hours or degrees: only sexagesimal right ascensions, always in hours, can be read.
     Unknown,
 }
@@ -89,6 +92,8 @@ pub(super) enum Direction {
         dec: usize,
         /// Unit of the right ascension.
         unit: RaUnit,
+        /// Another pair with its unit, for rows without a value in the first one. Tycho-2 has no mean position of some stars.
+        other: Option<(usize, usize, RaUnit)>,
     },
     /// ICRS position in parsecs, which also gives the distance.
     Cartesian([usize; 3]),
@@ -112,13 +117,13 @@ pub(super) struct Columns {
     /// Gaia's BP and RP magnitudes, if BP-RP is missing.
     pub bp_and_rp: Option<[usize; 2]>,
     pub b_v: Option<usize>,
+    /// Magnitudes B and V, if B-V is missing.
+    pub b_and_v: Option<[usize; 2]>,
     pub parallax_mas: Option<usize>,
     pub parallax_error_mas: Option<usize>,
     pub distance_pc: Option<usize>,
     pub pm_ra: Option<usize>,
     pub pm_dec: Option<usize>,
-    /// Milliarcseconds per unit of proper motion.
-    pub pm_unit_mas: f64,
     pub radial_velocity_km_s: Option<usize>,
     /// Names and numbers of the star.
     pub names: NameColumns,
@@ -126,10 +131,16 @@ pub(super) struct Columns {
     pub ref_epoch: Option<usize>,
     /// Epoch of the positions without such a column.
     pub epoch: f64,
+    /// Equinox of the positions in each row.
+    pub equinox: Option<usize>,
+    /// Gaia's designation, such as `Gaia DR2 4472832130942575872`.
+    pub designation: Option<usize>,
     /// Distances from this one on mean "unknown".
     pub unknown_from_pc: f64,
     /// Columns that drawing could use and that are not read, with the reason if it is known.
     pub unused: Vec<String>,
+    /// Conversion of each column to the unit in which it is read.
+    conversions: Vec<Conversion>,
     header: Vec<String>,
 }
 
@@ -157,6 +168,7 @@ struct Finder<'a> {
     /// Unit of each column, in lower case; empty if the file gives none.
     units: Vec<String>,
     used: Vec<usize>,
+    conversions: Vec<Conversion>,
 }
 
 impl Finder<'_> {
@@ -185,8 +197,24 @@ impl Finder<'_> {
         Ok(None)
     }
 
-    fn pair(&mut self, first: &[&str], second: &[&str]) -> Result<Option<[usize; 2]>, String> {
-        Ok(self.find(first)?.zip(self.find(second)?).map(|(first, second)| [first, second]))
+    /// As [`Self::find`], with the conversion from the unit that the file states.
+    fn quantity(&mut self, quantity: Quantity, candidates: &[&str]) -> Result<Option<usize>, String> {
+        let column = self.find(candidates)?;
+        if let Some(column) = column
+            && let Some(unit) = self.unit(column)
+        {
+            let conversion = quantity.conversion(unit);
+            self.conversions[column] = conversion.map_err(|problem| format!("{} {problem}", self.names[column]))?;
+        }
+        Ok(column)
+    }
+
+    fn magnitude(&mut self, candidates: &[&str]) -> Result<Option<usize>, String> {
+        self.quantity(Quantity::Magnitude, candidates)
+    }
+
+    fn magnitudes(&mut self, first: &[&str], second: &[&str]) -> Result<Option<[usize; 2]>, String> {
+        Ok(self.magnitude(first)?.zip(self.magnitude(second)?).map(|(first, second)| [first, second]))
     }
 
     fn xyz(&mut self, axes: [&str; 3]) -> Result<Option<[usize; 3]>, String> {
@@ -221,19 +249,19 @@ struct Brightness {
 impl Brightness {
     /// `has_position`: the file has x, y and z; `has_distance`: it has a parallax or a distance.
     fn find(finder: &mut Finder<'_>, source: Source, has_position: bool, has_distance: bool) -> Result<Self, String> {
-        let v_mag = finder.find(match (source.is_hyg(), finder.has(SIMBAD)) {
+        let v_mag = finder.magnitude(match (source.is_hyg(), finder.has(SIMBAD)) {
             (true, _) => &["mag"],
             (false, true) => &["v_mag", "vmag", "mag", "flux_v", "v"],
             (false, false) => &["v_mag", "vmag", "mag", "flux_v"],
         })?;
-        let g_mag = if source.is_gaia() { finder.find(&["phot_g_mean_mag", "gmag"])? } else { None };
-        let tycho_mag = finder.pair(&["btmag", "bt_mag"], &["vtmag", "vt_mag"])?;
-        let hp_mag = finder.find(&["hpmag"])?;
-        let mut abs_mag = finder.find(&["abs_mag", "absmag"])?;
+        let g_mag = if source.is_gaia() { finder.magnitude(&["phot_g_mean_mag", "gmag"])? } else { None };
+        let tycho_mag = finder.magnitudes(&["btmag", "bt_mag"], &["vtmag", "vt_mag"])?;
+        let hp_mag = finder.magnitude(&["hpmag"])?;
+        let mut abs_mag = finder.magnitude(&["abs_mag", "absmag"])?;
         let has_apparent = [v_mag, g_mag, hp_mag].iter().any(Option::is_some) || tycho_mag.is_some();
         // `magnitude` alone is ambiguous; with x, y, z and without any other brightness it is the absolute magnitude.
         if abs_mag.is_none() && !has_apparent && has_position {
-            abs_mag = finder.find(&["magnitude"])?;
+            abs_mag = finder.magnitude(&["magnitude"])?;
         }
         // Without any brightness, or a distance for an absolute magnitude, the file is unusable.
         if !has_apparent {
@@ -258,26 +286,26 @@ struct Distance {
 impl Distance {
     /// `unused` gets the columns that look like a distance and are none.
     fn find(finder: &mut Finder<'_>, source: Source, unused: &mut Vec<String>) -> Result<Self, String> {
-        let parallax_mas = finder.find(&["parallax_mas", "parallax", "plx", "plx_value"])?;
+        let parallax_mas = finder.quantity(Quantity::Parallax, &["parallax_mas", "parallax", "plx", "plx_value"])?;
         let distance_pc = match source {
             Source::Gaia | Source::Gaia2 => {
                 // A cone search adds this column.
                 if finder.find(&["dist"])?.is_some() {
                     unused.push("dist: the angle from the centre of a cone search, degrees".to_owned());
                 }
-                finder.find(&["distance_pc"])?
+                finder.quantity(Quantity::Distance, &["distance_pc"])?
             }
-            _ => finder.find(if source.is_hyg() { &["dist", "distance"] } else { &["distance_pc", "dist"] })?,
+            _ if source.is_hyg() => finder.quantity(Quantity::Distance, &["dist", "distance"])?,
+            _ => finder.quantity(Quantity::Distance, &["distance_pc", "dist", "distance"])?,
         };
-        for (column, allowed) in [(parallax_mas, "mas"), (distance_pc, "pc")] {
-            if let Some((column, unit)) = column.and_then(|column| Some((column, finder.unit(column)?)))
-                && unit != allowed
-            {
-                return Err(format!("{} is in {unit}; it must be in {allowed}", finder.names[column]));
-            }
+        let errors = ["parallax_error", "parallax_error_mas", "e_plx"];
+        let parallax_error_mas = finder.quantity(Quantity::Parallax, &errors)?;
+        // Without a unit of its own it has that of the parallax.
+        if let (Some(error), Some(parallax)) = (parallax_error_mas, parallax_mas)
+            && finder.unit(error).is_none()
+        {
+            finder.conversions[error] = finder.conversions[parallax];
         }
-        // Their unit is that of the parallax.
-        let parallax_error_mas = finder.find(&["parallax_error", "parallax_error_mas", "e_plx"])?;
         let parallax_error_mas = parallax_error_mas.filter(|_| parallax_mas.is_some());
         Ok(Self { parallax_mas, parallax_error_mas, distance_pc })
     }
@@ -290,27 +318,23 @@ impl Distance {
 /// Checks the unit of a declination that the file states: radians beside a right ascension in radians, else degrees.
 fn check_dec_unit(finder: &Finder<'_>, dec: usize, ra_unit: RaUnit) -> Result<(), String> {
     let Some(unit) = finder.unit(dec) else { return Ok(()) };
-    let is_radians = matches!(unit, "rad" | "radian" | "radians");
-    let is_degrees = matches!(unit, "deg" | "degree" | "degrees" | "\u{b0}" | "\"d:m:s\"");
-    match ra_unit {
-        RaUnit::Radians if is_radians => Ok(()),
-        RaUnit::Degrees | RaUnit::Hours | RaUnit::Unknown if is_degrees => Ok(()),
-        RaUnit::Radians => Err(format!("{} is in {unit}, but the right ascension in radians", finder.names[dec])),
+    match (ra_unit, direction_unit(unit)) {
+        (RaUnit::Radians, Some(DirectionUnit::Radians)) => Ok(()),
+        (RaUnit::Radians, _) => Err(format!("{} is in {unit}, but the right ascension in radians", finder.names[dec])),
+        (_, Some(DirectionUnit::Degrees)) => Ok(()),
         _ => Err(format!("{} is in {unit}; it must be in degrees", finder.names[dec])),
     }
 }
 
 /// Unit of a right ascension that the file states.
 fn stated_ra_unit(finder: &Finder<'_>, ra: usize) -> Result<Option<RaUnit>, String> {
-    Ok(match finder.unit(ra) {
-        None => None,
-        Some("rad" | "radian" | "radians") => Some(RaUnit::Radians),
-        Some("h" | "hr" | "hour" | "hours" | "hourangle" | "\"h:m:s\"") => Some(RaUnit::Hours),
-        Some("deg" | "degree" | "degrees" | "\u{b0}" | "\"d:m:s\"") => Some(RaUnit::Degrees),
-        Some(unit) => {
-            return Err(format!("{} is in {unit}; it must be in degrees, radians or hours", finder.names[ra]));
-        }
-    })
+    let Some(unit) = finder.unit(ra) else { return Ok(None) };
+    Ok(Some(match direction_unit(unit) {
+        Some(DirectionUnit::Radians) => RaUnit::Radians,
+        Some(DirectionUnit::Hours) => RaUnit::Hours,
+        Some(DirectionUnit::Degrees) => RaUnit::Degrees,
+        None => return Err(format!("{} is in {unit}; it must be in degrees, radians or hours", finder.names[ra])),
+    }))
 }
 
 /// Right ascension and declination, and the epoch of both if their names give it.
@@ -319,70 +343,70 @@ fn equatorial(
     source: Source,
     has_parallax: bool,
 ) -> Result<Option<(Direction, Option<f64>)>, String> {
+    let mut found: Option<(usize, usize, RaUnit, Option<f64>)> = None;
     for (ra_name, dec_name, epoch) in DEGREES {
-        if let (Some(ra), Some(dec)) = (finder.find(&[ra_name])?, finder.find(&[dec_name])?) {
-            let unit = match stated_ra_unit(finder, ra)? {
-                Some(unit) => unit,
-                // The table of the Hipparcos reduction is in radians, VizieR's answers are in degrees.
-                None if *ra_name == "rarad" => {
-                    return Err("rarad may be radians or degrees: name it ra_deg, or keep the line of units".into());
-                }
-                None => RaUnit::Degrees,
-            };
-            check_dec_unit(finder, dec, unit)?;
-            return Ok(Some((Direction::Equatorial { ra, dec, unit }, *epoch)));
+        let (Some(ra), Some(dec)) = (finder.find(&[ra_name])?, finder.find(&[dec_name])?) else { continue };
+        let unit = match stated_ra_unit(finder, ra)? {
+            Some(unit) => unit,
+            // The table of the Hipparcos reduction is in radians, VizieR's answers are in degrees.
+            None if *ra_name == "rarad" && found.is_some() => continue,
+            None if *ra_name == "rarad" => {
+                return Err("rarad may be radians or degrees: name it ra_deg, or keep the line of units".into());
+            }
+            None => RaUnit::Degrees,
+        };
+        check_dec_unit(finder, dec, unit)?;
+        match found {
+            None => found = Some((ra, dec, unit, *epoch)),
+            Some((first_ra, first_dec, first_unit, epoch)) => {
+                let other = Some((ra, dec, unit));
+                let direction = Direction::Equatorial { ra: first_ra, dec: first_dec, unit: first_unit, other };
+                return Ok(Some((direction, epoch)));
+            }
         }
     }
-    let columns = (finder.find(&["ra", "ra_deg"])?, finder.find(&["dec", "dec_deg", "de"])?);
+    if let Some((ra, dec, unit, epoch)) = found {
+        return Ok(Some((Direction::Equatorial { ra, dec, unit, other: None }, epoch)));
+    }
+    let in_hours = finder.find(&["ra_hours", "ra_h"])?;
+    let columns = (in_hours.or(finder.find(&["ra", "ra_deg"])?), finder.find(&["dec", "dec_deg", "de"])?);
     let (Some(ra), Some(dec)) = columns else { return Ok(None) };
     let like_gaia = source.is_gaia() || has_parallax || finder.has(SIMBAD);
     let unit = match (stated_ra_unit(finder, ra)?, source.is_hyg(), like_gaia) {
         (Some(unit), ..) => unit,
+        _ if in_hours.is_some() => RaUnit::Hours,
         _ if finder.has("ra_deg") => RaUnit::Degrees,
-        (None, true, false) => RaUnit::Hours,
+        (None, true, false) => RaUnit::HoursUnlessRefuted,
         (None, false, true) => RaUnit::Degrees,
         _ => RaUnit::Unknown,
     };
     check_dec_unit(finder, dec, unit)?;
-    Ok(Some((Direction::Equatorial { ra, dec, unit }, None)))
+    Ok(Some((Direction::Equatorial { ra, dec, unit, other: None }, None)))
 }
 
 /// Columns of motion.
 struct Motion {
     pm_ra: Option<usize>,
     pm_dec: Option<usize>,
-    pm_unit_mas: f64,
     radial_velocity_km_s: Option<usize>,
 }
 
 impl Motion {
     /// `unused` gets a proper motion of which only one half is there.
     fn find(finder: &mut Finder<'_>, unused: &mut Vec<String>) -> Result<Self, String> {
-        let pm_ra = finder.find(&[
-            "pm_ra_mas_yr",
-            "pmra",
-            "pm_ra",
-            "pm_ra_cosdec",
-            "pm_racosdec",
-            "pmra*",
-            "pm_ra*",
-            "pmracosdec",
-        ])?;
-        let pm_dec = finder.find(&["pm_dec_mas_yr", "pmdec", "pm_dec", "pmde"])?;
-        let unit = pm_ra.and_then(|column| finder.unit(column)).map(|unit| unit.replace(' ', ""));
-        let pm_unit_mas = match unit.as_deref() {
-            None | Some("mas/yr" | "mas/a" | "mas.yr-1" | "mas*yr-1" | "masyr-1" | "mas.yr**-1" | "masyr**-1") => 1.0,
-            Some("arcsec/yr" | "arcsec/a" | "arcsec.yr-1" | "arcsecyr-1" | "arcsec.yr**-1") => 1000.0,
-            Some(unit) => return Err(format!("the proper motion is in {unit}; it must be in mas/yr or arcsec/yr")),
-        };
-        let radial = ["radial_velocity_km_s", "radial_velocity", "rv", "radvel", "rv_value", "rvel"];
-        let radial_velocity_km_s = finder.find(&radial)?;
-        let unit = radial_velocity_km_s.and_then(|column| finder.unit(column)).map(|unit| unit.replace(' ', ""));
-        if let Some(unit) = unit
-            && !["km/s", "km.s-1", "km*s-1", "kms-1", "km.s**-1", "kms**-1"].contains(&unit.as_str())
-        {
-            return Err(format!("the radial velocity is in {unit}; it must be in km/s"));
+        let east = ["pm_ra_mas_yr", "pmra", "pm_ra", "pm_ra_cosdec", "pm_racosdec", "pmra*", "pm_ra*", "pmracosdec"];
+        let pm_ra = finder.quantity(Quantity::ProperMotion, &east)?;
+        let pm_dec = finder.quantity(Quantity::ProperMotion, &["pm_dec_mas_yr", "pmdec", "pm_dec", "pmde"])?;
+        // A file that states the unit of one half means both.
+        if let (Some(east), Some(north)) = (pm_ra, pm_dec) {
+            for (stated, other) in [(east, north), (north, east)] {
+                if finder.unit(stated).is_some() && finder.unit(other).is_none() {
+                    finder.conversions[other] = finder.conversions[stated];
+                }
+            }
         }
+        let radial = ["radial_velocity_km_s", "radial_velocity", "rv", "radvel", "rv_value", "rvz_radvel", "rvel"];
+        let radial_velocity_km_s = finder.quantity(Quantity::RadialVelocity, &radial)?;
         let (pm_ra, pm_dec) = match (pm_ra, pm_dec) {
             (Some(_), Some(_)) | (None, None) => (pm_ra, pm_dec),
             (Some(half), None) | (None, Some(half)) => {
@@ -390,14 +414,14 @@ impl Motion {
                 (None, None)
             }
         };
-        Ok(Self { pm_ra, pm_dec, pm_unit_mas, radial_velocity_km_s })
+        Ok(Self { pm_ra, pm_dec, radial_velocity_km_s })
     }
 }
 
 impl NameColumns {
     fn find(finder: &mut Finder<'_>) -> Result<Self, String> {
         Ok(Self {
-            name: finder.find(&["proper", "propername", "name"])?,
+            name: finder.find(&["proper", "propername", "name", SIMBAD])?,
             bayer_flamsteed: finder.find(&["bf", "bayerflamsteed"])?,
             bayer: finder.find(&["bayer"])?,
             flamsteed: finder.find(&["flam"])?,
@@ -418,7 +442,8 @@ fn normalised(name: &str) -> String {
 impl Columns {
     /// The same columns with right ascensions in degrees where they may also be in hours.
     pub fn in_degrees(mut self, ra_in_degrees: bool) -> Self {
-        if let Direction::Equatorial { unit: unit @ RaUnit::Unknown, .. } = &mut self.direction
+        if let Direction::Equatorial { unit: unit @ (RaUnit::Unknown | RaUnit::HoursUnlessRefuted), .. } =
+            &mut self.direction
             && ra_in_degrees
         {
             *unit = RaUnit::Degrees;
@@ -432,7 +457,8 @@ impl Columns {
         let names: Vec<String> = header.iter().map(|name| normalised(name.as_ref())).collect();
         let units = units.unwrap_or_default().iter().map(|unit| unit.as_ref().trim().to_lowercase()).collect();
         let source = Source::recognise(&names);
-        let mut finder = Finder { names: &names, units, used: Vec::new() };
+        let conversions = vec![Conversion::default(); names.len()];
+        let mut finder = Finder { names: &names, units, used: Vec::new(), conversions };
         let mut unused = Vec::new();
 
         // If a file has both angles and x, y, z, angles are the measured values; but without a distance, x, y and z hold more.
@@ -450,13 +476,17 @@ impl Columns {
         };
         let Brightness { v_mag, g_mag, tycho_mag, hp_mag, abs_mag } =
             Brightness::find(&mut finder, source, cartesian.is_some(), distance.is_known())?;
-        let Motion { pm_ra, pm_dec, pm_unit_mas, radial_velocity_km_s } = Motion::find(&mut finder, &mut unused)?;
+        let Motion { pm_ra, pm_dec, radial_velocity_km_s } = Motion::find(&mut finder, &mut unused)?;
 
-        let teff_k = finder.find(&["teff_k", "teff_gspphot", "teff_val", "teff", "temperature"])?;
-        let bp_rp = finder.find(&["bp_rp", "bp-rp"])?;
-        let bp_and_rp = finder.pair(&["phot_bp_mean_mag", "bpmag"], &["phot_rp_mean_mag", "rpmag"])?;
-        let b_v = finder.find(&["b_v", "b-v", "ci", "colorindex"])?;
-        let ref_epoch = finder.find(&["ref_epoch"])?;
+        let temperatures = ["teff_k", "teff_gspphot", "teff_val", "teff", "temperature"];
+        let teff_k = finder.quantity(Quantity::Temperature, &temperatures)?;
+        let bp_rp = finder.magnitude(&["bp_rp", "bp-rp"])?;
+        let bp_and_rp = finder.magnitudes(&["phot_bp_mean_mag", "bpmag"], &["phot_rp_mean_mag", "rpmag"])?;
+        let b_v = finder.magnitude(&["b_v", "b-v", "ci", "colorindex"])?;
+        let b_and_v = if finder.has(SIMBAD) { finder.magnitudes(&["flux_b", "b"], &["flux_v", "v"])? } else { None };
+        let ref_epoch = finder.quantity(Quantity::Epoch, &["ref_epoch"])?;
+        let equinox = finder.find(&["equinox"])?;
+        let designation = finder.find(&["designation"])?;
         let name_columns = NameColumns::find(&mut finder)?;
         unused.extend(finder.left());
         let has_placeholder = source.is_hyg() || finder.has("dist");
@@ -472,18 +502,21 @@ impl Columns {
             bp_rp,
             bp_and_rp,
             b_v,
+            b_and_v,
             parallax_mas: distance.parallax_mas,
             parallax_error_mas: distance.parallax_error_mas,
             distance_pc: distance.distance_pc,
             pm_ra,
             pm_dec,
-            pm_unit_mas,
             radial_velocity_km_s,
             names: name_columns,
             ref_epoch,
             epoch: epoch.unwrap_or(source.epoch()),
+            equinox,
+            designation,
             unknown_from_pc: if has_placeholder { HYG_UNKNOWN_DISTANCE_PC } else { f64::INFINITY },
             unused,
+            conversions: finder.conversions,
             header: names,
         })
     }
@@ -491,6 +524,11 @@ impl Columns {
     /// The same columns with other names in messages.
     pub fn called(self, names: &[String]) -> Self {
         Self { header: names.iter().map(|name| normalised(name)).collect(), ..self }
+    }
+
+    /// A number of a column in the unit in which it is read.
+    pub fn converted(&self, column: usize, stored: f64) -> f64 {
+        self.conversions[column].apply(stored)
     }
 
     /// Name of a column, in lower case, for messages.
@@ -530,8 +568,10 @@ mod tests {
 
     #[test]
     fn other_columns_decide_between_hours_and_degrees() {
-        assert_eq!(unit("id,hip,proper,ra,dec,dist,mag,absmag,ci,x,y,z"), RaUnit::Hours);
-        assert_eq!(unit("id,tyc,gaia,ra,dec,pos_src,dist,x0,y0,z0,dist_src,mag,absmag,ci"), RaUnit::Hours);
+        assert_eq!(unit("id,hip,proper,ra,dec,dist,mag,absmag,ci,x,y,z"), RaUnit::HoursUnlessRefuted);
+        assert_eq!(unit("id,tyc,gaia,ra,dec,pos_src,dist,x0,y0,z0,dist_src,mag,absmag,ci"), RaUnit::HoursUnlessRefuted);
+        assert_eq!(unit("name,ra,dec,mag,dist"), RaUnit::Unknown, "nothing of it is of HYG alone");
+        assert_eq!(unit("ra_hours,dec,v_mag"), RaUnit::Hours);
         assert_eq!(unit("source_id,ra,dec,parallax,phot_g_mean_mag,bp_rp"), RaUnit::Degrees);
         assert_eq!(unit(" RA_DEG , Dec_Deg ,V_MAG"), RaUnit::Degrees);
         assert_eq!(unit("ra,dec,v_mag"), RaUnit::Unknown);

@@ -8,12 +8,13 @@
 //! record is the end of the previous one, which is too early after blank lines, comments and CRLF.
 //!
 //! The separator is the most frequent one of comma, tab, semicolon and bar in the header; a blank if the header has none of them but
-//! blanks. A field is quoted only if the mark is its first character; otherwise blanks around fields are ignored. Text that is not UTF-8
+//! blanks. Several blanks are then one separator, because columns are aligned with them. A field is quoted only if the mark is its first character; otherwise blanks around fields are ignored. Text that is not UTF-8
 //! matters only in the columns that are used.
 //!
-//! The head is the first line. Three programs write it in another way. VizieR writes a line of units and a line of dashes below it. numpy
-//! writes it as a comment: if all fields of the first line are numbers, the comment before it is the head. ECSV (astropy, Gaia archive) gives the
-//! units of its columns in comments.
+//! The head is the first line. Some programs write it in another way. VizieR writes a line of units and a line of dashes below it. numpy, TOPCAT and
+//! astropy write it as a comment: it is the head if it has as many fields as the first line, and the names of columns that the first line lacks, or
+//! if all fields of the first line are numbers. ECSV (astropy, Gaia archive) gives the units of its columns in comments. pandas writes an index without
+//! a name before the columns of aligned text. Excel writes `sep=;` before the head.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -28,6 +29,11 @@ use super::{CatalogueError, CatalogueRead, RowPlace};
 
 /// Most bytes of comments before the head that are kept, to look for a head, units and the mark of ECSV.
 const COMMENTS_LIMIT: usize = 1 << 20;
+/// Most comments that are compared with the first line, from the last.
+const HEADS_TRIED: usize = 20;
+
+/// Most rows that are read before the first of them becomes a star: they show dashes, an index and decimal commas.
+const FIRST_ROWS: usize = 100;
 
 /// Longest accepted line, bytes.
 const LINE_LIMIT: usize = 1 << 20;
@@ -62,6 +68,9 @@ pub(super) fn read(source: impl Read, file: &str, reading: &Reading) -> Result<C
     }
     let head_in_comment = lines.head_in_comment();
     let separator = separator_of(head_in_comment.as_deref().map_or(&lines.bytes, str::as_bytes));
+    if separator == b' ' {
+        lines.align();
+    }
     // Rows end at the line feed alone, so that a carriage return within a line does not split it. The crate's own
     // trimming would copy every record; users of a field trim it instead.
     let mut reader = ReaderBuilder::new()
@@ -72,8 +81,8 @@ pub(super) fn read(source: impl Read, file: &str, reading: &Reading) -> Result<C
         .from_reader(lines);
     // Head.
     let mut record = ByteRecord::new();
-    let (names, head_line, is_closed): (Vec<String>, usize, bool) = match head_in_comment {
-        Some(head) => (head.split(char::from(separator)).map(str::to_owned).collect(), 1, true),
+    let (mut names, head_line, is_closed): (Vec<String>, usize, bool) = match head_in_comment {
+        Some(head) => (split(head.as_bytes(), separator), 1, true),
         None => {
             let (line, is_closed) = read_row(&mut reader, file, &mut record)?.unwrap_or((1, true));
             let head = StringRecord::from_byte_record_lossy(record);
@@ -82,6 +91,17 @@ pub(super) fn read(source: impl Read, file: &str, reading: &Reading) -> Result<C
             (names, line, is_closed)
         }
     };
+    // The first rows: units and a line of dashes, or stars.
+    let mut first_rows: Vec<(StringRecord, usize, bool)> = Vec::new();
+    while first_rows.len() < FIRST_ROWS
+        && let Some((line, is_closed)) = read_row(&mut reader, file, &mut record)?
+    {
+        first_rows.push((StringRecord::from_byte_record_lossy(record), line, is_closed));
+        record = ByteRecord::new();
+    }
+    if separator == b' ' && !first_rows.is_empty() && first_rows.iter().all(|(row, ..)| row.len() == names.len() + 1) {
+        names.insert(0, String::new());
+    }
     let recognised = |units: Option<&[String]>| {
         let columns = if is_closed { Columns::recognise(&names, units) } else { Err(UNCLOSED.to_owned()) };
         columns.map_err(|reason| CatalogueError::Columns {
@@ -91,20 +111,11 @@ pub(super) fn read(source: impl Read, file: &str, reading: &Reading) -> Result<C
             found: columns::listing(&names),
         })
     };
-
-    // The first rows: units and a line of dashes, or stars.
-    let mut first_rows: Vec<(StringRecord, usize, bool)> = Vec::new();
-    while first_rows.len() < 2
-        && let Some((line, is_closed)) = read_row(&mut reader, file, &mut record)?
-    {
-        first_rows.push((StringRecord::from_byte_record_lossy(record), line, is_closed));
-        record = ByteRecord::new();
-    }
     let is_dashes = |row: &StringRecord| {
         let mut fields = row.iter().map(str::trim).filter(|field| !field.is_empty());
         fields.clone().any(|field| field.len() > 1) && fields.all(|field| field.bytes().all(|byte| byte == b'-'))
     };
-    let dashes = first_rows.iter().position(|(row, ..)| is_dashes(row));
+    let dashes = first_rows.iter().take(2).position(|(row, ..)| is_dashes(row));
     let units: Option<Vec<String>> = match dashes {
         Some(1) => Some(first_rows[0].0.iter().map(str::to_owned).collect()),
         _ => reader.get_ref().units(&names),
@@ -123,7 +134,9 @@ pub(super) fn read(source: impl Read, file: &str, reading: &Reading) -> Result<C
         let fields = with_points.as_ref().unwrap_or(fields);
         let read = if !is_closed {
             Err(UNCLOSED.to_owned())
-        } else if fields.len() != columns.len() {
+        } else if fields.len() != columns.len()
+            && !(fields.len() == columns.len() + 1 && fields[columns.len()].is_empty())
+        {
             Err(format!("{} fields instead of {}", fields.len(), columns.len()))
         } else {
             Ok(|i: usize| &fields[i])
@@ -184,6 +197,8 @@ struct Lines<'f, R> {
     comments: Vec<String>,
     comment_bytes: usize,
     has_row: bool,
+    /// Whether several blanks are one separator.
+    is_aligned: bool,
 }
 
 impl<'f, R: Read> Lines<'f, R> {
@@ -200,22 +215,31 @@ impl<'f, R: Read> Lines<'f, R> {
             comments: Vec::new(),
             comment_bytes: 0,
             has_row: false,
+            is_aligned: false,
         }
     }
 
-    /// The last comment before the first row, if it is the head: all fields of that row are numbers, and the comment has as many fields, of
-    /// which at least one is a word.
+    /// From now on, several blanks are one separator, also in the line that was read last.
+    fn align(&mut self) {
+        self.is_aligned = true;
+        self.bytes = with_single_blanks(&self.bytes);
+        self.bytes.push(b'\n');
+    }
+
+    /// The comment before the first row that is the head. It has as many fields as that row. Either it names the columns of a star catalogue and
+    /// the row does not, or it is the last comment, has no number, and the row has nothing else.
     fn head_in_comment(&self) -> Option<String> {
-        let row = String::from_utf8_lossy(&self.bytes);
-        let comment = self.comments.last()?.trim();
-        let separator = char::from(separator_of(comment.as_bytes()));
-        let is_number = |field: &str| field.trim().parse::<f64>().is_ok() || with_point(field).is_some();
-        let fields = comment.split(separator).count();
-        let is_head = fields > 1
-            && fields == row.trim().split(separator).count()
-            && row.trim().split(separator).all(is_number)
-            && !comment.split(separator).any(is_number);
-        is_head.then(|| comment.to_owned())
+        let is_number = |field: &String| field.trim().parse::<f64>().is_ok() || with_point(field).is_some();
+        let is_known = |fields: &[String]| Columns::recognise(fields, None).is_ok();
+        let is_head = |(index, comment): &(usize, &String)| {
+            let separator = separator_of(comment.as_bytes());
+            let [fields, row] = [comment.as_bytes(), &self.bytes].map(|line| split(line, separator));
+            let is_like_row = fields.len() > 1 && fields.len() == row.len();
+            let is_above_numbers = *index == 0 && row.iter().all(is_number) && !fields.iter().any(is_number);
+            is_like_row && (is_above_numbers || (is_known(&fields) && !is_known(&row)))
+        };
+        let last_first = self.comments.iter().rev().take(HEADS_TRIED).enumerate();
+        last_first.into_iter().find(is_head).map(|(_, comment)| comment.trim().to_owned())
     }
 
     /// Units of these columns in the comments of ECSV; empty for a column without one, `None` if it is not ECSV. A column is an item of a YAML list, in one
@@ -278,7 +302,8 @@ impl<'f, R: Read> Lines<'f, R> {
             let trimmed = self.bytes.trim_ascii();
             match trimmed.split_first() {
                 None => {}
-                Some((b'#', comment)) if !self.has_row => {
+                Some(_) if line == 1 && is_separator_line(trimmed) => {}
+                Some((b'#' | b'%', comment)) if !self.has_row => {
                     self.comment_bytes += comment.len();
                     if self.comment_bytes <= COMMENTS_LIMIT {
                         self.comments.push(String::from_utf8_lossy(comment).into_owned());
@@ -287,6 +312,9 @@ impl<'f, R: Read> Lines<'f, R> {
                 Some((b'#', _)) => {}
                 Some(_) => break,
             }
+        }
+        if self.is_aligned {
+            self.bytes = with_single_blanks(&self.bytes);
         }
         if self.bytes.last() != Some(&b'\n') {
             self.bytes.push(b'\n');
@@ -320,6 +348,38 @@ impl<R: Read> Read for Lines<'_, R> {
         self.taken += count;
         Ok(count)
     }
+}
+
+/// The fields of one line.
+fn split(line: &[u8], separator: u8) -> Vec<String> {
+    let line = if separator == b' ' { with_single_blanks(line) } else { line.trim_ascii().to_vec() };
+    let mut reader = ReaderBuilder::new().has_headers(false).delimiter(separator).from_reader(line.as_slice());
+    let mut record = ByteRecord::new();
+    match reader.read_byte_record(&mut record) {
+        Ok(true) => record.iter().map(|field| String::from_utf8_lossy(field).into_owned()).collect(),
+        _ => Vec::new(),
+    }
+}
+
+/// A line in which every run of blanks outside of quotation marks is one blank, without blanks at both ends.
+fn with_single_blanks(line: &[u8]) -> Vec<u8> {
+    let mut single = Vec::with_capacity(line.len());
+    let mut in_quotes = false;
+    for &byte in line.trim_ascii() {
+        in_quotes ^= byte == b'"';
+        let is_blank = !in_quotes && (byte == b' ' || byte == b'\t');
+        match is_blank {
+            true if single.last() == Some(&b' ') => {}
+            true => single.push(b' '),
+            false => single.push(byte),
+        }
+    }
+    single
+}
+
+/// Whether a line names the separator, as Excel writes it: `sep=;`.
+fn is_separator_line(line: &[u8]) -> bool {
+    line.len() == 5 && line[..4].eq_ignore_ascii_case(b"sep=")
 }
 
 /// A number with a decimal comma, with a point instead; `None` for other text.

@@ -6,6 +6,7 @@
 
 use std::io::{self, Read};
 
+use super::frame::Frame;
 use super::rows::Reading;
 use super::scalar::Scalar;
 use super::table::{Head, Table};
@@ -72,7 +73,8 @@ pub(super) fn read(mut source: impl Read, file: &str, reading: &Reading) -> Resu
         let kind = header.0.get("XTENSION").map_or("primary", String::as_str);
         let length = header.data_bytes().map_err(|reason| malformed(RowPlace::Head, reason))?;
         if kind == "BINTABLE" {
-            let (head, columns, left_out) = head(&header).map_err(|reason| malformed(RowPlace::Head, reason))?;
+            let (mut head, columns, left_out) = head(&header).map_err(|reason| malformed(RowPlace::Head, reason))?;
+            head.frames.fill(frame(&header));
             match Table::new(file, &head, reading) {
                 Ok(mut table) => {
                     if !left_out.is_empty() {
@@ -80,11 +82,17 @@ pub(super) fn read(mut source: impl Read, file: &str, reading: &Reading) -> Resu
                     }
                     return rows(&mut source, &header, &columns, table, file);
                 }
-                Err(error) => refused = refused.or(Some(error)),
+                Err(error) => refused = refused.or(Some(with_left_out(error, &left_out))),
             }
         }
         seen.push(kind.to_owned());
-        io::copy(&mut source.by_ref().take(length as u64), &mut io::sink()).map_err(io_error)?;
+        let skipped = io::copy(&mut source.by_ref().take(length as u64), &mut io::sink()).map_err(io_error)?;
+        if skipped < length as u64 {
+            return Err(malformed(
+                RowPlace::Head,
+                format!("the file ends after {skipped} of the {length} bytes of its unit {} ({kind})", seen.len()),
+            ));
+        }
     }
     Err(refused.unwrap_or_else(|| {
         let found = seen.join(", ");
@@ -93,6 +101,27 @@ pub(super) fn read(mut source: impl Read, file: &str, reading: &Reading) -> Resu
             format!("no binary table; units of the file: {found}; a star catalogue in FITS is a BINTABLE"),
         )
     }))
+}
+
+/// Frame of reference that a header states (FITS Standard 4.0, 8.3). `EPOCH` is the old name of the equinox.
+fn frame(header: &Header) -> Frame {
+    let text = |names: &[&str]| {
+        let value = names.iter().find_map(|name| header.0.get(*name));
+        value.map_or_else(String::new, |value| value.trim().to_owned())
+    };
+    Frame { system: text(&["RADESYS", "RADECSYS"]), equinox: text(&["EQUINOX", "EPOCH"]), epoch: String::new() }
+}
+
+/// The same error with the columns that hold no single value.
+fn with_left_out(error: CatalogueError, left_out: &[String]) -> CatalogueError {
+    match error {
+        CatalogueError::Columns { file, place, reason, found } if !left_out.is_empty() => {
+            let found =
+                format!("{found}; not read, because they hold no single number or text: {}", left_out.join(", "));
+            CatalogueError::Columns { file, place, reason, found }
+        }
+        error => error,
+    }
 }
 
 /// The columns that are read with their head, and the names of the others.

@@ -10,7 +10,10 @@ use super::super::packed::ILLUMINANCE_RANGE_LX;
 use super::super::{StarRecord, distance_modulus};
 use super::columns::{self, Columns, Direction, NameColumns, RaUnit};
 use super::excerpt;
+use super::frame;
 use super::sexagesimal::{self, Angle, Unit};
+use super::sources::Source;
+use super::units;
 use crate::photometry::colour_index::{
     johnson_from_tycho, temperature_k_from_b_v, temperature_k_from_bp_rp, v_from_gaia,
 };
@@ -32,6 +35,11 @@ const SUN_WITHIN_PC: f64 = 1e-3;
 const SUN_ABSOLUTE_MAG: f64 = 4.81;
 const SUN_TOLERANCE_MAG: f64 = 0.5;
 
+/// Apparent magnitudes of the Sun in catalogues without distances.
+const SUN_APPARENT_MAG: RangeInclusive<f64> = -28.0..=-25.0;
+/// No star looks brighter, apparent V: that of Sirius less its error.
+const BRIGHTEST_STAR_MAG: f64 = -1.6;
+
 /// Range of a star's temperature, kelvin.
 const TEMPERATURE_RANGE_K: (f64, f64) = (500.0, 100_000.0);
 
@@ -49,7 +57,7 @@ const MOST_MAS_YR: f64 = 1e5;
 const MOST_KM_S: f64 = 1e5;
 
 /// Valid epochs of positions, years.
-const EPOCHS: RangeInclusive<f64> = 1800.0..=2200.0;
+pub(super) const EPOCHS: RangeInclusive<f64> = 1800.0..=2200.0;
 
 /// Notes on how a star was derived, for the report.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -57,6 +65,8 @@ pub(super) struct Notes {
     pub without_distance: bool,
     /// Whether the star is nearer than any known one.
     pub very_near: bool,
+    /// Whether it looks brighter than any star.
+    pub very_bright: bool,
     pub without_colour: bool,
     pub temperature_clamped: bool,
     pub colour_ignored: bool,
@@ -68,6 +78,8 @@ pub(super) struct Notes {
     pub velocity: Option<[f32; 3]>,
     /// The measured parallax, if its error decides whether it can be used.
     pub parallax: Option<MeasuredParallax>,
+    /// The source that the row itself names, if it is not that of the columns.
+    pub source: Option<Source>,
 }
 
 /// A parallax with its error in a catalogue that has both columns.
@@ -86,8 +98,8 @@ pub(super) enum Refusal {
     Row(Reason),
     /// The right ascension may be in hours or in degrees; another row may decide.
     HoursOrDegrees(String),
-    /// The right ascension cannot be in hours, although its column may be.
-    Degrees(String),
+    /// The right ascension cannot be in hours, although its column may be; `refutes`: its source has hours.
+    Degrees { reason: String, refutes: bool },
 }
 
 /// Reason why a row is unusable.
@@ -130,7 +142,7 @@ pub(super) fn star<'a>(
     let (direction, distance_pc) = row.place()?;
     let tycho = row.tycho()?;
     let bp_rp = row.bp_rp(&mut notes)?;
-    let b_v = row.colour(columns.b_v, &mut notes)?.or(tycho.and_then(|[_, b_v]| b_v));
+    let b_v = row.b_v(&mut notes)?.or(tycho.and_then(|[_, b_v]| b_v));
     let temperature_k = row.temperature_k(bp_rp, b_v, &mut notes)?;
 
     // Apparent V magnitude: catalogued, else from that of another photometric system.
@@ -169,20 +181,37 @@ pub(super) fn star<'a>(
             format!("it is the Sun, at {distance_pc:e} pc: the Sun is a body of the scene, not a star of a catalogue"),
         ));
     }
+    let apparent_mag = magnitude + distance_pc.map_or(0.0, distance_modulus);
+    if distance_pc.is_none() && SUN_APPARENT_MAG.contains(&apparent_mag) {
+        return Err(Refusal::of_kind(
+            "it is the Sun",
+            format!(
+                "it is the Sun, with V = {apparent_mag}: the Sun is a body of the scene, not a star of a catalogue"
+            ),
+        ));
+    }
     // As the renderer stores it, from the rounded magnitude; a star at infinity is treated as if at 1 pc.
     let magnitude_at_1_pc = f64::from(magnitude as f32) - if distance_pc.is_some() { 5.0 } else { 0.0 };
     let illuminance_lx = illuminance_lx_from_magnitude(magnitude_at_1_pc);
     if !ILLUMINANCE_RANGE_LX.contains(&illuminance_lx) {
         let (least, most) = ILLUMINANCE_RANGE_LX.into_inner();
-        return Err(Refusal::of_kind(
-            "magnitude and distance do not match",
-            format!(
-                "{illuminance_lx:.1e} lx at 1 pc is outside the range that can be stored ({least:.1e} to {most:.1e} lx): \
-             magnitude and distance do not match"
+        let stored = format!(
+            "{illuminance_lx:.1e} lx at 1 pc is outside the range that can be stored ({least:.1e} to {most:.1e} lx)"
+        );
+        return Err(match distance_pc {
+            Some(_) => {
+                let kind = "magnitude and distance do not match";
+                Refusal::of_kind(kind, format!("{stored}: {kind}"))
+            }
+            None => Refusal::of_kind(
+                "the magnitude is outside the range that can be stored",
+                format!("V = {apparent_mag}: {stored}; a star without distance counts as if it were at 1 pc"),
             ),
-        ));
+        });
     }
     notes.without_distance = distance_pc.is_none();
+    notes.very_bright = apparent_mag < BRIGHTEST_STAR_MAG;
+    notes.source = row.named_source();
     notes.very_near = distance_pc.is_some_and(|distance_pc| distance_pc < NO_STAR_WITHIN_PC);
     notes.parallax = row.measured_parallax()?;
     let record = StarRecord {
@@ -222,10 +251,10 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
     /// Number in a column; infinities are accepted.
     fn number(&self, column: Option<usize>) -> Result<Option<f64>, Refusal> {
         let Some((column, text)) = self.text(column) else { return Ok(None) };
-        match text.parse::<f64>() {
-            Ok(value) if !value.is_nan() => Ok(Some(value)),
-            Ok(_) => Ok(None),
-            Err(_) => Err(self.refuse(column, text, "is not a number")),
+        match units::number(text) {
+            Some(value) if !value.is_nan() => Ok(Some(self.columns.converted(column, value))),
+            Some(_) => Ok(None),
+            None => Err(self.refuse(column, text, "is not a number")),
         }
     }
 
@@ -272,6 +301,25 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         Ok(plausible)
     }
 
+    /// B-V, catalogued or from both magnitudes.
+    fn b_v(&self, notes: &mut Notes) -> Result<Option<f64>, Refusal> {
+        if let Some(colour) = self.colour(self.columns.b_v, notes)? {
+            return Ok(Some(colour));
+        }
+        let Some([b, v]) = self.columns.b_and_v else { return Ok(None) };
+        let (b, v) = (self.magnitude(Some(b))?, self.magnitude(Some(v))?);
+        Ok(b.zip(v).map(|(b, v)| b - v).filter(|colour| COLOUR_RANGE.contains(colour)))
+    }
+
+    /// The source that the row's designation names: tables of DR2 and DR3 may have the same columns.
+    fn named_source(&self) -> Option<Source> {
+        if self.columns.source != Source::Gaia {
+            return None;
+        }
+        let (_, designation) = self.text(self.columns.designation)?;
+        designation.to_lowercase().starts_with("gaia dr2 ").then_some(Source::Gaia2)
+    }
+
     /// BP-RP, catalogued or from both magnitudes.
     fn bp_rp(&self, notes: &mut Notes) -> Result<Option<f64>, Refusal> {
         if let Some(colour) = self.colour(self.columns.bp_rp, notes)? {
@@ -295,7 +343,20 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
     /// Unit vector towards the star, and the distance in parsecs if it is known.
     fn place(&self) -> Result<(DVec3, Option<f64>), Refusal> {
         let (direction, distance_pc) = match self.columns.direction {
-            Direction::Equatorial { ra, dec, unit } => (self.equatorial(ra, dec, unit)?, self.distance_pc()?),
+            Direction::Equatorial { ra, dec, unit, other } => {
+                let is_missing = self.text(Some(ra)).is_none() && self.text(Some(dec)).is_none();
+                let (ra, dec, unit) = other.filter(|_| is_missing).unwrap_or((ra, dec, unit));
+                if let Some((column, text)) = self.text(self.columns.equinox)
+                    && !frame::is_j2000(text)
+                {
+                    return Err(self.refuse(
+                        column,
+                        text,
+                        "is not J2000: positions must be in the ICRS or the FK5 of J2000",
+                    ));
+                }
+                (self.equatorial(ra, dec, unit)?, self.distance_pc()?)
+            }
             Direction::Cartesian(axes) => {
                 let mut position = DVec3::ZERO;
                 for (axis, column) in axes.into_iter().enumerate() {
@@ -338,15 +399,21 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
             (Angle::Decimal(v), RaUnit::Degrees) => (v, "is outside -180 to 360 degrees"),
             (Angle::Decimal(v), RaUnit::Radians) => (v.to_degrees(), "is outside 0 to 2 pi radians"),
             (Angle::Decimal(v), RaUnit::Hours) => (v * 15.0, "is outside 0 to 24 hours"),
-            (Angle::Decimal(v), RaUnit::Unknown) => {
+            (Angle::Decimal(v), RaUnit::HoursUnlessRefuted) if (0.0..=24.0).contains(&v) => (v * 15.0, ""),
+            (Angle::Decimal(v), RaUnit::HoursUnlessRefuted | RaUnit::Unknown) => {
                 let (name, text) = (self.columns.name(ra), excerpt(ra_text));
+                let refutes = unit == RaUnit::HoursUnlessRefuted;
                 return Err(if (0.0..=24.0).contains(&v) {
                     Refusal::HoursOrDegrees(format!(
-                        "{name} = \"{text}\" may be hours or degrees, and no other column or row decides which; name it ra_deg if it is \
-                         degrees, or write it as hours, minutes and seconds"
+                        "{name} = \"{text}\" may be hours or degrees, and no other column or row decides which; name it ra_deg or ra_hours"
                     ))
+                } else if (-180.0..=360.0).contains(&v) {
+                    Refusal::Degrees {
+                        reason: format!("{name} = \"{text}\" can only be degrees; name it ra_deg"),
+                        refutes,
+                    }
                 } else {
-                    Refusal::Degrees(format!("{name} = \"{text}\" can only be degrees; name it ra_deg"))
+                    self.refuse(ra, ra_text, "is outside 0 to 24 hours and outside -180 to 360 degrees")
                 });
             }
             (Angle::Sexagesimal { value, unit: Some(Unit::Degrees) }, _) => (value, "is outside 0 to 360 degrees"),
@@ -424,21 +491,22 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         years: f64,
         notes: &mut Notes,
     ) -> Result<DVec3, Refusal> {
-        let Columns { pm_ra, pm_dec, pm_unit_mas, radial_velocity_km_s, ref_epoch, epoch, .. } = self.columns;
-        let mut bounded = |column: Option<usize>, most: f64| match (self.finite(column)?, self.text(column)) {
+        let Columns { pm_ra, pm_dec, radial_velocity_km_s, ref_epoch, epoch, .. } = self.columns;
+        let mut bounded = |column: Option<usize>, most: f64, unit: &str| match (self.finite(column)?, self.text(column))
+        {
             (Some(value), Some((_, text))) if value.abs() >= 999.0 && is_nines(text) => {
                 notes.motion_ignored = true;
                 Ok(0.0)
             }
             (Some(value), Some((column, text))) if value.abs() > most => {
-                Err(self.refuse(column, text, &format!("is outside -{most} to {most}")))
+                Err(self.refuse(column, text, &format!("is outside -{most} to {most} {unit}")))
             }
             (value, _) => Ok(value.unwrap_or(0.0)),
         };
         let motion = StarMotion {
-            pm_ra_arcsec: 1e-3 * pm_unit_mas * bounded(*pm_ra, MOST_MAS_YR)?,
-            pm_dec_arcsec: 1e-3 * pm_unit_mas * bounded(*pm_dec, MOST_MAS_YR)?,
-            radial_velocity_km_s: bounded(*radial_velocity_km_s, MOST_KM_S)?,
+            pm_ra_arcsec: 1e-3 * bounded(*pm_ra, MOST_MAS_YR, "mas/yr")?,
+            pm_dec_arcsec: 1e-3 * bounded(*pm_dec, MOST_MAS_YR, "mas/yr")?,
+            radial_velocity_km_s: bounded(*radial_velocity_km_s, MOST_KM_S, "km/s")?,
         };
         if motion == StarMotion::default() {
             return Ok(direction * distance_pc.unwrap_or(1.0));
@@ -447,7 +515,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
             (Some(year), Some((column, text))) if !EPOCHS.contains(&year) => {
                 return Err(self.refuse(column, text, "is outside 1800 to 2200"));
             }
-            (year, _) => year.unwrap_or(*epoch),
+            (year, _) => year.unwrap_or(notes.source.map_or(*epoch, Source::epoch)),
         };
         let place = motion.after(direction, distance_pc, years + columns::J2000_EPOCH - from_year);
         if place.length() < NEAREST_PC {
@@ -495,9 +563,9 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
             designations
                 .extend(number.filter(|text| text.parse::<u64>().is_ok()).map(|text| format!("{catalogue} {text}")));
         }
-        if self.columns.source.is_gaia() {
-            designations
-                .extend(text(gaia).filter(|text| text.parse::<u64>().is_ok()).map(|text| format!("Gaia {text}")));
+        if let Some(release) = self.named_source().unwrap_or(self.columns.source).gaia_release() {
+            let number = text(gaia).filter(|text| text.parse::<u64>().is_ok());
+            designations.extend(number.map(|number| format!("Gaia {release} {number}")));
         }
         let name = text(name).unwrap_or_default().to_owned();
         designations.dedup();
@@ -521,7 +589,7 @@ fn temperature_of_colour_k(bp_rp: Option<f64>, b_v: Option<f64>, notes: &mut Not
 pub(super) fn has_names<'a>(columns: &Columns, field: impl Fn(usize) -> &'a str) -> bool {
     let row = Row { columns, field };
     let NameColumns { name, bayer_flamsteed, bayer, flamsteed, hip, hd, hr, gaia, .. } = columns.names;
-    let gaia = gaia.filter(|_| columns.source.is_gaia());
+    let gaia = gaia.filter(|_| columns.source.gaia_release().is_some());
     [name, bayer_flamsteed, bayer, flamsteed, hip, hd, hr, gaia].into_iter().any(|column| row.text(column).is_some())
 }
 

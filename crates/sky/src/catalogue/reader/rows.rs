@@ -111,7 +111,7 @@ impl Rows {
         });
         match star {
             Ok((star, notes, hash)) => {
-                self.report.count(notes);
+                self.report.count(&notes);
                 if let Some(velocity) = notes.velocity {
                     self.velocities.push(StarVelocity { star: self.stars.len() as u32, velocity });
                 }
@@ -134,14 +134,15 @@ impl Rows {
                 self.undecided.get_or_insert((line, format!("{place}{reason}")));
                 Ok(())
             }
-            Refusal::Degrees(reason) => {
+            Refusal::Degrees { reason, refutes } => {
                 let (file, place, reason) =
                     (self.report.file.clone(), self.report.place(line), format!("{place}{reason}"));
-                // Other rows may have hours, minutes and seconds.
-                Err(if self.report.used > 0 {
-                    CatalogueError::Malformed { file, place, reason }
-                } else {
+                // Other rows may have hours, minutes and seconds, or stars that were already passed on.
+                let can_begin_again = self.report.used == 0 || (refutes && self.reading.stream.is_none());
+                Err(if can_begin_again {
                     CatalogueError::Degrees { file, place, reason }
+                } else {
+                    CatalogueError::Malformed { file, place, reason }
                 })
             }
         }
@@ -160,7 +161,7 @@ impl Rows {
         });
         match star {
             Ok((star, notes, names)) => {
-                self.report.count(notes);
+                self.report.count(&notes);
                 let Notes { velocity, without_colour, parallax, .. } = notes;
                 self.batch.push(StreamedStar { star, velocity, names, without_colour, parallax });
                 if self.batch.len() == BATCH { self.send() } else { Ok(()) }

@@ -3,6 +3,8 @@
 //! Accepted forms: `06 45 08.9`, `06:45:08.9`, `6h45m08.9s`, `-16 42 58`, `-16d42m58s` and `-16°42'58"`; missing last
 //! parts are zero. The sign is taken from the text, not from the first number, so that `-00 30 10` stays negative.
 
+use super::units;
+
 /// An angle as written.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Angle {
@@ -29,7 +31,7 @@ pub(super) enum Unit {
 /// Parses one angle. The error describes the problem without repeating the text.
 pub(super) fn parse(text: &str) -> Result<Angle, String> {
     let text = text.trim();
-    if let Ok(value) = text.parse::<f64>() {
+    if let Some(value) = units::number(text) {
         return if value.is_finite() { Ok(Angle::Decimal(value)) } else { Err("is not finite".into()) };
     }
     // Sign, and the unit of the first part.
@@ -95,11 +97,27 @@ mod tests {
     #[test]
     fn every_form_of_one_angle_gives_the_same_value() {
         let hours = 6.0 + 45.0 / 60.0 + 8.9 / 3600.0;
-        for text in ["06 45 08.9", "06:45:08.9", "6h45m08.9s", "6h 45m 08.9s", " +06  45  08.9 ", "6.752472222222222"] {
+        for text in [
+            "06 45 08.9",
+            "06:45:08.9",
+            "6h45m08.9s",
+            "6h 45m 08.9s",
+            " +06  45  08.9 ",
+            "6.752472222222222",
+            "67.52472222222222D-01",
+        ] {
             assert!((value(text) - hours).abs() < 1e-12, "{text}");
         }
         let degrees = -(16.0 + 42.0 / 60.0 + 58.0 / 3600.0);
-        for text in ["-16 42 58", "-16:42:58", "-16d42m58s", "-16°42'58\"", "\u{2212}16 42 58", "-16.71611111111111"] {
+        for text in [
+            "-16 42 58",
+            "-16:42:58",
+            "-16d42m58s",
+            "-16°42'58\"",
+            "\u{2212}16 42 58",
+            "-16.71611111111111",
+            "\u{2212}16.71611111111111",
+        ] {
             assert!((value(text) - degrees).abs() < 1e-12, "{text}");
         }
     }

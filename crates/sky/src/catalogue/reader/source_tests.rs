@@ -136,8 +136,10 @@ fn tables_of_vizier_have_units_and_dashes_below_their_head() {
     let read = |text: String| read_csv_from(text.as_bytes(), "test.tsv", 100.0);
     let moved = |pm: &str| off_arcsec(&read(table("mas", pm)).unwrap().stars[0], 10.0, 20.0);
     assert!((moved("arcsec/yr") - 100.0).abs() < 0.1 && (moved("mas/yr") - 0.1).abs() < 1e-4);
-    for (unit, pm, part) in [("arcsec", "mas/yr", "plx is in arcsec"), ("mas", "deg/yr", "proper motion is in deg/yr")]
-    {
+    for (unit, pm, part) in [
+        ("pc", "mas/yr", "plx is in pc; it must be in mas"),
+        ("mas", "mas/d", "pmra is in mas/d; it must be in mas/yr"),
+    ] {
         let error = read(table(unit, pm)).unwrap_err().to_string();
         assert!(error.contains(part), "{error}");
     }
@@ -150,9 +152,9 @@ fn heads_in_comments_and_units_of_ecsv_are_read() {
     assert!((stars[0].apparent_magnitude() + 1.46).abs() < 1e-6);
     let CatalogueRead { stars, report, .. } = read("gaia.ecsv");
     assert_eq!((report.source, stars.len()), (Source::Gaia, 1), "{report}");
-    let other = std::fs::read_to_string(path("gaia.ecsv")).unwrap().replace("unit: mas,", "unit: arcsec,");
+    let other = std::fs::read_to_string(path("gaia.ecsv")).unwrap().replace("unit: mas,", "unit: pc,");
     let error = read_csv_from(other.as_bytes(), "test.ecsv", 0.0).unwrap_err().to_string();
-    assert!(error.contains("parallax is in arcsec"), "{error}");
+    assert!(error.contains("parallax is in pc"), "{error}");
     // A comment that is not a head does not become one.
     let error = read_csv_from(&b"# made on 3 May\n10,20,3\n"[..], "test.csv", 0.0).unwrap_err().to_string();
     assert!(error.contains("no direction"), "{error}");

@@ -15,6 +15,24 @@ pub(super) const DEGREES: &[(&str, &str, Option<f64>)] = &[
     ("rarad", "derad", None),
 ];
 
+/// Columns that HYG and AT-HYG have beside `mag`, and few others.
+const HYG: [&str; 14] = [
+    "absmag",
+    "bayerflamsteed",
+    "bf",
+    "ci",
+    "colorindex",
+    "dist_src",
+    "gl",
+    "gliese",
+    "mag_src",
+    "pos_src",
+    "proper",
+    "propername",
+    "spect",
+    "spectrum",
+];
+
 /// Source of a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Source {
@@ -45,8 +63,7 @@ impl Source {
     /// Recognises the source by the names of its columns, in lower case.
     pub(super) fn recognise(names: &[String]) -> Self {
         let has = |name: &str| names.iter().any(|known| known == name);
-        let hyg_colour_or_distance = ["ci", "colorindex", "dist", "distance", "absmag"].iter().any(|name| has(name));
-        if has("mag") && hyg_colour_or_distance {
+        if has("mag") && HYG.iter().any(|name| has(name)) {
             return if has("dist_src") || has("mag_src") || has("pos_src") { Self::AtHyg } else { Self::Hyg };
         }
         if has("phot_g_mean_mag") || (has("source_id") && has("ra")) {
@@ -116,6 +133,15 @@ impl Source {
         matches!(self, Self::Hyg | Self::AtHyg)
     }
 
+    /// Data release of Gaia whose numbers the file has. AT-HYG has those of DR3.
+    pub(super) fn gaia_release(self) -> Option<&'static str> {
+        match self {
+            Self::Gaia | Self::VizierGaia | Self::AtHyg => Some("DR3"),
+            Self::Gaia2 | Self::VizierGaia2 => Some("DR2"),
+            _ => None,
+        }
+    }
+
     /// Whether magnitudes are those of Gaia.
     pub(super) fn is_gaia(self) -> bool {
         matches!(self, Self::Gaia | Self::Gaia2 | Self::VizierGaia | Self::VizierGaia2)
@@ -134,6 +160,7 @@ mod tests {
     fn every_source_is_recognised_by_its_columns() {
         for (header, source) in [
             ("ra_deg,dec_deg,v_mag", Source::Plain),
+            ("name,ra,dec,mag,dist", Source::Plain),
             ("id,hip,proper,ra,dec,dist,mag,absmag,ci,x,y,z", Source::Hyg),
             ("starid,hip,ra,dec,distance,mag,absmag,colorindex", Source::Hyg),
             ("id,tyc,gaia,ra,dec,pos_src,dist,x0,y0,z0,dist_src,mag,absmag,ci,mag_src", Source::AtHyg),

@@ -1,6 +1,7 @@
 //! Tables of formats whose head gives the names, units and meanings of the columns: VOTable, FITS and Parquet.
 
-use super::columns::{self, Columns};
+use super::columns::{self, Columns, Direction};
+use super::frame::Frame;
 use super::rows::{Reading, Rows};
 use super::{CatalogueError, CatalogueRead, RowPlace};
 
@@ -28,6 +29,8 @@ pub(super) struct Head {
     pub units: Vec<String>,
     /// UCDs; empty if the column has none.
     pub ucds: Vec<String>,
+    /// Frame of reference of each column's positions.
+    pub frames: Vec<Frame>,
 }
 
 impl Head {
@@ -36,6 +39,7 @@ impl Head {
         self.names.push(name.to_owned());
         self.units.push(unit.to_owned());
         self.ucds.push(ucd.to_owned());
+        self.frames.push(Frame::default());
     }
 
     /// The columns by their names; if these are not the names of a star catalogue, by their UCDs as well.
@@ -80,7 +84,19 @@ impl Table {
             reason,
             found: columns::listing(&head.names),
         })?;
-        let columns = columns.in_degrees(reading.ra_in_degrees);
+        let mut columns = columns.in_degrees(reading.ra_in_degrees);
+        let ra = match columns.direction {
+            Direction::Equatorial { ra, .. } => ra,
+            Direction::Cartesian([x, ..]) => x,
+        };
+        if let Some(frame) = head.frames.get(ra) {
+            let epoch = frame.epoch().map_err(|reason| CatalogueError::Malformed {
+                file: file.to_owned(),
+                place: RowPlace::Head,
+                reason,
+            })?;
+            columns.epoch = epoch.unwrap_or(columns.epoch);
+        }
         let rows = Rows::new(file, &columns, reading).without_lines();
         Ok(Self { columns, rows })
     }

@@ -273,7 +273,8 @@ fn fields_are_split_by_the_rules_of_csv() {
     }
     for (row, reason) in [
         (",,,", "ra_deg is missing"),
-        ("a,1,2,3,", "5 fields instead of 4"),
+        ("a,1,2,3,4", "5 fields instead of 4"),
+        ("a,1,2,3,,", "6 fields instead of 4"),
         ("a", "1 fields instead of 4"),
         // A mark after a blank is text.
         ("a, \"1\",2,3", "ra_deg = \"\\\"1\\\"\" is neither"),

@@ -9,6 +9,7 @@ use base64::{Engine, engine::general_purpose::STANDARD};
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
+use super::frame::Frame;
 use super::rows::Reading;
 use super::scalar::Scalar;
 use super::table::{Head, Table};
@@ -137,6 +138,12 @@ struct Document<'f> {
     /// Number of tables after the one that is read.
     further: usize,
     has_votable: bool,
+    /// Whether the VOTABLE has ended.
+    has_end: bool,
+    /// Frames of reference (COOSYS) by their identifiers.
+    frames: Vec<(String, Frame)>,
+    /// For each FIELD the identifier of its frame; empty if it has none.
+    frame_ids: Vec<String>,
     /// Whether the open INFO is the error of a service.
     is_error: bool,
 }
@@ -157,6 +164,9 @@ impl<'f> Document<'f> {
             notes: Vec::new(),
             further: 0,
             has_votable: false,
+            has_end: false,
+            frames: Vec::new(),
+            frame_ids: Vec::new(),
             is_error: false,
         }
     }
@@ -204,6 +214,13 @@ impl<'f> Document<'f> {
             b"TABLE" => {
                 self.head = Head::default();
                 self.columns.clear();
+                self.frame_ids.clear();
+            }
+            b"COOSYS" if self.frames.len() < MOST_FIELDS => {
+                let text = |name: &str| self.attribute(start, name);
+                let frame = Frame { system: text("system")?, equinox: text("equinox")?, epoch: text("epoch")? };
+                let id = text("ID")?;
+                self.frames.push((id, frame));
             }
             b"FIELD" => self.field(start)?,
             b"VALUES" if self.in_field => {
@@ -277,7 +294,9 @@ impl<'f> Document<'f> {
             let product = sizes.split('x').try_fold(1_usize, |all, size| all.checked_mul(size.trim().parse().ok()?));
             Some(product.ok_or_else(|| self.malformed(format!("the arraysize `{size}` is no size")))?)
         };
+        let frame_id = text("ref")?;
         self.head.push(&name, &unit, &ucd);
+        self.frame_ids.push(frame_id);
         self.columns.push(Column { kind, count, null: String::new() });
         self.in_field = true;
         Ok(())
@@ -290,6 +309,14 @@ impl<'f> Document<'f> {
             self.further += 1;
             self.is_reading = false;
             return;
+        }
+        // A FIELD without a frame has that of the document if there is only one.
+        for (frame, id) in self.head.frames.iter_mut().zip(&self.frame_ids) {
+            let named = self.frames.iter().find(|(known, _)| !id.is_empty() && known == id);
+            let only = self.frames.first().filter(|_| self.frames.len() == 1);
+            if let Some((_, stated)) = named.or(only) {
+                frame.clone_from(stated);
+            }
         }
         let table = Table::new(self.file, &self.head, self.reading);
         self.is_reading = table.is_ok();
@@ -338,6 +365,7 @@ impl<'f> Document<'f> {
                 );
             }
             b"FIELD" => self.in_field = false,
+            b"VOTABLE" => self.has_end = true,
             b"TABLEDATA" | b"BINARY" | b"BINARY2" => self.is_reading = false,
             b"TD" if self.is_reading => {
                 let text = self.value.take().unwrap_or_default();
@@ -391,6 +419,9 @@ impl<'f> Document<'f> {
     }
 
     fn finish(self) -> Result<CatalogueRead, CatalogueError> {
+        if self.has_votable && !self.has_end {
+            return Err(self.malformed("the file ends before </VOTABLE>: it is incomplete".to_owned()));
+        }
         let none = if self.has_votable { "the VOTable has no table with data" } else { "it is XML, but not a VOTable" };
         let none = self.malformed(none.to_owned());
         let mut table = self.table.unwrap_or(Err(none))?;
