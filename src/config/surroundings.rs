@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::error::finite;
 use crate::observer::RefractingAir;
 use crate::photometry::{
-    atmosphere::{Air, glow_of},
+    atmosphere::{Air, clear_extinction_mag, glow_of},
     blackbody::rec709_in_gamut,
 };
 use crate::ranges::KeyError;
@@ -22,11 +22,7 @@ use crate::scene::{
 
 /// Colour temperature of the night sky, whose light comes mostly from the Sun and stars, K: measured B - V is 0.7 to 1.
 const GLOW_K: f64 = 5772.0;
-/// Less extinction than this is drawn as no air.
-const LEAST_EXTINCTION_MAG: f64 = 0.01;
-/// Extinction at sea level and scale height of each component, magnitudes and m: molecules with ozone, and aerosol.
-const EXTINCTIONS: [[f64; 2]; 2] = [[0.138, 8200.0], [0.062, 1500.0]];
-/// Above this height there is no air, m.
+/// Above this height no air is drawn, m: there the zenith has 1 cd/m^2 by day, and the standard atmosphere ends.
 const HIGHEST_M: f64 = 50_000.0;
 /// Points of a horizon at most.
 pub const MOST_POINTS: usize = 10_000;
@@ -35,9 +31,9 @@ pub const MOST_POINTS: usize = 10_000;
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AirConfig {
-    /// Whether there is air.
+    /// Whether there is air. Above a height of 50 km none is drawn.
     pub enabled: bool,
-    /// Extinction in the V band per air mass, magnitudes. The default is that of clear air at the observer's height: 0.2 at sea level.
+    /// Extinction in the V band per air mass, magnitudes; 0: no air. The default is that of clear air at the observer's height: 0.2 at sea level.
     #[schemars(range(min = 0.0, max = 2.0), extend("x-unit" = "magnitudes"))]
     pub extinction_mag: Option<f64>,
     /// Brightness of the zenith on a dark night without stars and planets: V magnitudes per square arcsecond; 22 far from all lamps, 18 in a town.
@@ -86,25 +82,26 @@ impl AirConfig {
     /// Checks the rules beyond types and ranges, at a height, m; a fault names the key below `scene.observer.air`.
     pub(super) fn check(&self, height_m: f64) -> Result<(), KeyError> {
         if self.extinction_mag.is_some() && height_m > HIGHEST_M {
-            let problem =
-                format!("there is no air at a height of {height_m} m: leave the key out from {HIGHEST_M} m on");
+            let problem = format!("no air is drawn at a height of {height_m} m: leave the key out above {HIGHEST_M} m");
             return Err(KeyError::new("extinction_mag", problem));
         }
         Ok(())
     }
 
-    /// The air at a height, m; `None` if it is turned off or too thin.
+    /// The air at a height, m; `None` if it is turned off, or above [`HIGHEST_M`], which is logged.
     pub(super) fn air(&self, height_m: f64) -> Option<Air> {
+        if self.enabled && height_m > HIGHEST_M {
+            tracing::info!("scene.observer.height_m = {height_m}: no air is drawn above {HIGHEST_M} m");
+        }
         let glow_cd_m2 = glow_of(self.night_sky_mag, rec709_in_gamut(GLOW_K));
         self.extinction(height_m).map(|extinction_mag| Air::new(extinction_mag, height_m, glow_cd_m2))
     }
 
     /// Extinction of the air at a height, m, V magnitudes; `None` without air.
     fn extinction(&self, height_m: f64) -> Option<f64> {
-        let clear = || EXTINCTIONS.iter().map(|[mag, height]| mag * (-height_m.max(0.0) / height).exp()).sum();
-        let extinction_mag = self.extinction_mag.unwrap_or_else(clear);
-        let is_there = self.enabled && extinction_mag >= LEAST_EXTINCTION_MAG && height_m <= HIGHEST_M;
-        is_there.then_some(extinction_mag)
+        let extinction_mag = self.extinction_mag.unwrap_or_else(|| clear_extinction_mag(height_m));
+        let has_air = self.enabled && extinction_mag > 0.0 && height_m <= HIGHEST_M;
+        has_air.then_some(extinction_mag)
     }
 
     /// The refracting air at a height, m; `None` without air.
@@ -219,6 +216,22 @@ mod tests {
             let fault = check(points).expect_err(key);
             assert!(fault.key == key && fault.problem.contains(part), "{fault:?}");
         }
+    }
+
+    #[test]
+    fn air_continues_up_to_50_km() {
+        let mut before = f64::INFINITY;
+        for height_m in [0.0, 10e3, 20e3, 21e3, 22e3, 30e3, 40e3, HIGHEST_M] {
+            let air = AirConfig::default();
+            let extinction_mag = air.extinction(height_m).unwrap_or_else(|| panic!("no air at {height_m} m"));
+            assert!(extinction_mag > 0.0 && extinction_mag < before, "{height_m}: {extinction_mag}");
+            assert!(air.refracting(height_m).is_some());
+            before = extinction_mag;
+        }
+        assert_eq!(AirConfig::default().extinction(HIGHEST_M + 1.0), None);
+        // A given extinction has no lower limit either, except that 0 is no air.
+        let given = |mag: f64| AirConfig { extinction_mag: Some(mag), ..Default::default() }.extinction(0.0);
+        assert_eq!([given(0.001), given(0.0)], [Some(0.001), None]);
     }
 
     #[test]

@@ -252,8 +252,14 @@ fn magnitude_errors(extra: &str, only: Option<&str>) -> Vec<(String, f64)> {
 fn planets_have_their_published_magnitudes_at_ten_phases() {
     for (object, error) in magnitude_errors("", None) {
         println!("{object}: {error:.3} mag");
-        // Measured: Saturn 0.092, Mercury 0.070, Neptune 0.051, the others below 0.04.
-        let most = if object == "saturn" { 0.15 } else { 0.1 };
+        // Saturn: at tilts of the rings below about 6 degrees the globe keeps the brightness that it has alone, and the
+        // published curve with rings is fainter. Mercury: 0.070, in its thin crescent. Mars: its rotation does not
+        // cancel in ten dates.
+        let most = match object.as_str() {
+            "saturn" => 0.15,
+            "mercury" | "mars" => 0.1,
+            _ => 0.03,
+        };
         assert!(error < most, "{object}: {error}");
     }
     // A Lambert sphere does not match Mercury.

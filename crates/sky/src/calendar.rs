@@ -17,7 +17,11 @@ const JDN_1970: i64 = 2_440_588;
 /// A day, microseconds.
 const DAY_US: i64 = 86_400_000_000;
 /// Forms of a moment, for messages.
-pub const FORMS: &str = "2026-01-01T00:00:00Z, -0567-07-04T12:00:00Z or +10000-01-01T00:00:00Z (Gregorian calendar, year 0 is 1 BC), 1133-08-02T12:00:00Z julian, or JD 2451545.0";
+pub const FORMS: &str = "2026-01-01T00:00:00Z, -0567-07-04T12:00:00Z or +10000-01-01T00:00:00Z (Gregorian calendar, year 0 is 1 BC), 1133-08-02T12:00:00Z julian, JD 2451545.0, or MJD 51544.5";
+/// Julian date at which modified Julian dates begin, less the half day.
+const MJD_DAYS: f64 = 2_400_000.0;
+/// Julian dates that look like modified Julian dates of 1858 to 2132, and are days of the years -4713 to -4439.
+const LIKE_MJD: std::ops::Range<f64> = 0.0..100_000.0;
 
 const fn new_year_s(year: i64) -> f64 {
     (gregorian_days(year, 1, 1) - DAYS_TO_2000) as f64 * DAY_S - 0.5 * DAY_S
@@ -88,6 +92,8 @@ fn gregorian_date(days: i64) -> [i64; 3] {
 
 /// Name of the calendar that dates without a name have.
 const GREGORIAN: &str = "gregorian";
+/// Name of the calendar before 1582.
+const JULIAN: &str = "julian";
 
 /// Whether a date was left out when the Gregorian calendar followed the Julian one, so that it has to name its calendar.
 pub fn is_left_out([year, month, day]: [i64; 3]) -> bool {
@@ -161,17 +167,23 @@ pub fn check(time_s: f64) -> Result<f64, String> {
 }
 
 /// Reads a moment, s since 2000-01-01T12:00:00Z. The forms are those of RFC 3339 with years of any length, which have a sign unless they have
-/// four or five digits; the same followed by `julian` (the calendar before 1582) or `gregorian`; and `JD` with a Julian date of UTC. A 60th second
-/// is the first of the next minute.
+/// four or five digits; the same followed by `julian` (the calendar before 1582) or `gregorian`; and `JD` with a Julian date of UTC, or `MJD` with a
+/// modified one. The case of letters does not matter. A 60th second is the first of the next minute.
 ///
 /// # Errors
 ///
-/// The text has another form, its date or time does not exist, or [`check`] refuses it.
+/// The text has another form, its date or time does not exist, [`check`] refuses it, or it is a Julian date from 0 to 100,000, which is most likely a
+/// modified one.
 pub fn moment(text: &str) -> Result<f64, String> {
     let text = text.trim();
-    let time_s = match text.strip_prefix("JD").or_else(|| text.strip_prefix("jd")) {
-        Some(number) => julian_date_s(number.trim()),
-        None => date_time_s(text),
+    let after = |prefix: &str| {
+        let (start, number) = text.split_at_checked(prefix.len())?;
+        start.eq_ignore_ascii_case(prefix).then(|| number.trim())
+    };
+    let time_s = match (after("JD"), after("MJD")) {
+        (Some(number), _) => julian_date_s(number),
+        (None, Some(number)) => modified_julian_date_s(number),
+        (None, None) => date_time_s(text),
     };
     time_s.map_err(|problem| format!("`{text}`: {problem}")).and_then(check)
 }
@@ -179,16 +191,36 @@ pub fn moment(text: &str) -> Result<f64, String> {
 /// A Julian date. Whole days are subtracted before its fraction is added, which keeps microseconds.
 fn julian_date_s(number: &str) -> Result<f64, String> {
     let wrong = || "a Julian date is a decimal number, as in JD 2451545.0".to_owned();
+    let [days, part] = days_and_part(number).ok_or_else(wrong)?;
+    let time_s = (days - J2000_JD) * DAY_S + part * DAY_S;
+    if LIKE_MJD.contains(&(days + part)) {
+        return Err(format!(
+            "this Julian date is {}; for a modified Julian date write MJD {number}, for that day long ago its date",
+            written(time_s)
+        ));
+    }
+    Ok(time_s)
+}
+
+/// A modified Julian date: the Julian date less 2,400,000.5.
+fn modified_julian_date_s(number: &str) -> Result<f64, String> {
+    let wrong = || "a modified Julian date is a decimal number, as in MJD 51544.5".to_owned();
+    let [days, part] = days_and_part(number).ok_or_else(wrong)?;
+    Ok((days + MJD_DAYS - J2000_JD) * DAY_S + (part + 0.5) * DAY_S)
+}
+
+/// Whole days and fraction of a decimal number of days, both with its sign.
+fn days_and_part(number: &str) -> Option<[f64; 2]> {
     let (whole, fraction) = number.split_once('.').unwrap_or((number, "0"));
     let digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     let unsigned = whole.strip_prefix('-').unwrap_or(whole);
     if !digits(unsigned) || !digits(fraction) || unsigned.len() > 9 {
-        return Err(wrong());
+        return None;
     }
-    let days: f64 = unsigned.parse().map_err(|_| wrong())?;
-    let part: f64 = format!("0.{fraction}").parse().map_err(|_| wrong())?;
+    let days: f64 = unsigned.parse().ok()?;
+    let part: f64 = format!("0.{fraction}").parse().ok()?;
     let sign = if whole.starts_with('-') { -1.0 } else { 1.0 };
-    Ok((sign * days - J2000_JD) * DAY_S + sign * part * DAY_S)
+    Some([sign * days, sign * part])
 }
 
 /// A number of exactly so many digits at the beginning of a text, and the rest.
@@ -218,8 +250,8 @@ fn date_time_s(text: &str) -> Result<f64, String> {
     let wrong = || format!("must be a date with time and offset: {FORMS}");
     let (written, calendar) = match text.split_once(' ').map(|(date, rest)| (date, rest.trim())) {
         None => (text, Calendar::Gregorian),
-        Some((date, GREGORIAN)) => (date, Calendar::Gregorian),
-        Some((date, "julian")) => (date, Calendar::Julian),
+        Some((date, name)) if name.eq_ignore_ascii_case(GREGORIAN) => (date, Calendar::Gregorian),
+        Some((date, name)) if name.eq_ignore_ascii_case(JULIAN) => (date, Calendar::Julian),
         Some(_) => return Err(wrong()),
     };
     let parts = || {
@@ -259,7 +291,7 @@ fn date_time_s(text: &str) -> Result<f64, String> {
     }
     if is_left_out([year, month, day]) && written == text {
         return Err(format!(
-            "no calendar in use had it: in {year}-{month}, day 4 was followed by day 15; append {GREGORIAN} or julian"
+            "no calendar in use had it: in {year}-{month}, day 4 was followed by day 15; append {GREGORIAN} or {JULIAN}"
         ));
     }
     let most = calendar.days_of(year, month);
@@ -306,6 +338,15 @@ mod tests {
             ("JD 2451545.0", 2_451_545.0),
             ("JD 2451545", 2_451_545.0),
             ("jd -100000.25", -100_000.25),
+            ("Jd 100000", 100_000.0),
+            ("JD 999999.5", 999_999.5),
+            ("MJD 51544.5", 2_451_545.0),
+            ("mjd 51544.5", 2_451_545.0),
+            ("MJD61353.83", 2_461_354.33),
+            ("MJD 0", 2_400_000.5),
+            ("Mjd -678941.25", 1_721_059.25),
+            ("1133-08-02T12:00:00Z Julian", 2_135_100.0),
+            ("1133-08-09T12:00:00Z  GREGORIAN", 2_135_100.0),
         ] {
             match moment(text) {
                 Ok(time_s) => {
@@ -314,6 +355,9 @@ mod tests {
                 Err(problem) => assert!(jd.is_nan() && problem.contains("23:59:60"), "{problem}"),
             }
         }
+        // Modified Julian dates are at noon where Julian dates are at midnight.
+        assert_eq!(moment("MJD 61353.83"), moment("JD 2461354.33"));
+        assert_eq!(moment("MJD 61353"), moment("2026-11-09T00:00:00Z"));
         // Microseconds survive.
         assert!((moment("JD 2461041.500001").unwrap() - moment("2026-01-01T00:00:00.0864Z").unwrap()).abs() < 2e-7);
     }
@@ -346,6 +390,16 @@ mod tests {
             ("JD 1e3", "decimal number"),
             ("JD 2451545.", "decimal number"),
             ("JD inf", "decimal number"),
+            ("MJD", "a modified Julian date is a decimal number, as in MJD 51544.5"),
+            ("MJD 1e3", "modified Julian date is a decimal number"),
+            ("JD 61353.83", "-4545-11-18T07:55:12Z; for a modified Julian date write MJD 61353.83"),
+            ("jd 0", "write MJD 0, for that day long ago its date"),
+            ("JD 99999.9", "write MJD 99999.9"),
+            ("MJD 999999999", "years -6000 to 10000"),
+            ("2026-01-01T00:00:00Z Julians", "MJD 51544.5"),
+            ("J", "must be a date"),
+            ("MJ", "must be a date"),
+            ("MJé 1", "must be a date"),
             ("+10001-01-02T00:00:00Z", "years -6000 to 10000"),
             ("-6001-12-31T23:59:59Z", "-6001-12-31T23:59:59Z: must be in the years -6000 to 10000"),
             ("JD 999999999", "years -6000 to 10000"),

@@ -104,8 +104,8 @@ fn rows() -> impl Iterator<Item = &'static str> {
     TABLE.lines().filter(|line| !line.starts_with('#')).skip(1)
 }
 
-/// Returns the same stars with their names: designations are those of Bayer or Flamsteed with the constellation's abbreviation, such as
-/// `alf CMa`, and the number in the Bright Star Catalogue, such as `HR 9077`.
+/// Returns the same stars with their names: designations are those of Bayer, of Flamsteed or of a variable star with the constellation's
+/// abbreviation, such as `alf CMa` or `R Leo`, and the number in the Bright Star Catalogue, such as `HR 9077`.
 pub fn named_bright_stars(years: f64) -> Vec<NamedStar> {
     rows()
         .zip(bright_stars(years))

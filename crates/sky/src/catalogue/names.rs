@@ -135,8 +135,19 @@ const GENITIVES: [(&str, &str); 88] = [
     ("Vul", "Vulpeculae"),
 ];
 
-/// Catalogues whose numbers are names of stars.
-const NUMBERED: [&str; 4] = ["HR", "HIP", "HD", "Gaia"];
+/// Catalogues whose numbers are names of stars: as people write them, in lower case without blanks, and their names. Gaia's EDR3 and DR3 have the
+/// same numbers; those of DR2 differ for some stars.
+const NUMBERED: [(&str, &str); 7] = [
+    ("hr", "HR"),
+    ("hip", "HIP"),
+    ("hd", "HD"),
+    ("gaiadr3", "Gaia DR3"),
+    ("gaiaedr3", "Gaia DR3"),
+    ("gaiadr2", "Gaia DR2"),
+    ("gaia", "Gaia"),
+];
+/// Apostrophes that people and programs write instead of the straight one.
+const APOSTROPHES: [char; 3] = ['\u{2019}', '\u{2018}', '\u{2bc}'];
 
 /// Names of a star in a file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -214,18 +225,44 @@ fn greek(word: &str) -> Option<(&'static str, String)> {
     other.or(known.map(|(short, ..)| *short)).map(|short| (short, digits))
 }
 
-/// A name in the form in which names are compared: lower case, single blanks, Greek letters and constellations abbreviated, without blanks
-/// between the name of a catalogue and its number.
+/// A name in lower case with straight apostrophes.
+fn plain(name: &str) -> String {
+    name.to_lowercase().replace(APOSTROPHES, "'")
+}
+
+/// Whether two names are the same except for the case of letters and the form of apostrophes.
+pub fn is_same(name: &str, other: &str) -> bool {
+    plain(name) == plain(other)
+}
+
+/// The catalogue and the number of a name such as `HR 2491`, `hr2491` or `Gaia DR3 4472832130942575872`; `None` for other names.
+fn numbered(name: &str) -> Option<(&'static str, String)> {
+    let joined: String = plain(name).split_whitespace().collect();
+    NUMBERED.iter().find_map(|(written, catalogue)| {
+        let number = joined.strip_prefix(*written)?;
+        let is_number = !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit());
+        is_number.then(|| (*catalogue, number.to_owned()))
+    })
+}
+
+/// Catalogues whose numbers may be those of another one: a number of Gaia without its release may be of any.
+fn other_releases(catalogue: &str) -> &'static [&'static str] {
+    match catalogue {
+        "Gaia" => &["Gaia DR3", "Gaia DR2"],
+        "Gaia DR3" | "Gaia DR2" => &["Gaia"],
+        _ => &[],
+    }
+}
+
+/// A name in the form in which names are compared: lower case, single blanks, Greek letters and constellations abbreviated; numbers of
+/// catalogues as in `HR 2491`.
 fn canonical(name: &str) -> String {
-    let lower = name.to_lowercase();
+    if let Some((catalogue, number)) = numbered(name) {
+        return format!("{catalogue} {number}");
+    }
+    let lower = plain(name);
     let words: Vec<&str> = lower.split_whitespace().collect();
     let Some((first, rest)) = words.split_first() else { return String::new() };
-    // Letters and numbers of catalogues: HR2491, HR 2491.
-    let letters = first.trim_end_matches(|c: char| c.is_ascii_digit());
-    let number = &first[letters.len()..];
-    if NUMBERED.iter().any(|catalogue| catalogue.eq_ignore_ascii_case(letters)) {
-        return format!("{letters}{number}{}", rest.concat());
-    }
     // The component of a double star may follow: alf Cen A.
     let (named, component) = match rest.split_last() {
         Some((component, before)) if component.len() == 1 && constellation(&before.join(" ")).is_some() => {
@@ -257,13 +294,18 @@ pub(super) fn of_hyg(text: &str) -> Option<String> {
 /// Of the stars that share a letter, those fainter than the brightest by less than this may be meant.
 const ALIKE_MAG: f64 = 0.5;
 
-/// The star with a name or designation, as people write it: `Sirius`, `alf CMa`, `α CMa`, `Alpha Canis Majoris`, `HR 2491`. A Greek letter
+/// The star with a name or designation, as people write it: `Sirius`, `alf CMa`, `α CMa`, `Alpha Canis Majoris`, `R Leo`, `HR 2491`. A number of
+/// Gaia without its release means that of any release, DR3 first. A Greek letter
 /// alone also means the brightest of the stars that have it with an index or a component, or the first of several about as bright:
 /// `gam Vel` is `gam2 Vel`, `alf Cen` is `alf Cen A`.
 pub fn find<'a>(stars: impl Iterator<Item = &'a NamedStar> + Clone, name: &str) -> Option<&'a NamedStar> {
     let wanted = canonical(name);
-    let exact = stars.clone().find(|star| star.all().any(|known| canonical(known) == wanted));
-    exact.or_else(|| {
+    let called = |wanted: &str| stars.clone().find(|star| star.all().any(|known| canonical(known) == wanted));
+    let of_other_release = || {
+        let (catalogue, number) = numbered(name)?;
+        other_releases(catalogue).iter().find_map(|other| called(&format!("{other} {number}")))
+    };
+    called(&wanted).or_else(of_other_release).or_else(|| {
         let (letter, constellation) = wanted.split_once(' ')?;
         let bare = letter.trim_end_matches(|c: char| c.is_ascii_digit());
         GREEK.iter().find(|(short, ..)| *short == bare)?;
@@ -275,7 +317,7 @@ pub fn find<'a>(stars: impl Iterator<Item = &'a NamedStar> + Clone, name: &str) 
             index.is_some_and(|index| index.chars().all(|c| c.is_ascii_digit()))
                 && component.is_some_and(|component| component.chars().count() <= 1)
         };
-        let mut alike: Vec<&NamedStar> = stars.filter(|star| star.all().any(has_letter)).collect();
+        let mut alike: Vec<&NamedStar> = stars.clone().filter(|star| star.all().any(has_letter)).collect();
         let magnitude = |star: &NamedStar| star.star.apparent_magnitude();
         let brightest = alike.iter().map(|star| magnitude(star)).fold(f64::INFINITY, f64::min);
         alike.retain(|star| magnitude(star) < brightest + ALIKE_MAG);
@@ -285,22 +327,15 @@ pub fn find<'a>(stars: impl Iterator<Item = &'a NamedStar> + Clone, name: &str) 
 
 /// Why no star has a name that is a number of a catalogue, such as `HIP 32349`; `None` for other names.
 pub fn why_no_number<'a>(mut stars: impl Iterator<Item = &'a NamedStar>, name: &str) -> Option<String> {
-    let wanted = canonical(name);
-    let letters = wanted.trim_end_matches(|c: char| c.is_ascii_digit());
-    let is_in = |name: &str, prefix: &str| {
-        let number = canonical(name).strip_prefix(prefix).map(str::to_owned);
-        number.is_some_and(|number| !number.is_empty() && number.chars().all(|c| c.is_ascii_digit()))
-    };
-    let catalogue = NUMBERED.iter().find(|catalogue| catalogue.eq_ignore_ascii_case(letters))?;
-    if !is_in(&wanted, letters) {
-        return None;
-    }
-    Some(if stars.any(|star| star.all().any(|known| is_in(known, letters))) {
+    let (catalogue, _) = numbered(name)?;
+    let is_in =
+        |known: &str| numbered(known).is_some_and(|(of, _)| of == catalogue || other_releases(catalogue).contains(&of));
+    Some(if stars.any(|star| star.all().any(is_in)) {
         format!("no star of the scene has this {catalogue} number")
     } else {
         format!(
-            "the stars of the scene have no {catalogue} numbers: builtin:bright has proper names, a letter of Bayer or else a number of Flamsteed, and \
-             HR numbers, and files add the numbers of their columns"
+            "the stars of the scene have no {catalogue} numbers: builtin:bright has proper names, a letter of Bayer or else a number of Flamsteed, some \
+             designations of variable stars, and HR numbers, and files add the numbers of their columns"
         )
     })
 }
@@ -308,7 +343,7 @@ pub fn why_no_number<'a>(mut stars: impl Iterator<Item = &'a NamedStar>, name: &
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::catalogue::bright::named_bright_stars;
+    use crate::catalogue::bright::{MIRA_VARIABLES, named_bright_stars};
 
     #[test]
     fn stars_are_found_as_people_write_their_names() {
@@ -337,6 +372,97 @@ mod tests {
         }
         for name in ["", "HR", "HR 99999", "alf", "alf Xyz", "HIP", "alf Cen C", "alf9 Cen"] {
             assert!(find(stars.iter(), name).is_none(), "{name}");
+        }
+    }
+
+    /// Stars of a file with a proper name and a designation each.
+    fn of_file(names: &[(&str, &str)]) -> Vec<NamedStar> {
+        let any = named_bright_stars(0.0)[0].star;
+        let star = |(name, designation): &(&str, &str)| {
+            let designations = vec![(*designation).to_owned()];
+            NamedStar::from_file(StarNames { name: (*name).to_owned(), designations }, any)
+        };
+        names.iter().map(star).collect()
+    }
+
+    #[test]
+    fn numbers_of_gaia_are_found_by_their_release_or_without_one() {
+        let stars = of_file(&[
+            ("of DR2", "Gaia DR2 4472832130942575872"),
+            ("of DR3", "Gaia DR3 4472832130942575872"),
+            ("DR2 alone", "Gaia DR2 11"),
+            ("DR3 alone", "Gaia DR3 12"),
+            ("without a release", "Gaia 13"),
+        ]);
+        for (name, expected) in [
+            ("Gaia DR3 4472832130942575872", "of DR3"),
+            ("gaia dr3 4472832130942575872", "of DR3"),
+            ("GaiaDR3 4472832130942575872", "of DR3"),
+            ("Gaia EDR3 4472832130942575872", "of DR3"),
+            ("Gaia DR2 4472832130942575872", "of DR2"),
+            ("Gaia 4472832130942575872", "of DR3"),
+            ("Gaia 11", "DR2 alone"),
+            ("gaia12", "DR3 alone"),
+            ("Gaia 13", "without a release"),
+            ("Gaia DR2 13", "without a release"),
+            ("Gaia DR3 13", "without a release"),
+            ("Gaia EDR3 13", "without a release"),
+            ("Gaia DR3 11", ""),
+            ("Gaia DR2 12", ""),
+            ("Gaia DR1 12", ""),
+            ("Gaia DR3", ""),
+        ] {
+            let found = find(stars.iter(), name).map_or("", |star| star.name.as_ref());
+            assert_eq!(found, expected, "{name}");
+        }
+        let why = |stars: &[NamedStar], name: &str| why_no_number(stars.iter(), name).unwrap_or_default();
+        assert!(why(&stars, "Gaia DR3 11").contains("has this Gaia DR3 number"));
+        assert!(why(&stars[2..3], "Gaia DR3 11").contains("no Gaia DR3 numbers"));
+        assert!(why(&stars[2..3], "Gaia 12").contains("has this Gaia number"));
+        assert!(why(&stars[4..], "Gaia DR3 11").contains("has this Gaia DR3 number"));
+    }
+
+    #[test]
+    fn apostrophes_of_any_form_are_the_same() {
+        let stars = of_file(&[("Barnard's Star", "HIP 87937"), ("Kapteyn\u{2019}s Star", "HIP 24186")]);
+        for name in ["Barnard's Star", "Barnard\u{2019}s Star", "barnard\u{2bc}s star", "BARNARD\u{2018}S  STAR"] {
+            assert_eq!(find(stars.iter(), name).map(|star| star.designation.as_ref()), Some("HIP 87937"), "{name}");
+        }
+        assert_eq!(find(stars.iter(), "Kapteyn's Star").map(|star| star.designation.as_ref()), Some("HIP 24186"));
+        assert!(is_same("Barnard\u{2019}s Star", "barnard's star") && !is_same("Barnards Star", "Barnard's Star"));
+    }
+
+    #[test]
+    fn variable_stars_are_found_by_their_designations() {
+        let stars = named_bright_stars(0.0);
+        let number = |star: &NamedStar| star.all().find(|name| name.starts_with("HR ")).map(str::to_owned);
+        // All variable stars that the documentation of the table names; General Catalogue of Variable Stars 5.1.
+        for (name, hr) in [
+            ("R Leo", "HR 3882"),
+            ("r leonis", "HR 3882"),
+            ("R Aql", "HR 7243"),
+            ("R Aquilae", "HR 7243"),
+            ("chi Cyg", "HR 7564"),
+            ("Mira", "HR 681"),
+            ("omi Cet", "HR 681"),
+            ("Algol", "HR 936"),
+            ("bet Per", "HR 936"),
+            ("λ Tau", "HR 1239"),
+            ("β Lyr", "HR 7106"),
+            ("δ Cep", "HR 8571"),
+            ("η Aql", "HR 7570"),
+            ("ζ Gem", "HR 2650"),
+            ("R CrB", "HR 5880"),
+            ("T Coronae Borealis", "HR 5958"),
+            ("Betelgeuse", "HR 2061"),
+        ] {
+            let found = find(stars.iter(), name).unwrap_or_else(|| panic!("{name} is not found"));
+            assert_eq!(number(found).as_deref(), Some(hr), "{name}");
+        }
+        // No Mira variable of the table has its number alone.
+        for (hr, ..) in MIRA_VARIABLES {
+            let found = find(stars.iter(), &format!("HR {hr}")).unwrap_or_else(|| panic!("HR {hr} is not found"));
+            assert!(!found.designation.starts_with("HR"), "{}", found.designation);
         }
     }
 

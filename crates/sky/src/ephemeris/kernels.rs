@@ -11,6 +11,7 @@
 
 use std::{
     collections::{BTreeMap, HashSet},
+    fmt::Display,
     path::{Path, PathBuf},
     sync::{Arc, Mutex, PoisonError},
     time::SystemTime,
@@ -35,6 +36,8 @@ const EARTH: i32 = 399;
 const SUN: i32 = 10;
 /// NAIF number of the ICRS axes, on which segments must be given.
 const ICRS_AXES: i32 = 1;
+/// Size of a number in a kernel, bytes.
+const WORD_BYTES: usize = 8;
 /// Largest number of centres between a spacecraft and the barycentre: far more than any kernel has.
 const MOST_CENTRES: usize = 16;
 
@@ -83,12 +86,32 @@ fn read(file: &Path) -> Result<SPK, KernelError> {
     if !bytes.starts_with(b"DAF/SPK") {
         return Err(fault("not an SPK kernel, which begins with `DAF/SPK`".to_owned()));
     }
-    SPK::parse(bytes.as_slice()).map_err(|error| fault(error.to_string()))
+    if bytes.get(88..96) == Some(&b"BIG-IEEE"[..]) {
+        let problem = "its numbers are big-endian (BIG-IEEE); convert it to LTL-IEEE with `bingo` of the SPICE toolkit";
+        return Err(fault(problem.to_owned()));
+    }
+    SPK::parse(bytes.as_slice()).map_err(|error| fault(damaged(&error)))
+}
+
+/// Message about a file that is not whole.
+fn damaged(problem: &dyn Display) -> String {
+    format!("the kernel is damaged or incomplete, copy it again: {problem}")
+}
+
+/// Checks that a file of some bytes has the data of a segment.
+fn check_data(segment: &impl NAIFSummaryRecord, bytes: usize) -> Result<(), String> {
+    let (first, last) = (segment.start_index(), segment.end_index());
+    if first > 0 && first <= last && last <= bytes / WORD_BYTES {
+        return Ok(());
+    }
+    let words = bytes / WORD_BYTES;
+    let id = segment.id();
+    Err(damaged(&format!("the data of {id} are its numbers {first} to {last} of 8 bytes, and it has {words}")))
 }
 
 impl Kernels {
     /// Reads kernels; reuses the ones that were read last while their files are unchanged. Errors: a file that cannot
-    /// be read or is not an SPK kernel, and a segment on axes other than those of ICRS (J2000).
+    /// be read, is not an SPK kernel or is not complete, and a segment on axes other than those of ICRS (J2000).
     pub fn load(files: &[PathBuf]) -> Result<Arc<Self>, KernelError> {
         let mut stamps = Vec::new();
         for file in files {
@@ -116,8 +139,9 @@ impl Kernels {
             let kernel = read(file)?;
             for block in kernel.iter_summary_blocks() {
                 for segment in
-                    block.map_err(|error| fault(error.to_string()))?.iter().filter(|summary| !summary.is_empty())
+                    block.map_err(|error| fault(damaged(&error)))?.iter().filter(|summary| !summary.is_empty())
                 {
+                    check_data(segment, kernel.bytes.len()).map_err(fault)?;
                     if segment.frame_id != ICRS_AXES {
                         let problem = format!(
                             "the segment of {} is on axes {}; they must be those of ICRS, {ICRS_AXES} (J2000)",
@@ -192,10 +216,13 @@ impl Kernels {
             if ours.is_some() && (body == EARTH || !self.covered_s.contains_key(&body)) {
                 return Ok((place_m, ours));
             }
+            if !self.covered_s.contains_key(&body) {
+                return Err(format!("spk:{number}: its position is relative to {}", self.unknown(body)));
+            }
             let state = self
                 .almanac
                 .translate_to_parent(Frame::from_ephem_j2000(body), Epoch::from_et_seconds(at_s))
-                .map_err(|error| format!("spk:{number}: {error}"))?;
+                .map_err(|error| self.unusable(number, body, &error))?;
             place_m += DVec3::new(state.radius_km.x, state.radius_km.y, state.radius_km.z) * 1e3;
             body = state.frame.ephemeris_id;
         }
@@ -213,6 +240,16 @@ impl Kernels {
             Some(Ephemeris::Spk(number).stands_as()?.barycentric_m(at_s) - place_m)
         };
         by(EARTH).or_else(|| by(SUN)).unwrap_or_default()
+    }
+
+    /// Message that the position of a body, on which that of a number depends, cannot be computed.
+    fn unusable(&self, number: i32, body: i32, error: &dyn Display) -> String {
+        let files: Vec<String> = self.files.iter().map(|file| file.display().to_string()).collect();
+        format!(
+            "spk:{number}: the data of {body} in one of the kernels {} are damaged, incomplete, or of a type other than 1, 2, 3, \
+             9, 12 and 13: {error}",
+            files.join(", ")
+        )
     }
 
     /// Message that no kernel has a number, with the numbers that exist.

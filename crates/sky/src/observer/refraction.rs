@@ -10,7 +10,7 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::units::KELVIN_OF_ZERO_CELSIUS;
+use crate::{photometry::atmosphere::standard_air, units::KELVIN_OF_ZERO_CELSIUS};
 
 /// A, a, b, c and d for the sine of the apparent altitude.
 pub const OF_SEEN: [f64; 5] = [2.834e-4, 1.1994e-3, 2.3775e-3, 7.0109e-3, 0.12504];
@@ -57,12 +57,7 @@ pub struct Refraction {
 impl RefractingAir {
     /// Air of the standard atmosphere (ISO 2533) at a height over the sea, m, up to 50 km.
     pub fn at_height(height_m: f64) -> Self {
-        let in_troposphere = height_m.clamp(-1000.0, 11_000.0);
-        let temperature_c = 15.0 - 6.5e-3 * in_troposphere;
-        let kelvin = KELVIN_OF_ZERO_CELSIUS + temperature_c;
-        let below = 1013.25 * (kelvin / (KELVIN_OF_ZERO_CELSIUS + 15.0)).powf(5.255_88);
-        // Above the troposphere the temperature is constant, and pressure falls by e in 6.3 km.
-        let pressure_hpa = below * (-(height_m - in_troposphere).max(0.0) / 6341.6).exp();
+        let (pressure_hpa, temperature_c) = standard_air(height_m);
         Self { pressure_hpa, temperature_c }
     }
 

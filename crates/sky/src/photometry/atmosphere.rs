@@ -2,7 +2,8 @@
 //!
 //! **Extinction** in magnitudes per air mass is the sum of molecules (inverse fourth power of the wavelength),
 //! aerosol (power -1.3) and ozone, after B. E. Schaefer, "Astronomy and the limits of vision", Vistas in Astronomy
-//! 36, 311 (1993); air masses after G. V. Rozenberg, "Twilight" (1966), 40 at the horizon.
+//! 36, 311 (1993); air masses after G. V. Rozenberg, "Twilight" (1966), 40 at the horizon. In clear air
+//! ([`clear_extinction_mag`]) the part of the molecules is proportional to the pressure at the observer.
 //!
 //! **The sky's light** is that of [`super::sky_light`] for the same extinction. A factor that depends on the altitude
 //! of the source ([`measured_over_model`]) gives the zenith its measured brightness in twilight (F. Patat, O. S.
@@ -10,29 +11,41 @@
 //! and Telescope 95, 57, 1998); it is 1 by day. The light of the night sky is added: its
 //! level is given for the zenith, and [`SkyLight::night_at`] is its distribution.
 //!
-//! Units: rad, magnitudes, cd/m^2, lx.
+//! Units: rad, m, hPa, magnitudes, cd/m^2, lx.
 
 use std::sync::Arc;
 
 use super::{
     rec709::luminance,
-    sky_light::{Depths, SkyLight},
+    sky_light::{AEROSOL_KM, Depths, MOLECULES_KM, SkyLight, ozone_share_above},
 };
-use crate::units::luminance_from_mag_per_arcsec2;
+use crate::units::{KELVIN_OF_ZERO_CELSIUS, luminance_from_mag_per_arcsec2};
 
 /// Dominant wavelengths of the primaries of Rec. 709, um.
 const PRIMARIES_UM: [f64; 3] = [0.6114, 0.5491, 0.4642];
 /// Wavelength of the V band, um.
 const V_UM: f64 = 0.55;
-/// Extinction by molecules at sea level, V magnitudes per air mass, and its scale height, m.
+/// Extinction by molecules at sea level, V magnitudes per air mass.
 const MOLECULES_MAG: f64 = 0.1066;
-const MOLECULES_HEIGHT_M: f64 = 8200.0;
+/// Extinction by aerosol in clear air at sea level, V magnitudes per air mass: the sum of all parts is 0.2.
+const AEROSOL_MAG: f64 = 0.0624;
 /// Extinction by ozone: the value in V is Schaefer's, the primaries follow from the cross sections of the Chappuis
 /// band (Gorshelev et al. 2014: 4.6, 3.3 and 0.3e-21 cm^2 at 611, 550 and 464 nm).
 const OZONE_V_MAG: f64 = 0.031;
 const OZONE_MAG: [f64; 3] = [0.043, 0.031, 0.003];
 /// Exponent of the wavelength in the extinction by aerosol.
 const AEROSOL_POWER: f64 = -1.3;
+
+/// Pressure of the standard atmosphere (ISO 2533) at sea level, hPa, and its temperature there, K.
+const SEA_HPA: f64 = 1013.25;
+const SEA_K: f64 = KELVIN_OF_ZERO_CELSIUS + 15.0;
+/// Layers of the standard atmosphere: height of the base, m, and rise of the temperature with height, K/m.
+const STANDARD_LAYERS: [[f64; 2]; 5] =
+    [[0.0, -6.5e-3], [11_000.0, 0.0], [20_000.0, 1e-3], [32_000.0, 2.8e-3], [47_000.0, 0.0]];
+/// Weight of a mole of air divided by the gas constant, K/m.
+const KELVIN_PER_M: f64 = 0.034_163_2;
+/// Lower heights have the air of this one, m.
+const LOWEST_M: f64 = -1000.0;
 
 /// 10^(-0.4 m) = 2^(-LOG2_PER_MAG m).
 const LOG2_PER_MAG: f64 = 0.4 * std::f64::consts::LOG2_10;
@@ -74,6 +87,43 @@ pub fn air_mass(sine: f64) -> f64 {
     1.0 / (sine + 0.025 * (-11.0 * sine).exp())
 }
 
+/// Pressure, hPa, and temperature, degrees Celsius, of the standard atmosphere (ISO 2533) at a height over the sea, m,
+/// up to 50 km. The height is taken as geopotential: at 50 km the pressure is 5 % too low.
+pub fn standard_air(height_m: f64) -> (f64, f64) {
+    let height_m = height_m.max(LOWEST_M);
+    let (mut pressure_hpa, mut kelvin) = (SEA_HPA, SEA_K);
+    for (index, [base_m, gradient]) in STANDARD_LAYERS.into_iter().enumerate() {
+        let top_m = STANDARD_LAYERS.get(index + 1).map_or(f64::INFINITY, |[top_m, _]| *top_m);
+        let rise_m = height_m.min(top_m) - base_m;
+        // Below the sea, the lowest layer continues.
+        if index > 0 && rise_m <= 0.0 {
+            break;
+        }
+        let at_end = kelvin + gradient * rise_m;
+        pressure_hpa *= if gradient == 0.0 {
+            (-KELVIN_PER_M * rise_m / kelvin).exp()
+        } else {
+            (at_end / kelvin).powf(-KELVIN_PER_M / gradient)
+        };
+        kelvin = at_end;
+    }
+    (pressure_hpa, kelvin - KELVIN_OF_ZERO_CELSIUS)
+}
+
+/// Pressure at a height over the sea, m, relative to that at sea level; below the sea 1.
+fn pressure_share(height_m: f64) -> f64 {
+    standard_air(height_m.max(0.0)).0 / SEA_HPA
+}
+
+/// Extinction of clear air at a height over the sea, m, V magnitudes per air mass: 0.2 at sea level and below it. It
+/// falls with height without a step, to 8e-5 at 50 km.
+pub fn clear_extinction_mag(height_m: f64) -> f64 {
+    let height_km = height_m.max(0.0) / 1e3;
+    MOLECULES_MAG * pressure_share(height_m)
+        + OZONE_V_MAG * ozone_share_above(height_km)
+        + AEROSOL_MAG * (-height_km / AEROSOL_KM).exp()
+}
+
 /// Optical properties of the air, by channel of linear Rec. 709.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Air {
@@ -89,10 +139,14 @@ impl Air {
     /// Air with an extinction of `extinction_mag` in V per air mass, at a height over the sea, m, with an airglow of
     /// luminance `glow_cd_m2` in the zenith. Takes a tenth of a second.
     pub fn new(extinction_mag: f64, height_m: f64, glow_cd_m2: [f64; 3]) -> Self {
-        let molecules_v = MOLECULES_MAG * (-height_m / MOLECULES_HEIGHT_M).exp();
+        let height_km = (height_m / 1e3).max(0.0);
+        let pressure = pressure_share(height_m);
+        let molecules_v = MOLECULES_MAG * pressure;
+        let ozone_above = ozone_share_above(height_km);
         // Below the extinction of air without aerosol, molecules and ozone are reduced too.
-        let clean = (extinction_mag / (molecules_v + OZONE_V_MAG)).min(1.0);
-        let aerosol_v = (extinction_mag - molecules_v - OZONE_V_MAG).max(0.0);
+        let clean_v = molecules_v + OZONE_V_MAG * ozone_above;
+        let clean = (extinction_mag / clean_v).min(1.0);
+        let aerosol_v = (extinction_mag - clean_v).max(0.0);
         let ratios = PRIMARIES_UM.map(|wavelength| wavelength / V_UM);
         let molecules = ratios.map(|ratio| clean * molecules_v * ratio.powi(-4));
         let aerosol = ratios.map(|ratio| aerosol_v * ratio.powf(AEROSOL_POWER));
@@ -102,10 +156,14 @@ impl Air {
             molecules: depth(molecules),
             aerosol: depth(aerosol),
             ozone: depth(ozone),
-            height_km: (height_m / 1e3).max(0.0),
+            height_km,
+            // Close to the sea there is no air below that matters, and the quotient is not defined at it.
+            molecules_below_km: if height_km > 0.01 { -height_km / pressure.ln() } else { MOLECULES_KM },
+            // Below haze that is denser than clear air at sea level, the haze has the same density.
+            most_haze_below: (AEROSOL_MAG / aerosol_v).max(1.0),
         };
         Self {
-            extinction_mag: [0, 1, 2].map(|c| molecules[c] + aerosol[c] + ozone[c]),
+            extinction_mag: [0, 1, 2].map(|c| molecules[c] + aerosol[c] + ozone_above * ozone[c]),
             glow_cd_m2,
             scattered: Arc::new(SkyLight::new(depths)),
         }
@@ -199,6 +257,73 @@ mod tests {
         }
         // An error of one degree in the Sun's altitude must fail.
         assert!(!(1.0 / 1.5..1.5).contains(&(zenith_cd_m2(&air(), -5.0) / patat(6.0))));
+    }
+
+    #[test]
+    fn the_standard_atmosphere_has_its_published_pressure_and_temperature() {
+        // ISO 2533, geopotential heights, m: hPa and degrees Celsius.
+        for (height_m, hpa, celsius) in [
+            (-1000.0, 1139.29, 21.5),
+            (0.0, 1013.25, 15.0),
+            (5000.0, 540.2, -17.5),
+            (11_000.0, 226.32, -56.5),
+            (20_000.0, 54.749, -56.5),
+            (32_000.0, 8.6802, -44.5),
+            (47_000.0, 1.1091, -2.5),
+            (50_000.0, 0.7594, -2.5),
+        ] {
+            let (pressure_hpa, temperature_c) = standard_air(height_m);
+            assert!((pressure_hpa / hpa - 1.0).abs() < 2.4e-4, "{height_m}: {pressure_hpa}");
+            assert!((temperature_c - celsius).abs() < 1e-9, "{height_m}: {temperature_c}");
+        }
+        assert_eq!(standard_air(-12_000.0), standard_air(LOWEST_M));
+    }
+
+    #[test]
+    fn clear_air_thins_with_height_without_a_step() {
+        assert!((clear_extinction_mag(0.0) - 0.2).abs() < 1e-12);
+        assert_eq!(clear_extinction_mag(-400.0), clear_extinction_mag(0.0));
+        let mut before = clear_extinction_mag(0.0);
+        for step in 1..=500 {
+            let next = clear_extinction_mag(f64::from(step) * 100.0);
+            assert!(next < before && next > 0.9 * before, "{step}: {before} {next}");
+            before = next;
+        }
+        assert!((5e-5..1e-4).contains(&before), "{before}");
+    }
+
+    #[test]
+    fn the_daylight_of_thin_air_falls_with_height_without_a_step() {
+        let sun = f64::to_radians(40.0);
+        let azimuth = f64::to_radians(120.0);
+        let seen_cd_m2 = |air: &Air, altitude_deg: f64| {
+            let (table, altitude) = (air.scattered.table(sun), altitude_deg.to_radians());
+            let cosine = altitude.sin() * sun.sin() + altitude.cos() * sun.cos() * azimuth.cos();
+            let light = table.luminance(altitude, azimuth, cosine);
+            luminance([0, 1, 2].map(|c| light[c] * sun_lx()[c]))
+        };
+        let heights = [20.0, 21.0, 22.0, 30.0, 40.0, 50.0].map(|height_km| height_km * 1e3);
+        let seen = heights.map(|height_m| {
+            let air = Air::new(clear_extinction_mag(height_m), height_m, [0.0; 3]);
+            [90.0, 45.0, 5.0, -1.0].map(|altitude_deg| seen_cd_m2(&air, altitude_deg))
+        });
+        println!("zenith, 45, 5 and -1 degrees at {heights:?} m: {seen:.3?} cd/m^2");
+        // Light is scattered once, by a column in proportion to the pressure: 1.163 to 1.190 kcd/m^2 for that of sea
+        // level.
+        for (height_m, [zenith, ..]) in heights.iter().zip(seen) {
+            let at_sea_pressure = zenith / pressure_share(*height_m);
+            assert!((1.12e3..1.24e3).contains(&at_sea_pressure), "{height_m}: {zenith} {at_sea_pressure}");
+        }
+        for (pair, kilometres) in seen.windows(2).zip([1.0, 1.0, 8.0, 10.0, 10.0]) {
+            for (below, above) in pair[0].iter().zip(pair[1]) {
+                let per_km = (below / above).powf(1.0 / kilometres);
+                assert!((1.09..1.21).contains(&per_km), "{below} {above}");
+            }
+        }
+        // The air below the horizon of a high place is far denser than that of the place.
+        let high = Air::new(clear_extinction_mag(22e3), 22e3, [0.0; 3]);
+        let lowest = high.scattered.lowest_rad().to_degrees();
+        assert!(seen_cd_m2(&high, 0.95 * lowest) > 5.0 * seen_cd_m2(&high, 0.0));
     }
 
     /// Altitudes of the tables below, degrees.

@@ -9,10 +9,20 @@
 //! gives the body the brightness of its curve and keeps the shading of the law.
 
 use super::{reflection::ReflectionLaw, rings};
-use crate::{polynomial::polynomial, solar_system::SolarBody, units::ASTRONOMICAL_UNIT_M};
+use crate::{
+    polynomial::polynomial,
+    solar_system::SolarBody,
+    units::{ASTRONOMICAL_UNIT_M, JULIAN_YEAR_S},
+};
 
-/// V magnitude of the Sun at one astronomical unit.
-const SUN_V: f64 = -26.74;
+/// V magnitude of the Sun at one astronomical unit: absolute magnitude 4.83, as of the preset.
+const SUN_V: f64 = -26.742;
+/// First and last year of the change of Neptune's brightness, and its amount, magnitudes.
+const NEPTUNE_YEARS: [f64; 2] = [1980.0, 2000.0];
+const NEPTUNE_MAG: f64 = 0.11;
+/// Largest phase angles at which the Earth sees Uranus and Neptune, degrees. Up to them the curves have no phase term.
+const MOST_URANUS_PHASE_DEG: f64 = 3.1;
+const MOST_NEPTUNE_PHASE_DEG: f64 = 1.9;
 /// Largest opening of Saturn's rings, degrees, and largest phase angle at which the Earth sees them.
 const MOST_RINGS_DEG: f64 = 27.0;
 const MOST_RING_PHASE_DEG: f64 = 6.5;
@@ -35,7 +45,7 @@ pub fn known_to_deg(body: SolarBody) -> f64 {
 /// V(1, a) of a body at a phase angle, degrees; beyond the known range, the value at its limit. `None` for the Sun.
 ///
 /// Mars and the moons of Jupiter: the mean over their rotation; Mars also over its year. Saturn: the globe without
-/// rings. Uranus: seen from above its equator. Neptune: its brightness since 2000.
+/// rings. Uranus: seen from above its equator. Neptune: its brightness since 2000, see [`fainter_in`].
 pub fn magnitude(body: SolarBody, phase_deg: f64) -> Option<f64> {
     let a = phase_deg.clamp(0.0, known_to_deg(body));
     let magnitude = match body {
@@ -61,7 +71,9 @@ pub fn magnitude(body: SolarBody, phase_deg: f64) -> Option<f64> {
         }
         SolarBody::Saturn if a <= 6.5 => polynomial(&[-8.95, -3.7e-4, 6.16e-4], a),
         SolarBody::Saturn => polynomial(&[-8.94, 2.446e-4, 2.672e-4, -1.505e-6, 4.767e-9], a),
+        SolarBody::Uranus if a <= MOST_URANUS_PHASE_DEG => -7.110,
         SolarBody::Uranus => polynomial(&[-7.110, 6.587e-3, 1.045e-4], a),
+        SolarBody::Neptune if a <= MOST_NEPTUNE_PHASE_DEG => -7.00,
         SolarBody::Neptune => polynomial(&[-7.00, 7.944e-3, 9.617e-5], a),
         SolarBody::Io => polynomial(&[-1.68, 4.6e-2, -1.0e-3], a),
         SolarBody::Europa => polynomial(&[-1.41, 3.12e-2, -1.25e-3], a),
@@ -70,6 +82,23 @@ pub fn magnitude(body: SolarBody, phase_deg: f64) -> Option<f64> {
         SolarBody::Titan => -1.28,
     };
     Some(magnitude)
+}
+
+/// Magnitudes by which a body was fainter in a year than its [`magnitude`]: Neptune had V(1, 0) = -6.89 until 1980, and
+/// became brighter at a constant rate until 2000.
+pub fn fainter_in(body: SolarBody, year: f64) -> f64 {
+    let [first, last] = NEPTUNE_YEARS;
+    match body {
+        SolarBody::Neptune => NEPTUNE_MAG * ((last - year) / (last - first)).clamp(0.0, 1.0),
+        _ => 0.0,
+    }
+}
+
+/// The year of a moment, s since J2000.0, or the nearest year that has the same brightness of all bodies. It is
+/// constant when no brightness changes.
+pub fn year_of_brightness(time_s: f64) -> f64 {
+    let [first, last] = NEPTUNE_YEARS;
+    (2000.0 + time_s / JULIAN_YEAR_S).clamp(first, last)
 }
 
 /// Latitudes of the eye and of the Sun above a body's equator, rad.
@@ -118,8 +147,8 @@ pub fn ring_share(phase_rad: f64, tilt: Tilt) -> f64 {
 }
 
 /// Factor that brings the light of a sphere of `radius_m`, with a reflection law and the luminance of its geometric
-/// albedo, to that of the body's curve; 1 for the Sun. Saturn's globe gets the light of the rings too. Beyond the known
-/// range of the curve the factor is that at its limit. It reaches 25,000 for Venus, whose thin crescent is far brighter
+/// albedo, to that of the body's curve in a year; 1 for the Sun. Saturn's globe gets the light of the rings too. Beyond
+/// the known range of the curve the factor is that at its limit. It reaches 25,000 for Venus, whose thin crescent is far brighter
 /// than a surface's, because its air scatters forwards.
 pub fn factor(
     body: SolarBody,
@@ -128,12 +157,14 @@ pub fn factor(
     radius_m: f64,
     phase_rad: f64,
     tilt: Tilt,
+    year: f64,
 ) -> f64 {
     let phase_rad = phase_rad.min(known_to_deg(body).to_radians());
     let phase_deg = phase_rad.to_degrees();
     let Some(magnitude) = magnitude(body, phase_deg) else { return 1.0 };
     let of_law = geometric_albedo * (radius_m / ASTRONOMICAL_UNIT_M).powi(2) * law.phase_function(phase_rad);
-    let of_curve = 10_f64.powf(-0.4 * (magnitude + tilted(body, phase_deg, tilt) - SUN_V));
+    let measured = magnitude + tilted(body, phase_deg, tilt) + fainter_in(body, year);
+    let of_curve = 10_f64.powf(-0.4 * (measured - SUN_V));
     of_curve / of_law
 }
 
@@ -145,7 +176,7 @@ mod tests {
     #[test]
     fn the_sun_has_no_phases() {
         assert_eq!(magnitude(SolarBody::Sun, 10.0), None);
-        assert_eq!(factor(SolarBody::Sun, ReflectionLaw::Lambert, 0.3, 1e6, 1.0, Tilt::default()), 1.0);
+        assert_eq!(factor(SolarBody::Sun, ReflectionLaw::Lambert, 0.3, 1e6, 1.0, Tilt::default(), 2000.0), 1.0);
     }
 
     #[test]
@@ -159,7 +190,7 @@ mod tests {
                 let phase_rad = f64::to_radians(phase_deg);
                 for law in ReflectionLaw::ALL {
                     let of_law = albedo * (radius_m / ASTRONOMICAL_UNIT_M).powi(2) * law.phase_function(phase_rad);
-                    let factor = factor(body, law, albedo, radius_m, phase_rad, Tilt::default());
+                    let factor = factor(body, law, albedo, radius_m, phase_rad, Tilt::default(), 2000.0);
                     let magnitude = SUN_V - 2.5 * (of_law * factor).log10();
                     assert!(
                         (magnitude - super::magnitude(body, phase_rad.to_degrees()).unwrap()).abs() < 1e-9,
@@ -168,9 +199,48 @@ mod tests {
                 }
             }
             assert!(
-                factor(body, ReflectionLaw::Lambert, albedo, radius_m, std::f64::consts::PI, Tilt::default())
+                factor(body, ReflectionLaw::Lambert, albedo, radius_m, std::f64::consts::PI, Tilt::default(), 2000.0)
                     .is_finite()
             );
+        }
+    }
+
+    #[test]
+    fn neptune_became_brighter_from_1980_to_2000() {
+        // Mallama and Hilton 2018, equation 16.
+        for (year, published) in
+            [(-6000.0, -6.89), (1846.7, -6.89), (1980.0, -6.89), (1990.0, -6.945), (2000.0, -7.0), (2026.9, -7.0)]
+        {
+            let found = magnitude(SolarBody::Neptune, 1.0).unwrap() + fainter_in(SolarBody::Neptune, year);
+            assert!((found - published).abs() < 1e-9, "{year}: {found}");
+            let light = |year: f64| {
+                let (law, phase_rad) = (ReflectionLaw::Lambert, f64::to_radians(1.0));
+                factor(SolarBody::Neptune, law, 0.4, 2.4e7, phase_rad, Tilt::default(), year)
+            };
+            let fainter = -2.5 * (light(year) / light(2026.0)).log10();
+            assert!((fainter - (published + 7.0)).abs() < 1e-9, "{year}: {fainter}");
+            assert_eq!(fainter_in(SolarBody::Uranus, year), 0.0);
+            // The nearest year with the same brightness.
+            let same = year_of_brightness((year - 2000.0) * JULIAN_YEAR_S);
+            let change = fainter_in(SolarBody::Neptune, same) - fainter_in(SolarBody::Neptune, year);
+            assert!(change.abs() < 1e-9, "{year}: {same}");
+        }
+        assert_eq!(year_of_brightness(8.2e8), year_of_brightness(9.2e8));
+    }
+
+    #[test]
+    fn uranus_and_neptune_have_no_phase_term_as_seen_from_the_earth() {
+        // Mallama and Hilton 2018, equations 14 to 17.
+        for (body, phase_deg, published) in [
+            (SolarBody::Uranus, 0.0, -7.11),
+            (SolarBody::Uranus, 3.1, -7.11),
+            (SolarBody::Uranus, 10.0, -7.11 + 6.587e-2 + 1.045e-2),
+            (SolarBody::Neptune, 0.0, -7.0),
+            (SolarBody::Neptune, 1.9, -7.0),
+            (SolarBody::Neptune, 10.0, -7.0 + 7.944e-2 + 9.617e-3),
+        ] {
+            let found = magnitude(body, phase_deg).unwrap();
+            assert!((found - published).abs() < 1e-9, "{body:?} {phase_deg}: {found}");
         }
     }
 
@@ -206,6 +276,8 @@ mod tests {
             (SolarBody::Jupiter, 12.0),
             (SolarBody::Saturn, 6.5),
             (SolarBody::Moon, 7.0),
+            (SolarBody::Uranus, 3.1),
+            (SolarBody::Neptune, 1.9),
         ] {
             let [before, after] = [-1e-6, 1e-6].map(|by| magnitude(body, border_deg + by).unwrap());
             assert!((before - after).abs() < 0.05, "{body:?} {before} {after}");

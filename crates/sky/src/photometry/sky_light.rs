@@ -5,7 +5,9 @@
 //! as a geometric series of its first term (S. Hillaire, "A scalable and production ready sky and atmosphere
 //! rendering technique", Computer Graphics Forum 39, 2020), scaled in twilight to the measured zenith
 //! ([`measured_over_model`]). Optical depths are those of the extinction
-//! ([`super::atmosphere`]). Left out: refraction, clouds, polarisation, and light reflected by the ground.
+//! ([`super::atmosphere`]). Above the observer the density of molecules falls by e in 8 km; below, it rises to that at
+//! sea level, so that a high observer sees the dense air below the horizon. Left out: refraction, clouds, polarisation,
+//! and light reflected by the ground.
 //!
 //! Tables hold the light from a source of 1 lx; they depend on its altitude alone. They reach down to the lowest line
 //! of sight that misses the Earth. [`night`] is the light of the sky without a source.
@@ -27,9 +29,10 @@ mod night;
 /// Radius of the Earth and height of the top of the atmosphere, km.
 const EARTH_KM: f64 = 6371.0;
 const TOP_KM: f64 = 100.0;
-/// Scale heights of molecules and aerosol, km.
-const MOLECULES_KM: f64 = 8.0;
-const AEROSOL_KM: f64 = 1.5;
+/// Scale height of molecules, km.
+pub(super) const MOLECULES_KM: f64 = 8.0;
+/// Scale height of aerosol, km.
+pub(super) const AEROSOL_KM: f64 = 1.5;
 /// The ozone layer, a triangular profile: height of its centre and half its width, km.
 const OZONE_KM: [f64; 2] = [25.0, 15.0];
 /// Single-scattering albedo of aerosol.
@@ -64,10 +67,14 @@ pub struct Depths {
     pub molecules: [f64; 3],
     /// Depths of aerosol.
     pub aerosol: [f64; 3],
-    /// Depths of ozone, which absorbs.
+    /// Depths of the whole layer of ozone, which absorbs: also of the part below the position.
     pub ozone: [f64; 3],
     /// Height of the position over the sea, km.
     pub height_km: f64,
+    /// Scale height of molecules below the position, km.
+    pub molecules_below_km: f64,
+    /// Greatest density of aerosol below the position, relative to that at the position; at least 1.
+    pub most_haze_below: f64,
 }
 
 /// The sky's luminance for a source of 1 lx at one altitude, cd/m^2.
@@ -132,8 +139,11 @@ struct Medium {
 
 impl Depths {
     fn medium(&self, height_km: f64) -> Medium {
-        let thin = (-(height_km - self.height_km) / MOLECULES_KM).exp() / MOLECULES_KM;
-        let hazy = (-(height_km - self.height_km).max(0.0) / AEROSOL_KM).exp() / AEROSOL_KM;
+        let above_km = height_km - self.height_km;
+        // A line of sight below the horizon of a high position passes denser air than that of the position.
+        let scale_km = if above_km < 0.0 { self.molecules_below_km } else { MOLECULES_KM };
+        let thin = (-above_km / scale_km).exp() / MOLECULES_KM;
+        let hazy = (-above_km / AEROSOL_KM).exp().min(self.most_haze_below) / AEROSOL_KM;
         let [middle, half] = OZONE_KM;
         let ozone = (1.0 - (height_km - middle).abs() / half).max(0.0) / half;
         let molecules = self.molecules.map(|depth| depth * thin);
@@ -141,6 +151,15 @@ impl Depths {
         let extinction = each(|c| molecules[c] + aerosol[c] + self.ozone[c] * ozone);
         Medium { molecules, aerosol: aerosol.map(|scatters| AEROSOL_ALBEDO * scatters), extinction }
     }
+}
+
+/// Share of the ozone that is above a height, km.
+pub(super) fn ozone_share_above(height_km: f64) -> f64 {
+    let [middle, half] = OZONE_KM;
+    // Height relative to the centre, in half widths.
+    let place = ((height_km - middle) / half).clamp(-1.0, 1.0);
+    let outer = 0.5 * (1.0 - place.abs()).powi(2);
+    if place < 0.0 { 1.0 - outer } else { outer }
 }
 
 /// Distance to a sphere along a line that starts at a radius with a sine of altitude, km; the farther intersection.

@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 use self::curves::{aces, filmic, reinhard_scale};
 use super::exposure::{WHITE_LUMINANCE_AT_EV0_CD_M2, white_luminance_cd_m2};
 pub use super::rec709::luminance;
+use crate::ranges::{KeyEffects, Obstacle};
 
 /// Brighter light is clamped to this, cd/m^2 and units of display white: sums of three stay finite in f32 too.
 pub const BRIGHTEST: f64 = 1e30;
@@ -96,6 +97,24 @@ settings! {
         pub dither: bool = true,
     }
     optional {}
+}
+
+impl KeyEffects for ToneMapSettings {
+    type Keys = ToneMapKeys;
+
+    fn with_keys(&self, keys: &ToneMapKeys) -> Self {
+        self.with(keys)
+    }
+
+    fn obstacle(&self, key: &str) -> Option<Obstacle> {
+        let (operator, needed) = match key {
+            "white" => (ToneMapOperator::Reinhard, "operator = \"reinhard\""),
+            "peak_cd_m2" | "black_cd_m2" => (ToneMapOperator::Calibrated, "operator = \"calibrated\""),
+            _ => return None,
+        };
+        let present = || format!("operator = \"{}\"", self.operator.name());
+        (self.operator != operator).then(|| Obstacle { present: present(), needed })
+    }
 }
 
 impl ToneMapSettings {

@@ -37,6 +37,9 @@ pub struct Sun {
     pub occluders: Arc<[Occluder]>,
     /// Bodies that can reflect its light onto others.
     pub reflectors: Arc<[Arc<Body>]>,
+    /// Year of the scene, or the nearest one with the same measured brightness of all bodies
+    /// ([`phase_curve::year_of_brightness`]).
+    pub year: f64,
 }
 
 /// The light of a sun at a position.
@@ -74,6 +77,7 @@ impl Sun {
             radius_m,
             occluders: Arc::clone(&around.occluders),
             reflectors: Arc::clone(&around.reflectors),
+            year: around.year,
         }
     }
 
@@ -100,10 +104,11 @@ impl Sun {
     }
 }
 
-/// Bodies around the suns.
+/// Bodies around the suns, and the year.
 struct Around {
     occluders: Arc<[Occluder]>,
     reflectors: Arc<[Arc<Body>]>,
+    year: f64,
 }
 
 /// The suns of a scene: its bodies with an emission, in their order.
@@ -117,6 +122,7 @@ pub fn suns(objects: &SceneObjects) -> Vec<Sun> {
         reflectors: dark
             .chain(objects.earth_m.map(|at_m| Arc::new(Body::preset(SolarBody::Earth, "", at_m))))
             .collect(),
+        year: phase_curve::year_of_brightness(objects.time_s),
     };
     objects.bodies.iter().filter_map(|body| Some(Sun::from_body(body, body.emission.as_ref()?, &around))).collect()
 }
@@ -129,7 +135,8 @@ pub fn suns(objects: &SceneObjects) -> Vec<Sun> {
 pub fn lights_on(body: &Body, suns: &[Sun], eye_m: DVec3) -> Vec<Light> {
     let direct = suns_on(body, suns, eye_m);
     let direct_lx: f64 = direct.iter().map(|light| luminance(light.illuminance_lx)).sum();
-    let reflected = suns.first().map_or(&[][..], |sun| &sun.reflectors).iter().filter_map(|reflector| {
+    let (reflectors, year) = suns.first().map_or((&[][..], 0.0), |sun| (&sun.reflectors[..], sun.year));
+    let reflected = reflectors.iter().filter_map(|reflector| {
         let to_reflector_m = reflector.position_m - body.position_m;
         let distance_m = to_reflector_m.length();
         let radius_m = mean_radius_m(reflector.radii_m);
@@ -147,7 +154,7 @@ pub fn lights_on(body: &Body, suns: &[Sun], eye_m: DVec3) -> Vec<Light> {
         });
         let light = Light { direction: to_reflector_m / distance_m, illuminance_lx, shadow: None };
         let is_seen = luminance(illuminance_lx) > LEAST_REFLECTED * direct_lx;
-        is_seen.then(|| with_phase_curve(light, body, eye_m))
+        is_seen.then(|| with_phase_curve(light, body, eye_m, year))
     });
     direct.iter().copied().chain(reflected).collect()
 }
@@ -170,11 +177,11 @@ fn suns_on(body: &Body, suns: &[Sun], eye_m: DVec3) -> Vec<Light> {
     // Half the smallest axis: independent of the body's rotation, and no two suns that do not overlap are this close.
     let within_m = body.radii_m.min_element() / 2.0;
     let outside = suns.iter().filter(|sun| (sun.position_m - body.position_m).length() > within_m);
-    outside.filter_map(|sun| Some(with_phase_curve(sun.light_on(body)?, body, eye_m))).collect()
+    outside.filter_map(|sun| Some(with_phase_curve(sun.light_on(body)?, body, eye_m, sun.year))).collect()
 }
 
-/// The light of a sun, scaled to the body's measured phase curve.
-fn with_phase_curve(mut light: Light, body: &Body, eye_m: DVec3) -> Light {
+/// The light of a sun, scaled to the body's measured phase curve in a year.
+fn with_phase_curve(mut light: Light, body: &Body, eye_m: DVec3, year: f64) -> Light {
     if let Some(measured_body) = body.surface.phase_curve {
         let to_eye_m = eye_m - body.position_m;
         // No eye is at the exact centre of a body.
@@ -184,13 +191,22 @@ fn with_phase_curve(mut light: Light, body: &Body, eye_m: DVec3) -> Light {
         let latitude_rad = |towards: DVec3| FRAC_PI_2 - pole.angle_between(towards);
         let eye_rad = if to_eye_m == DVec3::ZERO { 0.0 } else { latitude_rad(to_eye_m) };
         let tilt = Tilt { eye_rad, sun_rad: latitude_rad(light.direction) };
-        let factor = phase_curve::factor(measured_body, body.surface.law, albedo, radius_m, phase_rad, tilt);
-        // The factor is that of a sphere. Saturn's curve with rings contains the change of its outline with the tilt.
-        let to_eye = to_eye_m.try_normalize().filter(|_| measured_body != SolarBody::Saturn);
-        let shape = to_eye.map_or(1.0, |to_eye| light_over_sphere(body, to_eye, light.direction));
-        light.illuminance_lx = light.illuminance_lx.map(|channel| channel * factor / shape);
+        let factor = phase_curve::factor(measured_body, body.surface.law, albedo, radius_m, phase_rad, tilt, year);
+        // The factor is that of a sphere. All curves contain the outline of the body, Saturn's also its change with the
+        // tilt.
+        let shape = to_eye_m.try_normalize().map_or(1.0, |to_eye| light_over_sphere(body, to_eye, light.direction));
+        let scale = factor / (shape * tint(body.surface.geometric_albedo, light.illuminance_lx));
+        light.illuminance_lx = light.illuminance_lx.map(|channel| channel * scale);
     }
     light
+}
+
+/// Luminance that a coloured surface reflects from coloured light, relative to the product of the luminances of both,
+/// which the curves mean: 0.98 to 1.02 for the presets in sunlight.
+fn tint(albedo: [f64; 3], illuminance_lx: [f64; 3]) -> f64 {
+    let reflected = luminance([0, 1, 2].map(|c| albedo[c] * illuminance_lx[c]));
+    let product = luminance(albedo) * luminance(illuminance_lx);
+    if reflected > 0.0 && product > 0.0 { reflected / product } else { 1.0 }
 }
 
 /// Radius of the sphere with the mean projected area of an ellipsoid, m.

@@ -43,6 +43,13 @@ pub enum GlareKernelName {
     Psf,
 }
 
+named!(GlareKernelName {
+    InverseSquare = "inverse_square",
+    Gaussians = "gaussians",
+    Cie = "cie",
+    Psf = "psf",
+});
+
 /// A kernel of glare.
 pub trait GlareKernel: Send + Sync {
     /// Density per steradian at an angle from 0 to pi, 1/sr. The integral over the sphere is 1.

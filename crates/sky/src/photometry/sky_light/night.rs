@@ -163,7 +163,14 @@ mod tests {
     #[test]
     fn what_air_takes_out_of_a_line_it_gives_to_others() {
         // Without absorption, the factors of a line that ends in space sum to the share that does not pass.
-        let depths = Depths { molecules: [0.3; 3], aerosol: [0.0; 3], ozone: [0.0; 3], height_km: 0.0 };
+        let depths = Depths {
+            molecules: [0.3; 3],
+            aerosol: [0.0; 3],
+            ozone: [0.0; 3],
+            height_km: 0.0,
+            molecules_below_km: 8.0,
+            most_haze_below: 1.0,
+        };
         for sine in [0.0, 0.1, 0.5, 1.0] {
             let [line, ..] = line(&depths, 0.0, sine);
             let passed = line.known / from_outside(0.0, sine);

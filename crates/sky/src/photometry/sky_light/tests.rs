@@ -7,6 +7,8 @@ fn sky() -> SkyLight {
         aerosol: [0.050, 0.0574, 0.0715],
         ozone: [0.04, 0.0286, 0.0028],
         height_km: 0.0,
+        molecules_below_km: MOLECULES_KM,
+        most_haze_below: 1.0,
     };
     SkyLight::new(depths)
 }

@@ -184,3 +184,28 @@ fn light_of_code_inverts_display_rgb() {
         ToneMapSettings { peak_cd_m2: 5.0, black_cd_m2: 0.01, ..ToneMapSettings::of(ToneMapOperator::Calibrated) };
     assert!((display.light_of_code(20.0) * 5.0 - (0.01 + 4.99 * 0.006_995)).abs() < 1e-4);
 }
+
+#[test]
+fn keys_without_effect_name_the_operator_that_they_need() {
+    let problem = |general: ToneMapSettings, text: &str| {
+        let keys: ToneMapKeys = toml::from_str(text).unwrap();
+        general.check_effects(&keys).err().map(|error| error.to_string()).unwrap_or_default()
+    };
+    let general = ToneMapSettings::default();
+    for (text, expected) in [
+        ("desaturation = 0.5\nscotopic = 1.0\ndither = false", ""),
+        ("operator = 'reinhard'\nwhite = 4.0", ""),
+        ("operator = 'calibrated'\npeak_cd_m2 = 5.0\nblack_cd_m2 = 0.1", ""),
+        (
+            "white = 4.0",
+            "white: has no effect with operator = \"filmic\": leave it out, or set operator = \"reinhard\"",
+        ),
+        ("operator = 'aces'\npeak_cd_m2 = 100.0", "peak_cd_m2: has no effect with operator = \"aces\""),
+        ("operator = 'reinhard'\nwhite = 4.0\nblack_cd_m2 = 0.0", "black_cd_m2: has no effect with operator"),
+    ] {
+        let problem = problem(general, text);
+        assert!(problem.starts_with(expected) && problem.is_empty() == expected.is_empty(), "{text}: {problem}");
+    }
+    // The operator may be that of the general settings.
+    assert_eq!(problem(ToneMapSettings::of(ToneMapOperator::Calibrated), "peak_cd_m2 = 5.0"), "");
+}
