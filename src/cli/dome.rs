@@ -9,9 +9,10 @@ use base64::{Engine, engine::general_purpose::STANDARD};
 use clap::{Args, Subcommand};
 use png::{BitDepth, ColorType};
 
-use super::{CliError, results};
+use super::{CliError, output::refuse_own_input, results};
 use crate::{
     config::{Config, DomeFault, DomeProjector, ViewKindSpec},
+    files::reading,
     output::{OutputError, png_of},
     photometry::{
         rec709::luminance,
@@ -49,13 +50,13 @@ struct CheckArguments {
     #[arg(long, value_name = "FILE")]
     config: PathBuf,
     /// Angle across the dome, degrees.
-    #[arg(long, value_name = "DEG")]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     dome_fov_deg: Option<f64>,
     /// Tilt of the dome towards the front, degrees.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     dome_tilt_deg: Option<f64>,
     /// Share of the light that the dome's screen reflects; adds how much cross-reflection brightens the sky.
-    #[arg(long, value_name = "SHARE")]
+    #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
     reflectivity: Option<f64>,
     /// Domemaster (PNG) for which cross-reflection is evaluated with that reflectivity.
     #[arg(long, value_name = "FILE", requires = "reflectivity")]
@@ -76,7 +77,9 @@ pub fn run(arguments: &DomeArguments) -> Result<(), CliError> {
     let DomeCommand::Check(arguments) = &arguments.command;
     let config = Config::load_unbuilt(&arguments.config, &arguments.set)?;
     let dome = dome_of(&config, arguments)?;
-    let (found, faults) = config.dome_projectors()?;
+    let (loaded, calibrations) = reading(|| config.dome_projectors());
+    check_outputs(arguments, &calibrations)?;
+    let (found, faults) = loaded?;
     if found.is_empty() && faults.is_empty() {
         return Err(CliError::Usage(format!("{}: no view has the type projector", arguments.config.display())));
     }
@@ -102,6 +105,22 @@ pub fn run(arguments: &DomeArguments) -> Result<(), CliError> {
     }
     let failed = report.findings.iter().filter(|finding| !finding.passed).count();
     if failed == 0 { Ok(()) } else { Err(CliError::Checks { failed, total: report.findings.len() }) }
+}
+
+/// Refuses results that would replace an input, or each other.
+fn check_outputs(arguments: &CheckArguments, calibrations: &[PathBuf]) -> Result<(), CliError> {
+    let CheckArguments { config, picture, json, html, .. } = arguments;
+    for out in json.iter().chain(html) {
+        let inputs = [config].into_iter().chain(picture).chain(calibrations);
+        refuse_own_input(out, inputs.map(PathBuf::as_path))?;
+    }
+    match (json, html) {
+        (Some(json), Some(html)) if json == html => Err(CliError::Usage(format!(
+            "--json and --html are both {}: the page would replace the results; give each its own file",
+            json.display()
+        ))),
+        _ => Ok(()),
+    }
 }
 
 fn dome_of(config: &Config, arguments: &CheckArguments) -> Result<Dome, CliError> {

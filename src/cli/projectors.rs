@@ -12,10 +12,10 @@ use clap::{Args, Subcommand};
 use glam::DVec3;
 use toml::{Table, Value};
 
-use super::{CliError, results};
+use super::{CliError, output::refuse_own_input, results};
 use crate::{
-    config::Config,
-    files::{folder_of, write_whole},
+    config::{Config, ConfigError},
+    files::{folder_of, reading, write_whole},
     theatre::{Axes, Calibration, ReadOptions, RowOrder, read},
 };
 
@@ -37,8 +37,8 @@ enum ProjectorsCommand {
 #[command(after_help = "Examples:\n  \
     steradian projectors import dome.mpcdi --out dome.toml\n  \
     steradian projectors import left.data right.data --size 1920x1200 --blend computed --out dome.toml\n\n\
-    The views refer to the files in their present place, and every key is written out. Comments list which values the files leave open\n\
-    and which were assumed. Warps that fold are refused. `test_pattern = true` of a view draws a pattern for aligning its projector.")]
+    The views refer to the files in their present place, and every key with an effect is written out. Comments list which values the\n\
+    files leave open and which were assumed. Warps that fold are refused. `test_pattern = true` of a view draws a pattern for aligning its projector.")]
 struct ImportArguments {
     /// MPCDI, SGCT JSON, meshes, or directions as PFM or OpenEXR; recognised by content.
     #[arg(required = true, value_name = "FILE")]
@@ -46,20 +46,23 @@ struct ImportArguments {
     /// The configuration to write.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+    /// Replace an existing file.
+    #[arg(long)]
+    overwrite: bool,
     /// Width and height of the rasters if the files have none.
-    #[arg(long, value_name = "WxH", value_parser = size)]
+    #[arg(long, value_name = "WxH", value_parser = size, allow_hyphen_values = true)]
     size: Option<[u32; 2]>,
-    /// Order of rows if it differs from the format's: top_first or bottom_first.
+    /// Order of rows if it differs from the format's: top_first or bottom_first. Refused for files without rows.
     #[arg(long, value_name = "ORDER", value_parser = ["as_format", "top_first", "bottom_first"], default_value = "as_format")]
     rows: String,
-    /// Axes of the files, as x=x,y=z,z=-y.
-    #[arg(long, value_name = "AXES")]
+    /// Axes of the files, as x=x,y=z,z=-y. Refused for SGCT and meshes.
+    #[arg(long, value_name = "AXES", allow_hyphen_values = true)]
     axes: Option<String>,
-    /// Position of the spectator, m: right, up, backwards, such as 0,1.2,0.
+    /// Position of the spectator, m: right, up, backwards, such as 0,1.2,0. Refused if the directions do not depend on it.
     #[arg(long, value_name = "X,Y,Z", value_parser = eye, allow_hyphen_values = true)]
     eye_m: Option<[f64; 3]>,
     /// Field of view of the fisheye picture that meshes sample, degrees. Refused if a file does not leave it open.
-    #[arg(long, value_name = "DEG", default_value_t = 180.0)]
+    #[arg(long, value_name = "DEG", default_value_t = 180.0, allow_negative_numbers = true)]
     fov_deg: f64,
     /// Tilt of that fisheye, degrees. For a dome of projectors use --dome-tilt-deg.
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
@@ -97,6 +100,7 @@ pub fn run(arguments: &ProjectorsArguments) -> Result<(), CliError> {
         return Err(CliError::Usage(problem));
     }
     let options = options(arguments)?;
+    check_out(arguments)?;
     let folder = folder_of(&arguments.out);
     let mut text = "# Projectors, imported from the installer's files.\n".to_owned();
     if arguments.dome_tilt_deg != 0.0 {
@@ -108,15 +112,18 @@ pub fn run(arguments: &ProjectorsArguments) -> Result<(), CliError> {
     }
     let mut names = BTreeMap::new();
     for file in &arguments.files {
-        let calibration = read(file, &options)?;
+        let (calibration, opened) = reading(|| read(file, &options));
+        // Also the meshes and masks that it refers to.
+        refuse_own_input(&arguments.out, opened.iter().map(PathBuf::as_path))?;
+        let calibration = calibration?;
         let place =
             relative(file, folder).map_err(|source| CliError::WriteFile { path: arguments.out.clone(), source })?;
         add(&mut text, &calibration, &place, arguments, &mut names);
     }
     // Check that the written configuration can be drawn.
     let origin = arguments.out.display().to_string();
-    let config = Config::from_text(&text, &origin, folder, &[])?;
-    let rig = config.rig()?;
+    let config = Config::from_text(&text, &origin, folder, &[]).map_err(of_file)?;
+    let rig = config.rig().map_err(of_file)?;
     write_whole(&arguments.out, text.as_bytes())
         .map_err(|source| CliError::WriteFile { path: arguments.out.clone(), source })?;
     for view in rig.views() {
@@ -124,6 +131,28 @@ pub fn run(arguments: &ProjectorsArguments) -> Result<(), CliError> {
         results::line(format!("{}: {width} x {height} pixels", view.name))?;
     }
     results::line(format!("{} projectors in {origin}", rig.views().len()))
+}
+
+/// Refuses to replace a file, which may have been edited, unless asked to.
+fn check_out(arguments: &ImportArguments) -> Result<(), CliError> {
+    refuse_own_input(&arguments.out, arguments.files.iter().map(PathBuf::as_path))?;
+    if !arguments.overwrite && fs::symlink_metadata(&arguments.out).is_ok() {
+        return Err(CliError::Usage(format!(
+            "--out {}: the file exists: choose another file, or replace it with --overwrite",
+            arguments.out.display()
+        )));
+    }
+    Ok(())
+}
+
+/// A fault of the written configuration: if a calibration is to blame, its file is named, and not the configuration.
+fn of_file(error: ConfigError) -> CliError {
+    match error {
+        ConfigError::Key { key, problem, .. } if key.contains("].file ") || key.ends_with("].file") => {
+            CliError::Calibration(problem)
+        }
+        error => CliError::Config(error),
+    }
 }
 
 fn options(arguments: &ImportArguments) -> Result<ReadOptions, CliError> {
@@ -171,12 +200,17 @@ fn add(
         set("file", Value::from(file.to_string_lossy().into_owned()));
         set("region", Value::from(region.name.clone()));
         set("method", Value::from("direct"));
-        set("rows", Value::from(arguments.rows.clone()));
-        if let Some(axes) = &arguments.axes {
+        // A key without effect would be refused.
+        if region.uses.rows {
+            set("rows", Value::from(arguments.rows.clone()));
+        }
+        if let Some(axes) = arguments.axes.as_ref().filter(|_| region.uses.axes) {
             set("axes", Value::from(axes.clone()));
         }
-        set("eye_m", Value::from(arguments.eye_m.unwrap_or_default().to_vec()));
-        if calibration.asks_for_fisheye {
+        if region.uses.eye {
+            set("eye_m", Value::from(arguments.eye_m.unwrap_or_default().to_vec()));
+        }
+        if region.uses.fisheye {
             set("fov_deg", Value::from(arguments.fov_deg));
             set("tilt_deg", Value::from(arguments.tilt_deg));
         }

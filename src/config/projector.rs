@@ -80,7 +80,7 @@ pub struct ProjectorConfig {
     /// `resampled`: pixels of the flat picture along a mean pixel of the projector; 1 if it is not given.
     #[schemars(range(min = 0.25, max = 4.0))]
     pub source_scale: Option<f64>,
-    /// Width and height of the raster, if the file does not give them.
+    /// Width and height of the raster, at least 2 each, if the file does not give them.
     #[schemars(inner(range(min = 1)), extend("x-unit" = "pixels"))]
     pub size: Option<[u32; 2]>,
     /// Order of the rows in the file, if it differs from that of the format.
@@ -97,6 +97,7 @@ pub struct ProjectorConfig {
     pub fov_deg: f64,
     /// Tilt of that fisheye towards the front.
     #[serde(default)]
+    #[schemars(range(min = -360.0, max = 360.0), extend("x-unit" = "degrees"))]
     pub tilt_deg: f64,
     /// Its share of the light.
     #[serde(default)]
@@ -203,8 +204,11 @@ impl ProjectorConfig {
             .map_err(|problem| KeyError::new("file", format!("{}, {}: {problem}", path.display(), region.name)))
     }
 
-    /// Refuses keys without effect.
+    /// Refuses keys without effect, and an empty name.
     fn check_keys(&self) -> Result<(), KeyError> {
+        if self.file.as_os_str().is_empty() {
+            return Err(KeyError::new("file", "it is empty: must be the name of a file"));
+        }
         if self.source_scale.is_some() && self.method != ProjectorMethod::Resampled {
             return Err(KeyError::new("source_scale", "belongs to method = \"resampled\""));
         }

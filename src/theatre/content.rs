@@ -3,7 +3,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::fault::Fault;
+use super::fault::{Fault, rounded, shown};
 
 /// Tolerance at the edge of a picture, for the rounding of f32 and of decimal numbers.
 pub(super) const SLACK: f64 = 1e-5;
@@ -51,7 +51,7 @@ impl Content {
             let degrees = [left, right, down, up].map(f64::to_degrees);
             return Err(Fault::new(
                 "frustum",
-                format!("left, right, down and up are {degrees:?} degrees"),
+                format!("left, right, down and up are {} degrees", shown(degrees)),
                 "must be between -89.99 and 89.99 degrees, left less than right, down less than up (left and down are negative)",
             ));
         }
@@ -83,7 +83,7 @@ impl Content {
     /// `radius` is that of its circle, relative to half the picture's width and height.
     pub fn fisheye(fov_rad: f64, tilt_rad: f64, radius: [f64; 2]) -> Result<Self, Fault> {
         if !(fov_rad > 0.0 && fov_rad <= std::f64::consts::TAU + 1e-9) {
-            let problem = format!("field of view of {} degrees", fov_rad.to_degrees());
+            let problem = format!("field of view of {} degrees", rounded(fov_rad.to_degrees()));
             return Err(Fault::new("fisheye", problem, "must be more than 0 and at most 360 degrees"));
         }
         if !tilt_rad.is_finite() {

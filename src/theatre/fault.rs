@@ -4,6 +4,19 @@ use std::path::Path;
 
 use super::TheatreError;
 
+/// A computed number for people: six decimals at most.
+pub(super) fn rounded(value: f64) -> f64 {
+    // A number that is too large for six decimals stays as it is; the sum makes a zero positive.
+    let scaled = value * 1e6;
+    if scaled.is_finite() { scaled.round() / 1e6 + 0.0 } else { value }
+}
+
+/// Several such numbers.
+pub(super) fn shown<const N: usize>(values: [f64; N]) -> String {
+    let texts = values.map(|value| rounded(value).to_string());
+    format!("[{}]", texts.join(", "))
+}
+
 /// Becomes a [`TheatreError`] when the name of the file is added.
 #[derive(Debug)]
 pub(super) enum Fault {
@@ -38,5 +51,16 @@ impl Fault {
             Self::Content { place, problem, allowed } => TheatreError::Content { path, place, problem, allowed },
             Self::Refused { what, reason } => TheatreError::Refused { path, what, reason },
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn computed_numbers_have_six_decimals_at_most() {
+        assert_eq!(shown([-29.999_999_999_999_996, -6.25e-8, 0.123_456_78]), "[-30, 0, 0.123457]");
+        assert_eq!(shown([f64::NAN, f64::INFINITY, 1e300]), format!("[NaN, inf, {}]", 1e300));
     }
 }

@@ -1,9 +1,17 @@
 //! Values of a JSON document with their location, for messages.
 
-use glam::{DMat3, DQuat, DVec2, DVec3};
+use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
 use serde_json::Value;
 
-use super::{content::yaw_pitch_roll, fault::Fault};
+use super::{
+    content::yaw_pitch_roll,
+    fault::{Fault, rounded},
+};
+
+/// The keys of yaw, pitch and roll: the present one, then those of SGCT's configurations in XML, from which older ones in JSON were
+/// converted.
+pub(super) const ANGLES: [&[&str]; 3] = [&["yaw", "heading", "azimuth"], &["pitch", "elevation"], &["roll", "bank"]];
+const QUATERNION: [&[&str]; 4] = [&["x"], &["y"], &["z"], &["w"]];
 
 /// A value with its location for messages. Keys are case-insensitive.
 #[derive(Clone)]
@@ -67,31 +75,60 @@ impl<'a> Field<'a> {
         Ok(DVec3::new(self.needed("x")?.number()?, self.needed("y")?.number()?, self.needed("z")?.number()?))
     }
 
+    /// 16 numbers, column by column.
+    pub fn matrix(&self) -> Result<DMat4, Fault> {
+        let numbers = self.list()?.iter().map(Field::number).collect::<Result<Vec<f64>, _>>()?;
+        let sixteen: [f64; 16] = numbers.try_into().map_err(|numbers: Vec<f64>| {
+            let problem = format!("{} numbers", numbers.len());
+            Fault::new(&self.place, problem, "must be a matrix of 16 numbers, column by column")
+        })?;
+        Ok(DMat4::from_cols_array(&sixteen))
+    }
+
+    /// The number of a key that has had several names.
+    fn named_number(&self, names: &[&str]) -> Result<Option<f64>, Fault> {
+        let mut found = None;
+        for name in names {
+            let Some(field) = self.get(name)? else { continue };
+            if found.replace(field.number()?).is_some() {
+                let problem = format!("it occurs twice: {} mean the same", names.join(", "));
+                return Err(Fault::new(field.place, problem, "must occur once"));
+            }
+        }
+        Ok(found)
+    }
+
+    /// All numbers of several keys, each with its names; `None` if there are none of them.
+    fn all_numbers<const N: usize>(&self, keys: [&[&str]; N]) -> Result<Option<[f64; N]>, Fault> {
+        let mut numbers = [0.0; N];
+        let mut missing = Vec::new();
+        for (number, names) in numbers.iter_mut().zip(keys) {
+            match self.named_number(names)? {
+                Some(found) => *number = found,
+                None => missing.push(names[0]),
+            }
+        }
+        if missing.is_empty() {
+            return Ok(Some(numbers));
+        }
+        if missing.len() == N {
+            return Ok(None);
+        }
+        let all = keys.map(|names| names[0]).join(", ");
+        Err(Fault::new(&self.place, format!("{} is missing", missing.join(" and ")), format!("must have all of {all}")))
+    }
+
     /// A quaternion, or yaw, pitch and roll in degrees.
     pub fn rotation(&self) -> Result<DMat3, Fault> {
-        let numbers = |keys: &[&str]| -> Result<Option<Vec<f64>>, Fault> {
-            let found: Vec<f64> = keys
-                .iter()
-                .map(|key| self.optional_number(key))
-                .collect::<Result<Vec<_>, _>>()?
-                .into_iter()
-                .flatten()
-                .collect();
-            match found.len() {
-                0 => Ok(None),
-                n if n == keys.len() => Ok(Some(found)),
-                _ => Err(Fault::new(&self.place, "a part is missing", format!("must have all of {}", keys.join(", ")))),
-            }
-        };
-        match (numbers(&["yaw", "pitch", "roll"])?, numbers(&["x", "y", "z", "w"])?) {
+        match (self.all_numbers(ANGLES)?, self.all_numbers(QUATERNION)?) {
             (Some(angles), None) => {
-                let [yaw, pitch, roll] = [angles[0], angles[1], angles[2]].map(f64::to_radians);
+                let [yaw, pitch, roll] = angles.map(f64::to_radians);
                 Ok(yaw_pitch_roll(yaw, pitch, roll))
             }
             (None, Some(parts)) => {
                 let quaternion = DQuat::from_xyzw(parts[0], parts[1], parts[2], parts[3]);
                 if quaternion.length().is_nan() || (quaternion.length() - 1.0).abs() >= 1e-3 {
-                    let problem = format!("it has the length {}", quaternion.length());
+                    let problem = format!("it has the length {}", rounded(quaternion.length()));
                     return Err(Fault::new(&self.place, problem, "must be a unit quaternion"));
                 }
                 Ok(DMat3::from_quat(quaternion.normalize()))

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use png::{BitDepth, ColorType, Transformations};
 
-use super::{MOST_BYTES, TheatreError, fault::Fault};
+use super::{MOST_BYTES, Reader, TheatreError, fault::Fault};
 use crate::{files, view::projector::Weights};
 
 /// Maximum width or height of a mask.
@@ -66,6 +66,31 @@ pub fn read_mask(path: &Path, gamma: f64) -> Result<Mask, TheatreError> {
         files::read_bounded(path, MOST_BYTES).map_err(|source| TheatreError::Read { path: path.to_owned(), source })?;
     let decoded = decode(&bytes, gamma, &mut |_, _| Ok(())).map_err(|fault| fault.of_file(path))?;
     Ok(decoded.mask)
+}
+
+/// Largest deviation of a mask's ratio of width to height from that of its raster that causes no note.
+const STRETCHED: f64 = 0.02;
+
+impl Reader<'_> {
+    /// Adds a note if a mask has another shape than its raster: it may be one for a raster that stands upright, or of another projector.
+    pub(super) fn note_shape(&mut self, place: &str, mask: &Mask, [width, height]: [u32; 2]) {
+        let [across, down] = [mask.width as f64 / f64::from(width), mask.height as f64 / f64::from(height)];
+        // Rounding to whole pixels changes the ratio too.
+        let rounding = 1.0 / mask.width as f64 + 1.0 / mask.height as f64;
+        if (across / down - 1.0).abs() > STRETCHED + rounding {
+            self.note(format!(
+                "{place}: the mask has {} x {} pixels, which are stretched over a raster of {width} x {height}",
+                mask.width, mask.height
+            ));
+        }
+    }
+
+    /// Adds a note if a factor on the light leaves none.
+    pub(super) fn note_black(&mut self, place: &str, mask: &Mask) {
+        if mask.values.iter().all(|value| *value == 0.0) {
+            self.note(format!("{place}: the mask is black everywhere: nothing is shown"));
+        }
+    }
 }
 
 /// Checks the exponent of a mask.

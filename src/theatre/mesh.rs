@@ -6,7 +6,11 @@
 
 use glam::DVec2;
 
-use super::{Grid, Interpolation, Mask, Placement, Reader, content::Content, fault::Fault};
+use super::{
+    Grid, Interpolation, Mask, Placement, Reader,
+    content::Content,
+    fault::{Fault, rounded, shown},
+};
 use crate::view::projector::DISPLAY_GAMMA;
 
 /// Maximum number of nodes of a mesh.
@@ -70,7 +74,8 @@ impl Mesh {
             let finite = node.place.is_finite() && node.content.is_finite();
             let bounded = finite && node.intensity.is_finite() && node.intensity <= 1.0;
             if !bounded || node.place.abs().max_element() > 1e6 {
-                let problem = format!("place {}, content {}, intensity {}", node.place, node.content, node.intensity);
+                let [place_at, content] = [node.place, node.content].map(|at| shown(at.to_array()));
+                let problem = format!("place {place_at}, content {content}, intensity {}", rounded(node.intensity));
                 let allowed = "must be finite numbers with intensities of at most 1 (negative: not drawn)";
                 return Err(Fault::new(format!("{place}: node {index} (from 0)"), problem, allowed));
             }
@@ -80,6 +85,25 @@ impl Mesh {
             return Err(Fault::new(place, problem, format!("there are {} nodes", self.nodes.len())));
         }
         Ok(())
+    }
+
+    /// Why no point of the raster has a direction; `inside`: the number of nodes whose coordinates lie in the content.
+    fn without_directions(&self, inside: usize, place: &str) -> Fault {
+        if inside > 0 {
+            let allowed = "its triangles must cover the raster, and their nodes must be drawn";
+            return Fault::new(place, "no point of the raster has a direction", allowed);
+        }
+        let all = || self.nodes.iter().map(|node| node.content);
+        let low = all().fold(DVec2::INFINITY, DVec2::min).to_array();
+        let high = all().fold(DVec2::NEG_INFINITY, DVec2::max).to_array();
+        let problem = format!(
+            "no point of the raster has a direction: the nodes have the coordinates {} to {} of the picture",
+            shown(low),
+            shown(high)
+        );
+        let allowed =
+            "u and v must be 0 to 1, shares of the picture and not pixels, and lie within the circle of a fisheye";
+        Fault::new(place, problem, allowed)
     }
 
     /// Columns, rows and the node index at each position from the top, if the nodes are a regular lattice that fills
@@ -225,6 +249,9 @@ impl Reader<'_> {
             let samples = cells.into_iter().map(|cell| cell.and_then(|[u, v, _]| content.direction(u, v))).collect();
             Grid { columns, rows, samples, placement: Placement::Centres, interpolation: Interpolation::Linear }
         };
+        if grid.samples.iter().all(Option::is_none) {
+            return Err(mesh.without_directions(inside, place));
+        }
         if mesh.nodes.iter().all(|node| node.intensity == 1.0) {
             return Ok((grid, None));
         }

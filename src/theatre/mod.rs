@@ -21,11 +21,15 @@ mod mesh;
 mod mesh_files;
 mod mesh_text;
 mod mpcdi;
+mod mpcdi_files;
+mod mpcdi_names;
 mod options;
 mod pfm;
 mod screen;
 mod sgct;
+mod sgct_keys;
 mod sgct_projection;
+mod sgct_users;
 mod unlit;
 mod xml;
 
@@ -33,11 +37,14 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use self::{content::Content, fault::Fault};
+use self::{
+    content::Content,
+    fault::{Fault, rounded, shown},
+};
 pub use self::{
     lut::{Lut, LutKind, read_lut},
     mask::{Mask, read_mask},
-    options::{Axes, ReadOptions, RowOrder},
+    options::{Axes, ReadOptions, RowOrder, Uses},
     screen::{ScreenSums, Sphere},
 };
 use crate::files;
@@ -55,8 +62,8 @@ const MOST_SAMPLES: usize = MOST_SIDE * MOST_SIDE;
 const MOST_MASK_VALUES: usize = 1 << 28;
 /// Maximum number of regions of a calibration.
 const MOST_REGIONS: usize = 256;
-/// Maximum width or height of a raster, pixels.
-const MOST_RASTER_PX: u32 = 16384;
+/// Minimum and maximum width or height of a raster, pixels. Directions cannot be interpolated across a single pixel.
+const RASTER_PX: std::ops::RangeInclusive<u32> = 2..=16384;
 
 /// Calibration of one projector, or of one part of its raster.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,6 +88,8 @@ pub struct Region {
     pub lut: Option<Lut>,
     /// The points of the screen, in the grid's axes, if the file has points.
     pub screen: Option<ScreenSums>,
+    /// The options that its directions depend on.
+    pub uses: Uses,
 }
 
 impl Region {
@@ -96,6 +105,7 @@ impl Region {
             beta: None,
             lut: None,
             screen: None,
+            uses: Uses::default(),
         }
     }
 }
@@ -109,9 +119,6 @@ pub struct Calibration {
     pub regions: Vec<Region>,
     /// Every assumption made, in words: axes, order of rows, units, eye point.
     pub notes: Vec<String>,
-    /// Whether its directions are those of a fisheye for which [`ReadOptions::fov_deg`] and
-    /// [`ReadOptions::tilt_deg`] count.
-    pub asks_for_fisheye: bool,
 }
 
 /// Reasons why a calibration cannot be read.
@@ -157,7 +164,8 @@ pub(crate) struct Reader<'a> {
     /// Options of the caller.
     options: &'a ReadOptions,
     notes: Vec<String>,
-    asks_for_fisheye: bool,
+    /// The options that the region read at present depends on.
+    uses: Uses,
     samples_left: usize,
     mask_values_left: usize,
 }
@@ -168,7 +176,7 @@ impl<'a> Reader<'a> {
             path,
             options,
             notes: Vec::new(),
-            asks_for_fisheye: false,
+            uses: Uses::default(),
             samples_left: MOST_SAMPLES,
             mask_values_left: MOST_MASK_VALUES,
         }
@@ -180,6 +188,11 @@ impl<'a> Reader<'a> {
         if !self.notes.contains(&text) {
             self.notes.push(text);
         }
+    }
+
+    /// A region that has been read, with the options that it depends on.
+    fn finished(&mut self, region: Region) -> Region {
+        Region { uses: std::mem::take(&mut self.uses), ..region }
     }
 
     /// Checks the size of a grid, and the total size of all grids.
@@ -232,8 +245,8 @@ impl<'a> Reader<'a> {
                 ));
             }
         };
-        if size.iter().any(|side| !(1..=MOST_RASTER_PX).contains(side)) {
-            let allowed = format!("must be 1 to {MOST_RASTER_PX} pixels per side");
+        if size.iter().any(|side| !RASTER_PX.contains(side)) {
+            let allowed = format!("must be {} to {} pixels per side", RASTER_PX.start(), RASTER_PX.end());
             return Err(Fault::new(place, format!("a raster of {} x {} pixels", size[0], size[1]), allowed));
         }
         Ok(size)
@@ -243,7 +256,7 @@ impl<'a> Reader<'a> {
     /// options.
     fn fisheye(&mut self) -> Result<Content, Fault> {
         let ReadOptions { fov_deg, tilt_deg, .. } = *self.options;
-        self.asks_for_fisheye = true;
+        self.uses.fisheye = true;
         self.note(format!(
             "content: equidistant fisheye of {fov_deg} degrees filling the square, centre = apex of the dome tilted by {tilt_deg} degrees to \
              the front, bottom of the picture = front, as in a domemaster"
@@ -251,25 +264,16 @@ impl<'a> Reader<'a> {
         Content::fisheye(fov_deg.to_radians(), tilt_deg.to_radians(), [1.0, 1.0])
     }
 
-    /// Refuses the field of view and the tilt of a fisheye if the file does not ask for them.
-    fn refuse_idle_options(&self, format: &str) -> Result<(), Fault> {
-        let standard = ReadOptions::default();
-        let given = [
-            ("fov_deg", self.options.fov_deg, standard.fov_deg),
-            ("tilt_deg", self.options.tilt_deg, standard.tilt_deg),
-        ];
-        for (key, value, standard) in given {
-            if !self.asks_for_fisheye && value != standard {
-                return Err(Fault::new(
-                    "options",
-                    format!(
-                        "{key} = {value} has no effect: the directions of this file ({format}) do not come from a fisheye whose field of view and tilt it leaves open"
-                    ),
-                    "omit it; to tilt a dome of projectors, use the orientation of the views, which `projectors import --dome-tilt-deg` writes",
-                ));
+    /// Refuses options that no region of the file depends on.
+    fn refuse_idle_options(&self, format: &str, regions: &[Region]) -> Result<(), Fault> {
+        let is_used = |uses: fn(&Uses) -> bool| regions.iter().any(|region| uses(&region.uses));
+        match self.options.idle(is_used) {
+            None => Ok(()),
+            Some((given, reason, allowed)) => {
+                let problem = format!("{given} has no effect: the directions of this file ({format}) {reason}");
+                Err(Fault::new("options", problem, allowed))
             }
         }
-        Ok(())
     }
 
     /// Name of the only region of a file: the file name without its extension.
@@ -334,9 +338,8 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Calibration, TheatreEr
         }
         reader.note_orientation(&region.name, &region.grid);
     }
-    reader.refuse_idle_options(format).map_err(named)?;
-    let Reader { notes, asks_for_fisheye, .. } = reader;
-    Ok(Calibration { format, regions, notes, asks_for_fisheye })
+    reader.refuse_idle_options(format, &regions).map_err(named)?;
+    Ok(Calibration { format, regions, notes: reader.notes })
 }
 
 const KNOWN: &str = "must be one of MPCDI (.mpcdi), SGCT configurations (JSON), meshes (Paul Bourke's .data, .sgc, .ol, Sky-Skan's, OBJ, CSV), and directions \
@@ -387,6 +390,19 @@ fn lone_xml(bytes: &[u8]) -> Fault {
     }
 }
 
+/// Why text in another encoding, or JSON with comments, cannot be read.
+fn other_text(bytes: &[u8]) -> Option<Fault> {
+    let text_start = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
+    if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
+        return Some(Fault::new("content", "text in UTF-16", "must be text in UTF-8: save it in that encoding"));
+    }
+    if text_start.starts_with(b"//") || text_start.starts_with(b"/*") {
+        let allowed = "JSON has no comments: remove those of a configuration of SGCT";
+        return Some(Fault::new("content", "it begins with a comment (`//` or `/*`)", allowed));
+    }
+    None
+}
+
 impl Reader<'_> {
     fn regions(&mut self, bytes: &[u8]) -> Result<(&'static str, Vec<Region>), Fault> {
         let text_start = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
@@ -394,10 +410,12 @@ impl Reader<'_> {
             return Ok(("MPCDI", self.mpcdi(bytes)?));
         }
         if pfm::is_pfm(bytes) {
-            return Ok(("PFM of directions", vec![self.directions(pfm::decode(bytes)?, RowOrder::BottomFirst)?]));
+            let region = self.directions(pfm::decode(bytes)?, RowOrder::BottomFirst)?;
+            return Ok(("PFM of directions", vec![self.finished(region)]));
         }
         if exr_file::is_exr(bytes) {
-            return Ok(("OpenEXR of directions", vec![self.directions(exr_file::decode(bytes)?, RowOrder::TopFirst)?]));
+            let region = self.directions(exr_file::decode(bytes)?, RowOrder::TopFirst)?;
+            return Ok(("OpenEXR of directions", vec![self.finished(region)]));
         }
         if let Some((what, reason)) = refused(self.path, bytes) {
             return Err(Fault::refused(what, reason));
@@ -407,6 +425,9 @@ impl Reader<'_> {
         }
         if text_start.starts_with(b"<") {
             return Err(lone_xml(bytes));
+        }
+        if let Some(fault) = other_text(bytes) {
+            return Err(fault);
         }
         if lut::is_cube(bytes) {
             return Err(Fault::refused(
@@ -418,7 +439,7 @@ impl Reader<'_> {
             return Err(Fault::new("content", "the first bytes match no known format", KNOWN));
         };
         let region = self.plain_mesh(kind, bytes)?;
-        Ok((kind.name(), vec![region]))
+        Ok((kind.name(), vec![self.finished(region)]))
     }
 
     /// A picture of unit vectors.
@@ -438,6 +459,7 @@ impl Reader<'_> {
             axes.describe("+x right, +y up, -z forward")
         ));
         let matrix = axes.dome_from_file();
+        self.uses.axes = true;
         let mut samples = Vec::with_capacity(plane.width * plane.height);
         let mut zeros = 0;
         for (column, row, value) in plane.top_down(order) {
@@ -453,7 +475,7 @@ impl Reader<'_> {
             if !length.is_finite() || (length - 1.0).abs() >= 2e-3 {
                 return Err(Fault::new(
                     here(),
-                    format!("[{}, {}, {}] has the length {length}", value[0], value[1], value[2]),
+                    format!("{} has the length {}", shown(vector.to_array()), rounded(length)),
                     "a direction must be a unit vector, or NaN where no light is sent",
                 ));
             }
@@ -474,6 +496,7 @@ impl Reader<'_> {
 
     /// The order of rows, recorded as a note.
     fn rows(&mut self, format_order: RowOrder, what: &str) -> RowOrder {
+        self.uses.rows = true;
         let (order, why) = match self.options.rows {
             RowOrder::AsFormat => (format_order, "as the format specifies"),
             asked => (asked, "from the options"),

@@ -11,12 +11,13 @@ use std::collections::HashSet;
 use glam::{DMat3, DVec3};
 
 use super::{
-    Axes, Grid, Interpolation, MOST_REGIONS, Mask, Placement, Reader, Region, RowOrder,
+    Axes, Grid, Interpolation, MOST_REGIONS, Placement, Reader, Region, RowOrder,
     archive::Archive,
     content::{Content, yaw_pitch_roll},
-    fault::Fault,
-    lut, mask,
+    fault::{Fault, shown},
     mesh::sampled,
+    mpcdi_files::named_file,
+    mpcdi_names::unknown_names,
     pfm,
     screen::ScreenSums,
     xml::{self, Element},
@@ -59,7 +60,11 @@ impl Reader<'_> {
         archive.described = name.clone();
         let text = archive.bytes(&name)?;
         let document = xml::parse(&text).map_err(|fault| fault.within(&name))?;
-        self.described(&Element::root(&document), &mut archive).map_err(|fault| fault.within(&name))
+        let root = Element::root(&document);
+        for note in unknown_names(&root) {
+            self.note(note);
+        }
+        self.described(&root, &mut archive).map_err(|fault| fault.within(&name))
     }
 
     fn described(&mut self, root: &Element, archive: &mut Archive) -> Result<Vec<Region>, Fault> {
@@ -114,7 +119,7 @@ impl Reader<'_> {
                         fileset.as_ref(),
                         archive,
                     )?;
-                    regions.push(read);
+                    regions.push(self.finished(read));
                 }
                 names.push(name);
             }
@@ -162,13 +167,14 @@ impl Reader<'_> {
                 return Err(Fault::new(&root.place, format!("{name} = {level}"), allowed));
             }
         }
-        let profile = match root.needed_attribute("profile")? {
+        let written = root.needed_attribute("profile")?;
+        let profile = match written.to_ascii_lowercase().as_str() {
             "2d" => Profile::Frustum("2d"),
             "3d" => Profile::Frustum("3d"),
             "a3" => Profile::Points("a3"),
             "sl" => Profile::Points("sl"),
-            other => {
-                let problem = format!("profile `{}`", other.escape_debug());
+            _ => {
+                let problem = format!("profile `{}`", written.escape_debug());
                 return Err(Fault::new(&root.place, problem, "must be one of 2d, 3d, a3 and sl"));
             }
         };
@@ -274,19 +280,19 @@ impl Reader<'_> {
         let (alpha, beta, lut) = match fileset {
             None => (None, None, None),
             Some(fileset) => (
-                self.mask("alphaMap", fileset, archive)?,
-                self.mask("betaMap", fileset, archive)?,
+                self.mask("alphaMap", size_px, fileset, archive)?,
+                self.mask("betaMap", size_px, fileset, archive)?,
                 self.table(&name, fileset, archive)?,
             ),
         };
-        Ok(Region { name, title: None, size_px, grid, alpha, multiplies_codes: false, beta, lut, screen })
+        Ok(Region { alpha, beta, lut, screen, ..Region::of_grid(name, size_px, grid) })
     }
 
     /// Eye point, origin and axes of the points of `a3` and `sl`.
     fn points(&mut self, region: &Element, warp: &Element) -> Result<Geometry, Fault> {
         // Unit of the points, and the eye in this unit.
-        let unit = warp.child_text("geometricUnit")?;
-        let metres = match unit {
+        let unit = warp.child_word("geometricUnit")?;
+        let metres = match unit.as_deref() {
             Some("mm") => Some(1e-3),
             Some("cm") => Some(1e-2),
             Some("dm") => Some(0.1),
@@ -318,14 +324,12 @@ impl Reader<'_> {
         };
         // Origin of the points: the eye is relative to it.
         let origin = warp.child_text("originOf3DData")?;
-        match origin {
-            Some("idealEyePoint") => {}
-            Some("centerOfMass" | "floorCenter" | "unknown") | None => self.note(format!(
-                "the origin of the points is {}: the eye is at [{}, {}, {}] m from it (right, up, backwards), from the options",
-                origin.unwrap_or("not specified"),
-                eye_m.x,
-                eye_m.y,
-                eye_m.z
+        match origin.as_deref().map(str::to_ascii_lowercase).as_deref() {
+            Some("idealeyepoint") => {}
+            Some("centerofmass" | "floorcenter" | "unknown") | None => self.note(format!(
+                "the origin of the points is {}: the eye is at {} m from it (right, up, backwards), from the options",
+                origin.as_deref().unwrap_or("not specified"),
+                shown(eye_m.to_array())
             )),
             Some(other) => {
                 let problem = format!("originOf3DData `{}`", other.escape_debug());
@@ -336,6 +340,7 @@ impl Reader<'_> {
         if let Some(unit) = unit {
             self.note(format!("points in the unit {unit}"));
         }
+        (self.uses.eye, self.uses.axes) = (true, true);
         // Axes and origin: from the options, else from the coordinate frame, else the default.
         let frame = region.child("coordinateFrame")?;
         let position = match &frame {
@@ -372,7 +377,7 @@ impl Reader<'_> {
         archive: &mut Archive,
     ) -> Result<(Grid, Option<ScreenSums>), Fault> {
         // Interpolation between samples.
-        let interpolation = match warp.child_text("interpolation")? {
+        let interpolation = match warp.child_word("interpolation")?.as_deref() {
             Some("linear") => Interpolation::Linear,
             Some("smooth" | "unknown" | "") | None => Interpolation::Smooth,
             Some("keystone") => {
@@ -387,7 +392,7 @@ impl Reader<'_> {
         // Decode the map.
         let path = warp.needed("path")?.text();
         let place = format!("entry `{}`", path.escape_debug());
-        let bytes = self.entry(path, archive)?;
+        let bytes = self.entry(&path, archive)?;
         let plane = pfm::decode(&bytes).map_err(|fault| fault.within(&place))?;
         drop(bytes);
         let (columns, rows) = (plane.width, plane.height);
@@ -465,72 +470,6 @@ impl Reader<'_> {
         let screen = matches!(geometry, Geometry::Points { .. }).then_some(screen);
         Ok((Grid { columns, rows, samples, placement: Placement::Centres, interpolation }, screen))
     }
-
-    /// The content of an entry that the description names.
-    fn entry(&mut self, path: &str, archive: &mut Archive) -> Result<Vec<u8>, Fault> {
-        let name = archive.entry(path, &archive.described)?;
-        if name != path {
-            self.note(format!("`{}` is the entry `{}` of the archive", path.escape_debug(), name.escape_debug()));
-        }
-        archive.bytes(&name)
-    }
-
-    fn mask(&mut self, kind: &str, fileset: &Element, archive: &mut Archive) -> Result<Option<Mask>, Fault> {
-        let Some(element) = named_file(fileset, kind)? else { return Ok(None) };
-        let gamma = match element.child_text("gammaEmbedded")? {
-            Some(_) => element.number("gammaEmbedded")?,
-            None => {
-                self.note(format!("{kind}: no gammaEmbedded, linear is assumed"));
-                1.0
-            }
-        };
-        let path = element.needed("path")?.text();
-        let place = format!("entry `{}`", path.escape_debug());
-        let bytes = self.entry(path, archive)?;
-        let take = &mut |width, height| self.take_mask(width, height, "size");
-        let decoded = mask::decode(&bytes, gamma, take).map_err(|fault| fault.within(&place))?;
-        for (field, found) in [("componentDepth", decoded.components), ("bitDepth", decoded.bits)] {
-            if element.child(field)?.is_some() {
-                let declared = element.number(field)?;
-                if declared != f64::from(found) {
-                    let problem = format!("{field} = {declared}, but the picture has {found}");
-                    return Err(Fault::new(&element.place, problem, "both must agree"));
-                }
-            }
-        }
-        if decoded.from_alpha {
-            self.note(format!("{place}: its alpha channel is the mask"));
-        }
-        if decoded.coloured {
-            self.note(format!("{place}: it is coloured, its luminance is used"));
-        }
-        Ok(Some(decoded.mask))
-    }
-
-    fn table(&mut self, name: &str, fileset: &Element, archive: &mut Archive) -> Result<Option<lut::Lut>, Fault> {
-        let mut found = None;
-        // The table that corrects the projector's colours takes precedence over those that change the encoding.
-        for kind in ["correctLUT", "colorCorrectLUT", "encodeLUT", "decodeLUT"] {
-            let Some(element) = named_file(fileset, kind)? else { continue };
-            if found.is_some() {
-                self.note(format!("region {name}: {kind} is not applied because there is another table"));
-                continue;
-            }
-            let path = element.needed("path")?.text();
-            let bytes = self.entry(path, archive)?;
-            let place = format!("entry `{}`", path.escape_debug());
-            found = Some(lut::decode(&bytes).map_err(|fault| fault.within(&place))?);
-            self.note(format!("region {name}: look-up table of {kind}"));
-        }
-        Ok(found)
-    }
-}
-
-/// A child of a set of files, unless it names no file: some programs write every element, with an empty path if there is
-/// no file.
-fn named_file<'a, 'input>(fileset: &Element<'a, 'input>, name: &str) -> Result<Option<Element<'a, 'input>>, Fault> {
-    let Some(element) = fileset.child(name)? else { return Ok(None) };
-    Ok(if element.child_text("path")? == Some("") { None } else { Some(element) })
 }
 
 /// Buffer, region and element of each lens of the extension `BufferExtension` that is not planar with square pixels.
@@ -579,6 +518,7 @@ fn frustum(element: &Element) -> Result<Content, Fault> {
 /// The picture of a frustum in dome axes.
 fn frustum_with_axes(element: &Element, reader: &mut Reader) -> Result<Content, Fault> {
     let content = frustum(element)?;
+    reader.uses.axes = true;
     let axes = &reader.options.axes;
     if let Axes::Map(matrix) = axes
         && let Content::Plane { lower_left, right, up } = content

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::fault::Fault;
+use super::fault::{Fault, shown};
 
 /// Which row of a grid of samples comes first in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -79,21 +79,37 @@ impl Axes {
     pub(super) fn describe(&self, format_axes: &str) -> String {
         match self {
             Self::AsFormat => format!("{format_axes}, as the format specifies"),
-            Self::Map(matrix) => {
-                let row = |i: usize| {
-                    let row = matrix.row(i);
-                    let part = |k: usize| match row[k] {
-                        0.0 => None,
-                        1.0 => Some(["x", "y", "z"][k].to_owned()),
-                        -1.0 => Some(["-x", "-y", "-z"][k].to_owned()),
-                        value => Some(format!("{value} {}", ["x", "y", "z"][k])),
-                    };
-                    (0..3).filter_map(part).collect::<Vec<_>>().join(" + ")
-                };
-                format!("x={},y={},z={}, from the options", row(0), row(1), row(2))
-            }
+            Self::Map(matrix) => format!("{}, from the options", map_text(matrix)),
         }
     }
+}
+
+/// A map of axes in the form of [`Axes::parse`].
+fn map_text(matrix: &DMat3) -> String {
+    let row = |i: usize| {
+        let row = matrix.row(i);
+        let part = |k: usize| match row[k] {
+            0.0 => None,
+            1.0 => Some(["x", "y", "z"][k].to_owned()),
+            -1.0 => Some(["-x", "-y", "-z"][k].to_owned()),
+            value => Some(format!("{value} {}", ["x", "y", "z"][k])),
+        };
+        (0..3).filter_map(part).collect::<Vec<_>>().join(" + ")
+    };
+    format!("x={},y={},z={}", row(0), row(1), row(2))
+}
+
+/// The options that the directions of a region depend on. The others are refused where they are given.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Uses {
+    /// [`ReadOptions::rows`]: it has a picture of samples.
+    pub rows: bool,
+    /// [`ReadOptions::axes`]: it has points, directions, or a frustum in axes of the file.
+    pub axes: bool,
+    /// [`ReadOptions::eye_m`]: it has points or planes in space, and no eye of its own.
+    pub eye: bool,
+    /// [`ReadOptions::fov_deg`] and [`ReadOptions::tilt_deg`]: its picture is a fisheye that the file leaves open.
+    pub fisheye: bool,
 }
 
 /// Information that the caller provides for a file.
@@ -131,7 +147,42 @@ impl Default for ReadOptions {
     }
 }
 
+/// An option without effect: its key and value, the reason, and what to do.
+type Idle = (String, &'static str, &'static str);
+
 impl ReadOptions {
+    /// The first option that is given and on which nothing depends. `is_used`: whether any region has this use.
+    pub(super) fn idle(&self, is_used: impl Fn(fn(&Uses) -> bool) -> bool) -> Option<Idle> {
+        const OPEN_FISHEYE: &str = "do not come from a fisheye whose field of view and tilt it leaves open";
+        const TILT: &str = "omit it; to tilt a dome of projectors, use the orientation of the views, which `projectors import --dome-tilt-deg` writes";
+        let standard = Self::default();
+        let has_fisheye = is_used(|uses| uses.fisheye);
+        if !has_fisheye && self.fov_deg != standard.fov_deg {
+            return Some((format!("fov_deg = {}", self.fov_deg), OPEN_FISHEYE, TILT));
+        }
+        if !has_fisheye && self.tilt_deg != standard.tilt_deg {
+            return Some((format!("tilt_deg = {}", self.tilt_deg), OPEN_FISHEYE, TILT));
+        }
+        if self.rows != standard.rows && !is_used(|uses| uses.rows) {
+            let order = if self.rows == RowOrder::TopFirst { "top_first" } else { "bottom_first" };
+            let reason = "do not come from rows of samples";
+            return Some((format!("rows = {order}"), reason, "omit it; it is for PFM, also in MPCDI, and for OpenEXR"));
+        }
+        if let Axes::Map(matrix) = &self.axes
+            && !is_used(|uses| uses.axes)
+        {
+            let reason = "are in axes that its format defines";
+            let allowed = "omit it; it is for MPCDI, and for directions as PFM or OpenEXR";
+            return Some((format!("axes = {}", map_text(matrix)), reason, allowed));
+        }
+        if self.eye_m != standard.eye_m && !is_used(|uses| uses.eye) {
+            let reason = "do not depend on the place of the eye";
+            let allowed = "omit it; it is for MPCDI of the profiles a3 and sl, and for planes of SGCT";
+            return Some((format!("eye_m = {}", shown(self.eye_m.to_array())), reason, allowed));
+        }
+        None
+    }
+
     /// Checks the ranges of the options.
     pub(super) fn check(&self) -> Result<(), Fault> {
         let place = "options";

@@ -3,6 +3,9 @@
 
 use super::{MOST_SIDE, RowOrder, fault::Fault};
 
+/// Absolute values that coordinates, unit vectors and points have, apart from 0.
+const PLAUSIBLE: std::ops::Range<f32> = 1e-6..1e6;
+
 /// A picture of three floats per sample, in the order of the file.
 pub(super) struct Plane {
     pub width: usize,
@@ -73,10 +76,46 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Plane, Fault> {
             format!("{width} x {height} samples of three floats must have {expected}"),
         ));
     }
-    let number = |four: &[u8]| {
+    let read_as = |little_endian: bool, four: &[u8]| {
         let four = [four[0], four[1], four[2], four[3]];
         if little_endian { f32::from_le_bytes(four) } else { f32::from_be_bytes(four) }
     };
+    let plausible = |little_endian: bool| {
+        let values = rest.chunks_exact(4).map(|four| read_as(little_endian, four));
+        values.filter(|value| value.is_nan() || *value == 0.0 || PLAUSIBLE.contains(&value.abs())).count()
+    };
+    let count = rest.len() / 4;
+    if 2 * plausible(little_endian) < count && 100 * plausible(!little_endian) >= 99 * count {
+        let (order, right, sign) = if little_endian { ("little", "big", "1") } else { ("big", "little", "-1") };
+        let problem = format!("most values make no sense in the byte order of the header ({order}-endian)");
+        let allowed = format!("they do in the other: the scale must be {sign} if the samples are {right}-endian");
+        return Err(Fault::new("PFM samples", problem, allowed));
+    }
+    let number = |four: &[u8]| read_as(little_endian, four);
     let values = rest.chunks_exact(12).map(|s| [number(&s[..4]), number(&s[4..8]), number(&s[8..])]).collect();
     Ok(Plane { width, height, values })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed assumption of a test panics")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scale_with_the_wrong_sign_is_named() {
+        let file = |scale: &str, bytes: fn(f32) -> [u8; 4]| {
+            let values = (0..48).map(|i| if i % 3 == 2 { 0.0 } else { (i as f32 + 0.5) / 48.0 });
+            let mut file = format!("PF\n4 4\n{scale}\n").into_bytes();
+            file.extend(values.flat_map(bytes));
+            decode(&file)
+        };
+        assert!(file("-1", f32::to_le_bytes).is_ok() && file("1", f32::to_be_bytes).is_ok());
+        for (scale, bytes, right) in [
+            ("-1", f32::to_be_bytes as fn(f32) -> [u8; 4], "must be 1 if the samples are big-endian"),
+            ("1", f32::to_le_bytes, "must be -1 if the samples are little-endian"),
+        ] {
+            let Err(Fault::Content { allowed, .. }) = file(scale, bytes) else { panic!("{scale}") };
+            assert!(allowed.contains(right), "{allowed}");
+        }
+    }
 }

@@ -6,17 +6,18 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use serde_json::Value;
 
 use super::{
     Grid, Interpolation, MOST_BYTES, MOST_REGIONS, Mask, Placement, Reader, Region, RowOrder,
-    fault::Fault,
+    fault::{Fault, shown},
     json::Field,
     mask,
     mesh::sampled,
     mesh_files::{self, Kind, load},
     pfm, refused,
+    sgct_keys::unknown_keys,
     sgct_projection::{Area, Drawn},
 };
 use crate::{files, view::projector::DISPLAY_GAMMA};
@@ -25,8 +26,6 @@ use crate::{files, view::projector::DISPLAY_GAMMA};
 const MOST_TEXT: usize = 16 << 20;
 /// Columns and rows of the grid of a viewport without a mesh.
 const PLAIN: [usize; 2] = [65, 65];
-/// Distance between the eyes of a user of SGCT that has none, m.
-const EYE_SEPARATION_M: f64 = 0.06;
 
 impl Reader<'_> {
     pub(super) fn sgct(&mut self, bytes: &[u8]) -> Result<Vec<Region>, Fault> {
@@ -35,15 +34,27 @@ impl Reader<'_> {
             return Err(Fault::new("JSON", format!("{} bytes", bytes.len()), allowed));
         }
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-        let value: Value = serde_json::from_slice(bytes)
-            .map_err(|error| Fault::new("JSON", error.to_string(), "must be a configuration of SGCT in JSON"))?;
+        let value: Value = serde_json::from_slice(bytes).map_err(|error| {
+            let allowed = "must be a configuration of SGCT in JSON, which has no comments";
+            Fault::new("JSON", error.to_string(), allowed)
+        })?;
         let root = Field { value: &value, place: String::new() };
+        for note in unknown_keys(&root) {
+            self.note(note);
+        }
+        if let Some(version) = root.get("version")?
+            && version.value.as_f64() != Some(1.0)
+        {
+            self.note(format!("version {}: only version 1 is known, it is read like that", version.value));
+        }
         let nodes = root.needed("nodes")?.list()?;
         let users = root.get("users")?.map(|users| users.list()).transpose()?.unwrap_or_default();
         let mut names = Vec::new();
         let mut regions = Vec::new();
+        let mut windows_found = 0;
         for (n, node) in nodes.iter().enumerate() {
             let windows = node.get("windows")?.map_or(Ok(Vec::new()), |windows| windows.list())?;
+            windows_found += windows.len();
             for (w, window) in windows.iter().enumerate() {
                 if !window.flag("draw3d", true)? {
                     let title =
@@ -63,11 +74,14 @@ impl Reader<'_> {
                         // Several viewports share the name of their window.
                         let number = if viewports.len() > 1 { format!("_{}", v + 1) } else { String::new() };
                         region.title = window_name(window)?.map(|title| format!("{title}{number}"));
-                        regions.push(region);
+                        regions.push(self.finished(region));
                     }
                     names.push(name);
                 }
             }
+        }
+        if windows_found == 0 {
+            return Err(Fault::new("nodes", "no node has a window", "at least one must have `windows` with viewports"));
         }
         if names.is_empty() {
             return Err(Fault::new("nodes", "no window draws the 3D scene", "at least one window must (draw3D)"));
@@ -150,13 +164,14 @@ impl Reader<'_> {
             None => {
                 let place = &projection.place;
                 self.take_grid(PLAIN[0], PLAIN[1], place)?;
+                self.uses.eye |= drawn.has_eye;
                 (sampled(&drawn.content, PLAIN), self.circle(&drawn, &area, place)?)
             }
             Some((place, bytes)) => self.mesh_grid(&drawn, &area, place, bytes).map_err(|fault| fault.within(place))?,
         };
-        let blend = self.masked(viewport.get("blendmask")?)?;
+        let blend = self.masked(viewport.get("blendmask")?, area.size_px)?;
         // SGCT multiplies the picture's codes by each of them; its "black level" does not raise black.
-        let black = self.masked(viewport.get("blacklevelmask")?)?;
+        let black = self.masked(viewport.get("blacklevelmask")?, area.size_px)?;
         if black.is_some() {
             self.note("blacklevelmask: SGCT multiplies the picture by it (white changes nothing), it raises no black");
         }
@@ -172,7 +187,8 @@ impl Reader<'_> {
             && size.min_element() > 0.0
             && (position + size).max_element() <= 1.0 + 1e-6)
         {
-            let problem = format!("it covers {position} to {} of its window", position + size);
+            let [low, high] = [position, position + size].map(|at| shown(at.to_array()));
+            let problem = format!("it covers {low} to {high} of its window");
             return Err(Fault::new(&viewport.place, problem, "a viewport must lie within 0 to 1 of its window"));
         }
         // `res` is the size of SGCT's internal picture, which is then scaled to the window.
@@ -190,68 +206,6 @@ impl Reader<'_> {
         let size_px = self.size_px(file_size, &viewport.place)?;
         let aspect = pixels.map_or(f64::from(size_px[0]) / f64::from(size_px[1]), |pixels| pixels.x / pixels.y);
         Ok(Area { position, size, size_px, aspect })
-    }
-
-    /// Position of the eye for which a viewport is drawn: that of its user, or half the separation of the eyes to the side.
-    fn eye(&mut self, viewport: &Field, users: &[Field]) -> Result<DVec3, Fault> {
-        let side = match viewport.get("eye")? {
-            None => 0.0,
-            Some(eye) => match eye.text()?.to_ascii_lowercase().as_str() {
-                "center" => 0.0,
-                "left" => -0.5,
-                "right" => 0.5,
-                other => {
-                    let problem = format!("`{}`", other.escape_debug());
-                    return Err(Fault::new(&eye.place, problem, "must be one of center, left and right"));
-                }
-            },
-        };
-        let user = user_of(viewport, users)?;
-        let middle = self.middle_of_eyes(user.as_ref())?;
-        if side == 0.0 {
-            return Ok(middle);
-        }
-        for key in ["orientation", "matrix"] {
-            if let Some(turned) = user.as_ref().map(|user| user.get(key)).transpose()?.flatten() {
-                let problem = "a turned user in front of a viewport for one eye";
-                return Err(Fault::new(
-                    turned.place,
-                    problem,
-                    "must be absent: the eyes are beside each other along x",
-                ));
-            }
-        }
-        let separation = user.map(|user| user.optional_number("eyeseparation")).transpose()?.flatten();
-        let separation_m = separation.unwrap_or(EYE_SEPARATION_M);
-        let eye = middle + DVec3::X * (side * separation_m);
-        self.note(format!(
-            "{}: for one eye, at {eye} m; the scene is drawn from the middle of both, which matters for objects within some metres",
-            viewport.place
-        ));
-        Ok(eye)
-    }
-
-    /// Position of the middle between the eyes: from the viewport's user, or from the options.
-    fn middle_of_eyes(&mut self, user: Option<&Field>) -> Result<DVec3, Fault> {
-        let position = match user {
-            Some(user) => user.get("pos")?.map(|position| Ok((position.vector()?, position.place))).transpose()?,
-            None => None,
-        };
-        let requested = self.options.eye_m;
-        match position {
-            Some((position, place)) if requested != DVec3::ZERO && !requested.abs_diff_eq(position, 1e-9) => {
-                let problem = format!("the eye is at {position} in the file and at {requested} in the options");
-                Err(Fault::new(place, problem, "omit one, or make them equal"))
-            }
-            Some((position, _)) => {
-                self.note(format!("eye: from the user in the file, at {position} m"));
-                Ok(position)
-            }
-            None => {
-                self.note(format!("eye: at {requested} m, the file does not specify it"));
-                Ok(requested)
-            }
-        }
     }
 
     /// A mask that ends a fisheye at its rim.
@@ -315,7 +269,10 @@ impl Reader<'_> {
                 self.note(format!("{}: it has its own frustum, which replaces that of the viewport", kind.name()));
                 content
             }
-            None => drawn.content.clone(),
+            None => {
+                self.uses.eye |= drawn.has_eye;
+                drawn.content.clone()
+            }
         };
         self.warped(&loaded.mesh, &content, area.size_px, "mesh")
     }
@@ -327,6 +284,7 @@ impl Reader<'_> {
             return Err(Fault::refused("a PFM as mesh", reason));
         }
         let plane = pfm::decode(bytes)?;
+        self.uses.eye |= drawn.has_eye;
         let (columns, rows) = (plane.width, plane.height);
         self.take_grid(columns, rows, "PFM")?;
         let order = self.rows(RowOrder::TopFirst, "a PFM as mesh of SGCT, which reads them in the order of the file");
@@ -350,7 +308,11 @@ impl Reader<'_> {
         }
         if outside * 2 > known {
             let problem = format!("{outside} of {known} coordinates lie outside of 0 to 1");
-            return Err(Fault::new("PFM", problem, "must be absolute coordinates in the picture, not offsets"));
+            return Err(Fault::new(
+                "PFM",
+                problem,
+                "must be absolute coordinates in the picture, not offsets or pixels",
+            ));
         }
         if outside > 0 {
             self.note(format!("PFM: {outside} of {known} coordinates lie outside of 0 to 1: no light is sent there"));
@@ -358,7 +320,7 @@ impl Reader<'_> {
         Ok(Grid { columns, rows, samples, placement: Placement::Corners, interpolation: Interpolation::Smooth })
     }
 
-    fn masked(&mut self, field: Option<Field>) -> Result<Option<Mask>, Fault> {
+    fn masked(&mut self, field: Option<Field>, size_px: [u32; 2]) -> Result<Option<Mask>, Fault> {
         let Some((place, bytes)) = self.referenced_file(field)? else { return Ok(None) };
         let take = &mut |width, height| self.take_mask(width, height, "size");
         let decoded = mask::decode(&bytes, DISPLAY_GAMMA, take).map_err(|fault| fault.within(&place))?;
@@ -368,6 +330,8 @@ impl Reader<'_> {
         if decoded.coloured {
             self.note(format!("{place}: it is coloured, its luminance is used"));
         }
+        self.note_shape(&place, &decoded.mask, size_px);
+        self.note_black(&place, &decoded.mask);
         self.note(format!(
             "masks multiply the display codes; the light is computed with the mask to the power {DISPLAY_GAMMA}"
         ));
@@ -455,23 +419,5 @@ fn check_stereo(stereo: &Field) -> Result<(), Fault> {
         Fault::new(&stereo.place, problem, reason)
     } else {
         Fault::new(&stereo.place, format!("`{shown}`"), format!("must be none; SGCT also knows {}", STEREO.join(", ")))
-    })
-}
-
-/// The user of a viewport: the one that it names, or the first.
-fn user_of<'a>(viewport: &Field, users: &[Field<'a>]) -> Result<Option<Field<'a>>, Fault> {
-    let Some(wanted) = viewport.get("user")? else { return Ok(users.first().cloned()) };
-    let name = wanted.text()?;
-    let mut found = None;
-    for user in users {
-        if let Some(own) = user.get("name")?
-            && own.text()? == name
-        {
-            found = Some(user.clone());
-        }
-    }
-    found.map(Some).ok_or_else(|| {
-        let problem = format!("no user `{}`", name.escape_debug());
-        Fault::new(&wanted.place, problem, "must be one of `users`")
     })
 }

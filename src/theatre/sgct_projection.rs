@@ -2,7 +2,13 @@
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::{Reader, content::Content, fault::Fault, json::Field};
+use super::{
+    Reader,
+    content::Content,
+    fault::{Fault, rounded, shown},
+    json::Field,
+    sgct_keys::projection_type,
+};
 
 /// A viewport within its window.
 pub(super) struct Area {
@@ -20,6 +26,8 @@ pub(super) struct Drawn {
     pub round: bool,
     /// Whether the values of the mesh are positions in the picture, also in a PFM.
     pub texture_mapped: bool,
+    /// Whether its directions depend on the position of the eye.
+    pub has_eye: bool,
 }
 
 impl Reader<'_> {
@@ -31,12 +39,20 @@ impl Reader<'_> {
         is_bourke: bool,
     ) -> Result<Drawn, Fault> {
         let kind = field.needed("type")?;
-        let known = "must be one of planar, projectionplane, fisheye and texturemapped";
-        let name = kind.text()?.to_ascii_lowercase();
-        let name = name.strip_suffix("projection").unwrap_or(&name);
-        let drawn = |content: Content| Drawn { content, round: false, texture_mapped: name == "texturemapped" };
-        match name {
+        let known = "must be one of planar, projectionplane, fisheye, texturemapped and spoutflat";
+        let name = projection_type(field)?;
+        let drawn =
+            |content: Content| Drawn { content, round: false, texture_mapped: name == "texturemapped", has_eye: true };
+        match name.as_str() {
             "planar" | "texturemapped" => Ok(drawn(planar(field, eye)?)),
+            // Old versions of SGCT: a planar projection whose picture other programs get as well.
+            "spoutflat" => {
+                self.note(format!(
+                    "{}: read as its planarprojection; the picture for other programs (Spout) is left out",
+                    field.place
+                ));
+                Ok(drawn(planar(&field.needed("planarprojection")?, eye)?))
+            }
             "projectionplane" => {
                 let corner = |key: &str| field.needed(key)?.vector();
                 let (lower_left, upper_left, upper_right) =
@@ -53,6 +69,12 @@ impl Reader<'_> {
                 format!("{}: the projection `{name}`", field.place),
                 format!(
                     "it shows all directions and needs no calibration: write a view of the type `{name}`; a projector {known}"
+                ),
+            )),
+            "spoutoutput" => Err(Fault::refused(
+                format!("{}: the projection `spoutoutput`", field.place),
+                format!(
+                    "it gives pictures of all directions to other programs, and no projector shows them; a projector {known}"
                 ),
             )),
             "cylindrical" => Err(Fault::refused(
@@ -91,7 +113,7 @@ impl Reader<'_> {
             let offset_of = DVec3::new(part("x")?, part("y")?, part("z")?);
             // The eye must stay within the sphere of radius 1 on which the picture lies.
             if offset_of.length() >= 1.0 {
-                let problem = format!("{offset_of} has the length {}", offset_of.length());
+                let problem = format!("{} has the length {}", shown(offset_of.to_array()), rounded(offset_of.length()));
                 return Err(Fault::new(&offset.place, problem, "must be shorter than 1, the radius of the dome"));
             }
             Ok(offset_of)
@@ -112,41 +134,68 @@ impl Reader<'_> {
         let eye = DVec3::new(offset.x, -offset.y, offset.z);
         if offset != DVec3::ZERO {
             self.note(format!(
-                "fisheye: seen from {eye} in radii of the dome (right, up and towards the centre of the picture)"
+                "fisheye: seen from {} in radii of the dome (right, up and towards the centre of the picture)",
+                shown(eye.to_array())
             ));
         }
         let radius = [edge[0] / wide, edge[1] / high];
         let content = Content::fisheye(fov_deg.to_radians(), tilt_deg.to_radians(), radius)
             .map_err(|fault| fault.within(&field.place))?
             .cut(edge, [left - right, bottom - top], eye);
-        Ok(Drawn { content, round: true, texture_mapped: false })
+        Ok(Drawn { content, round: true, texture_mapped: false, has_eye: false })
+    }
+}
+
+/// Two opposite edges of a field of view, rad: each by itself, or the whole halved.
+fn edges(fov: &Field, [first, second]: [&str; 2], whole: &str) -> Result<[f64; 2], Fault> {
+    let angle = fov.optional_number(whole)?;
+    let edge = |key: &str| match (fov.optional_number(key)?, angle) {
+        (Some(edge), _) => Ok(edge),
+        (None, Some(angle)) => Ok(angle / 2.0),
+        (None, None) => {
+            let allowed = "must have one of them, in degrees";
+            Err(Fault::new(&fov.place, format!("neither `{key}` nor `{whole}`"), allowed))
+        }
+    };
+    let edges = [edge(first)?, edge(second)?];
+    if let Some(angle) = angle
+        && (edges[0] + edges[1] - angle).abs() > 1e-6
+    {
+        let problem = format!("{first} {} and {second} {} next to {whole} {angle}", edges[0], edges[1]);
+        return Err(Fault::new(
+            &fov.place,
+            problem,
+            format!("must have {first} and {second}, or {whole}: they differ"),
+        ));
+    }
+    Ok(edges.map(f64::to_radians))
+}
+
+/// Distance of a planar projection's plane from the room's origin, m.
+fn plane_distance(field: &Field, fov: &Field) -> Result<f64, Fault> {
+    let distance = match (field.optional_number("distance")?, fov.optional_number("distance")?) {
+        (Some(own), Some(other)) if own != other => {
+            let problem = format!("distance = {own}, and {other} in `fov`");
+            return Err(Fault::new(&field.place, problem, "must be given once"));
+        }
+        (Some(distance), _) | (None, Some(distance)) => distance,
+        (None, None) => 10.0,
+    };
+    if distance > 0.0 {
+        Ok(distance)
+    } else {
+        Err(Fault::new(&field.place, format!("distance = {distance}"), "must be more than 0"))
     }
 }
 
 /// The picture of a planar projection. Its plane is at a distance from the room's origin, not from the eye.
 fn planar(field: &Field, eye: DVec3) -> Result<Content, Fault> {
     let fov = field.needed("fov")?;
-    let edge = |single: &str, whole: &str| -> Result<f64, Fault> {
-        match (fov.optional_number(single)?, fov.optional_number(whole)?) {
-            (Some(edge), _) => Ok(edge.to_radians()),
-            (None, Some(whole)) => Ok((whole / 2.0).to_radians()),
-            (None, None) => Err(Fault::new(
-                &fov.place,
-                format!("neither `{single}` nor `{whole}`"),
-                "must have one of them, in degrees",
-            )),
-        }
-    };
-    let (left, right) = (-edge("left", "hfov")?, edge("right", "hfov")?);
-    let (down, up) = (-edge("down", "vfov")?, edge("up", "vfov")?);
+    let [left, right] = edges(&fov, ["left", "right"], "hfov")?;
+    let [down, up] = edges(&fov, ["down", "up"], "vfov")?;
+    let (left, down) = (-left, -down);
     let rotation = field.get("orientation")?.map_or(Ok(DMat3::IDENTITY), |orientation| orientation.rotation())?;
-    let distance = match (field.optional_number("distance")?, fov.optional_number("distance")?) {
-        (Some(distance), _) | (None, Some(distance)) => distance,
-        (None, None) => 10.0,
-    };
-    if distance <= 0.0 {
-        return Err(Fault::new(&field.place, format!("distance = {distance}"), "must be more than 0"));
-    }
+    let distance = plane_distance(field, &fov)?;
     let offset = field.get("offset")?.map_or(Ok(DVec3::ZERO), |offset| offset.vector())?;
     let content = Content::frustum(left, right, down, up, rotation).map_err(|fault| fault.within(&fov.place))?;
     let Content::Plane { lower_left, right, up } = content else {

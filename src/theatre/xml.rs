@@ -1,5 +1,7 @@
 //! Bounded XML with case-insensitive names of elements and attributes, as MPCDI requires.
 
+use std::borrow::Cow;
+
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::fault::Fault;
@@ -87,20 +89,33 @@ impl<'a, 'input> Element<'a, 'input> {
             .ok_or_else(|| Fault::new(&self.place, format!("the attribute {name} is missing"), "it is required"))
     }
 
-    /// The text content.
-    pub fn text(&self) -> &'a str {
-        self.node.text().unwrap_or_default().trim()
+    /// The text content; comments within it separate nothing.
+    pub fn text(&self) -> Cow<'a, str> {
+        let mut texts = self.node.children().filter(Node::is_text).filter_map(|node| node.text());
+        match (texts.next(), texts.next()) {
+            (first, None) => Cow::Borrowed(first.unwrap_or_default().trim()),
+            (first, second) => {
+                let whole: String = first.into_iter().chain(second).chain(texts).collect();
+                Cow::Owned(whole.trim().to_owned())
+            }
+        }
     }
 
     /// The text of the child element with a name.
-    pub fn child_text(&self, name: &str) -> Result<Option<&'a str>, Fault> {
+    pub fn child_text(&self, name: &str) -> Result<Option<Cow<'a, str>>, Fault> {
         Ok(self.child(name)?.map(|child| child.text()))
+    }
+
+    /// The same in small letters, for one of several words.
+    pub fn child_word(&self, name: &str) -> Result<Option<String>, Fault> {
+        Ok(self.child_text(name)?.map(|text| text.to_ascii_lowercase()))
     }
 
     /// A finite number in the child element with a name, which must exist.
     pub fn number(&self, name: &str) -> Result<f64, Fault> {
         let child = self.needed(name)?;
-        finite(child.text()).ok_or_else(|| not_a_number(&child.place, child.text()))
+        let text = child.text();
+        finite(&text).ok_or_else(|| not_a_number(&child.place, &text))
     }
 
     /// A finite number in an optional attribute.
@@ -130,6 +145,21 @@ mod tests {
         assert_eq!(root.attribute("KEY"), Some("1"));
         assert_eq!(root.number("bEE").unwrap(), 2.5);
         assert!(root.child("c").is_err() && root.needed("d").is_err() && root.number("a").is_err());
+    }
+
+    #[test]
+    fn comments_within_a_text_drop_nothing() {
+        let text = |content: &str| {
+            let bytes = format!("<a><b>{content}</b></a>");
+            let document = parse(bytes.as_bytes()).unwrap();
+            Element::root(&document).child_text("b").unwrap().unwrap().into_owned()
+        };
+        for content in
+            ["<!-- p1 -->a.png", "a<!-- p1 -->.png ", " a.png<!-- p1 -->", "<![CDATA[a]]>.png", "<?x?>a.<!---->png"]
+        {
+            assert_eq!(text(content), "a.png", "{content}");
+        }
+        assert_eq!(text("<!-- none -->"), "");
     }
 
     #[test]

@@ -476,7 +476,7 @@ fn sgct_without_meshes_and_its_masks() {
     for (json, expected) in [
         (text(r#"{"type":"SphericalMirrorProjection"}"#, ""), "spherical mirror is refused"),
         (text(r#"{"type":"CubemapProjection"}"#, ""), "cubemap"),
-        (text(r#"{"type":"Other"}"#, ""), "one of planar, projectionplane, fisheye and texturemapped"),
+        (text(r#"{"type":"Other"}"#, ""), "one of planar, projectionplane, fisheye, texturemapped and spoutflat"),
         (text(r#"{"type":"PlanarProjection","fov":{"hfov":40}}"#, ""), "neither `down` nor `vfov`"),
         (text(&planar, r#","mesh":"../warp""#), "leads out of the folder"),
         (text(&planar, r#","mesh":"C:\\warp""#), "leads out of the folder"),
@@ -489,6 +489,37 @@ fn sgct_without_meshes_and_its_masks() {
         let found = refusal(json.as_bytes(), &ReadOptions::default());
         assert!(found.contains(expected), "{found}");
     }
+}
+
+#[test]
+fn words_and_paths_of_mpcdi_may_have_capitals_and_comments() {
+    let all = &projectors()[..1];
+    let mut set = Mpcdi::a3(65, 65);
+    set.masks = true;
+    set.per_metre = 1000.0;
+    set.warp = "<interpolation>SMOOTH</interpolation><geometricUnit>MM</geometricUnit>\
+                <originOf3DData>IdealEyepoint</originOf3DData>"
+        .into();
+    let files = set.files(all);
+    // The frame's position is in the unit of the file too, so the directions are compared with the same set in small letters.
+    let with = |change: &dyn Fn(String) -> String| {
+        let mut files: Vec<(&str, Vec<u8>)> =
+            files.iter().map(|(name, bytes)| (name.as_str(), bytes.clone())).collect();
+        files[0].1 = change(String::from_utf8(files[0].1.clone()).unwrap()).into_bytes();
+        read_bytes(&zipped(&files, true), &ReadOptions::default()).unwrap()
+    };
+    let plain =
+        with(&|xml| xml.replace("SMOOTH", "smooth").replace(">MM<", ">mm<").replace("IdealEyepoint", "idealEyePoint"));
+    let capitals = with(&|xml| xml.replace(r#"profile="a3""#, r#"profile="A3""#));
+    assert_eq!(capitals.regions, plain.regions);
+    // A comment before the path dropped the warp map and the masks.
+    let comments = with(&|xml| xml.replace("<path>", "<path><!-- p1 -->"));
+    assert_eq!(comments.regions, plain.regions);
+    assert!(plain.regions[0].alpha.is_some() && plain.regions[0].beta.is_some());
+    // A misspelled element is noted.
+    let misspelled = with(&|xml| xml.replace("alphaMap>", "alfaMap>"));
+    assert!(misspelled.regions[0].alpha.is_none());
+    assert!(misspelled.notes.iter().any(|note| note.contains("<alfaMap>: this element is not known")));
 }
 
 #[test]
@@ -552,6 +583,12 @@ fn errors_of_damaged_and_contradictory_sets_name_their_position() {
         let found = refusal(&with(&xml, &wrong), &options);
         assert!(found.contains(expected), "{expected}: {found}");
     }
+    // The scale has the wrong sign: the bytes of its samples are in the other order.
+    let swapped = Pfm { size: [9, 9], little_endian: false, bottom_first: true };
+    let swapped = swapped.bytes(|i, j| [centre(i, 9), centre(j, 9), -2.5]);
+    let wrong = [b"PF\n9 9\n-1.0\n", &swapped[swapped.len() - 9 * 9 * 12..]].concat();
+    let found = refusal(&with(&xml, &wrong), &options);
+    assert!(found.contains("the scale must be 1 if the samples are big-endian"), "{found}");
     let missing = ReadOptions { region: Some("p7".into()), ..ReadOptions::default() };
     assert!(refusal(&whole, &missing).contains("must be one of bp0/p0"));
     let other = ReadOptions { size_px: Some([640, 480]), ..ReadOptions::default() };

@@ -4,7 +4,7 @@ use std::io::Write as _;
 
 use steradian::{
     glam::{DMat3, DVec3},
-    theatre::{Calibration, ReadOptions, Region, TheatreError, read},
+    theatre::{Axes, Calibration, ReadOptions, Region, RowOrder, TheatreError, read},
 };
 
 use crate::common::theatre::{png_grey, sgct};
@@ -210,8 +210,9 @@ fn viewports_of_sgct_for_one_eye_are_read_and_stereo_windows_say_why_not() {
 
     let refused = |json: &str| read_files(&[("set", json.as_bytes())], &sized()).unwrap_err().to_string();
     assert!(refused(&json("both", &origin)).contains("must be one of center, left and right"));
+    // SGCT turns the position of the user and not the line between the eyes.
     let turned = user(r#"{"x":0,"y":1,"z":0}"#, r#","orientation":{"yaw":10,"pitch":0,"roll":0}"#);
-    assert!(refused(&json("left", &turned)).contains("a turned user"));
+    assert_eq!(grid(&json("left", &turned)), grid(&json("left", &origin)));
     let window = |stereo: &str| {
         sgct(SIZE, PLANAR, "").replacen(r#""viewports""#, &format!(r#""stereo":"{stereo}","viewports""#), 1)
     };
@@ -297,7 +298,155 @@ fn a_fisheye_that_no_file_asks_for_is_refused() {
     }
     let bourke = "2\n2 2\n-1 -1 0.2 0.2 1\n1 -1 0.8 0.2 1\n-1 1 0.2 0.8 1\n1 1 0.8 0.8 1\n";
     let options = ReadOptions { tilt_deg: 20.0, size_px: Some([64, 64]), ..ReadOptions::default() };
-    assert!(read_files(&[("mesh", bourke.as_bytes())], &options).unwrap().asks_for_fisheye);
+    assert!(read_files(&[("mesh", bourke.as_bytes())], &options).unwrap().regions[0].uses.fisheye);
+}
+
+/// A picture of directions of 2 x 2 samples.
+fn directions() -> Vec<u8> {
+    let mut bytes = b"PF\n2 2\n-1.0\n".to_vec();
+    for (x, y) in [(0.25, 0.75), (0.75, 0.75), (0.25, 0.25), (0.75, 0.25)] {
+        bytes.extend(planar(x, y, 0.0, 0.0).as_vec3().to_array().iter().flat_map(|value| value.to_le_bytes()));
+    }
+    bytes
+}
+
+#[test]
+fn options_are_refused_where_they_have_no_effect() {
+    let without_user = |projection: &str| sgct(SIZE, projection, "").replace(r#","pos":{"x":0,"y":0,"z":0}}]"#, "}]");
+    let (sgct_planar, pfm) = (without_user(PLANAR), directions());
+    let sgct_fisheye = without_user(r#"{"type":"FisheyeProjection","fov":180,"tilt":0}"#);
+    let bourke = "2\n2 2\n-1 -1 0.2 0.2 1\n1 -1 0.8 0.2 1\n-1 1 0.2 0.8 1\n1 1 0.8 0.8 1\n".to_owned();
+    let open = open_mesh();
+    let rows = ReadOptions { rows: RowOrder::TopFirst, ..sized() };
+    let axes = ReadOptions { axes: Axes::parse("x=x,y=z,z=-y").unwrap(), ..sized() };
+    let eye = ReadOptions { eye_m: DVec3::new(0.0, 0.5, 0.0), ..sized() };
+    let fisheye = ReadOptions { tilt_deg: 20.0, ..sized() };
+    // Whether each has an effect.
+    for (name, bytes, effects) in [
+        ("planar", sgct_planar.as_bytes(), [false, false, true, false]),
+        ("fisheye of SGCT", sgct_fisheye.as_bytes(), [false; 4]),
+        ("Paul Bourke's mesh", bourke.as_bytes(), [false, false, false, true]),
+        ("OPENMESH", open.as_bytes(), [false; 4]),
+        ("directions", &pfm[..], [true, true, false, false]),
+    ] {
+        let given = [
+            (&rows, "rows = top_first"),
+            (&axes, "axes = x=x,y=z,z=-y"),
+            (&eye, "eye_m = [0, 0.5, 0]"),
+            (&fisheye, "tilt_deg = 20"),
+        ];
+        for ((options, key), effect) in given.into_iter().zip(effects) {
+            match read_files(&[("set", bytes)], options) {
+                Ok(_) => assert!(effect, "{name}: {key} has no effect"),
+                Err(error) => {
+                    let text = error.to_string();
+                    assert!(!effect && text.contains(&format!("{key} has no effect")), "{name}: {text}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn rasters_of_one_pixel_or_one_line_are_refused() {
+    let small = sgct(SIZE, PLANAR, "").replace(r#""size":{"x":1,"y":1}"#, r#""size":{"x":0.001,"y":0.001}"#);
+    let error = read_files(&[("set", small.as_bytes())], &ReadOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("a raster of 1 x 1 pixels; must be 2 to 16384 pixels per side"), "{error}");
+    for size in [[1, 48], [48, 1], [1, 1]] {
+        let options = ReadOptions { size_px: Some(size), ..ReadOptions::default() };
+        assert!(read_files(&[("set", &directions())], &options).is_err(), "{size:?}");
+    }
+}
+
+#[test]
+fn the_matrix_or_orientation_of_a_user_moves_the_eye() {
+    let json = |user: &str| {
+        let text = sgct(SIZE, PLANAR, "");
+        format!(r#"{}"users":[{{"eyeseparation":0.06{user}}}]}}"#, text.split_once(r#""users""#).unwrap().0)
+    };
+    let read = |user: &str| read_files(&[("set", json(user).as_bytes())], &sized()).unwrap();
+    let grid = |user: &str| read(user).regions.remove(0).grid;
+    // Column by column: the last one is the shift.
+    let matrix = r#","matrix":[1,0,0,0,0,1,0,0,0,0,1,0,0,0,5,1]"#;
+    assert_eq!(grid(matrix), grid(r#","pos":{"x":0,"y":0,"z":5}"#));
+    assert_ne!(grid(matrix), grid(""));
+    let notes = read(matrix).notes;
+    assert!(
+        notes.iter().any(|note| note.contains("eye: from users[0].matrix in the file, at [0, 0, 5] m")),
+        "{notes:?}"
+    );
+    assert!(!notes.iter().any(|note| note.contains("does not specify it")), "{notes:?}");
+    let both = format!(r#","pos":{{"x":1,"y":0,"z":0}}{matrix}"#);
+    assert_eq!(grid(&both), grid(r#","pos":{"x":1,"y":0,"z":5}"#));
+    // A quarter turn to the right takes the front to the right.
+    let turned = r#","pos":{"x":0,"y":0,"z":-1},"orientation":{"yaw":90,"pitch":0,"roll":0}"#;
+    for (found, expected) in grid(turned).samples.iter().zip(&grid(r#","pos":{"x":1,"y":0,"z":0}"#).samples) {
+        assert!(found.unwrap().abs_diff_eq(expected.unwrap(), 1e-12));
+    }
+    let error = read_files(&[("set", json(r#","matrix":[1,0,0]"#).as_bytes())], &sized()).unwrap_err().to_string();
+    assert!(error.contains("3 numbers; must be a matrix of 16 numbers"), "{error}");
+    let tracked = read(r#","pos":{"x":0,"y":0,"z":0},"tracking":{"tracker":"a","device":"b"}"#).notes;
+    assert!(tracked.iter().any(|note| note.contains("users[0].tracking: it has no effect")), "{tracked:?}");
+}
+
+#[test]
+fn old_names_of_sgct_are_read() {
+    let turned = |orientation: &str| sgct(SIZE, &PLANAR.replace(r#""yaw":0,"pitch":0,"roll":0"#, orientation), "");
+    for orientation in [r#""heading":30,"pitch":20,"roll":0"#, r#""azimuth":30,"elevation":20,"bank":0"#] {
+        assert_planar(&one(&[("set", turned(orientation).as_bytes())]), 30.0, 20.0);
+    }
+    let flat =
+        format!(r#"{{"type":"SpoutFlatProjection","PlanarProjection":{PLANAR},"width":"1920","height":"1080"}}"#);
+    assert_planar(&one(&[("set", sgct(SIZE, &flat, "").as_bytes())]), 0.0, 0.0);
+    let error = |json: String| read_files(&[("set", json.as_bytes())], &sized()).unwrap_err().to_string();
+    let missing = error(turned(r#""pitch":20,"roll":0"#));
+    assert!(missing.contains("yaw is missing; must have all of yaw, pitch, roll"), "{missing}");
+    assert!(error(turned(r#""yaw":1,"heading":1,"pitch":0,"roll":0"#)).contains("it occurs twice"));
+}
+
+#[test]
+fn contradictory_fields_of_view_are_refused() {
+    let fov = |more: &str| sgct(SIZE, &PLANAR.replace(r#""up":20"#, &format!(r#"{more},"up":20"#)), "");
+    assert_planar(&one(&[("set", fov(r#""hfov":60"#).as_bytes())]), 0.0, 0.0);
+    let error = read_files(&[("set", fov(r#""hfov":10"#).as_bytes())], &sized()).unwrap_err().to_string();
+    assert!(error.contains("left 30 and right 30 next to hfov 10"), "{error}");
+}
+
+#[test]
+fn unknown_keys_and_unusual_masks_are_noted() {
+    let notes = |json: &str, mask: &[u8]| {
+        read_files(&[("set", json.as_bytes()), ("m.png", mask)], &ReadOptions::default()).unwrap().notes
+    };
+    let json = sgct([64, 48], PLANAR, r#","blend_mask":"m.png""#).replace(r#""version":1"#, r#""version":9"#);
+    let found = notes(&json, b"");
+    for part in ["viewports[0].blend_mask: the key is not known", "version 9: only version 1 is known"] {
+        assert!(found.iter().any(|note| note.contains(part)), "{part}: {found:?}");
+    }
+    let json = sgct([64, 48], PLANAR, r#","blendmask":"m.png""#);
+    let portrait = notes(&json, &png_grey([48, 64], |_, _| 200));
+    let stretched = "the mask has 48 x 64 pixels, which are stretched over a raster of 64 x 48";
+    assert!(portrait.iter().any(|note| note.contains(stretched)), "{portrait:?}");
+    let black = notes(&json, &png_grey([64, 48], |_, _| 0));
+    assert!(black.iter().any(|note| note.contains("black everywhere")), "{black:?}");
+    let usual = notes(&json, &png_grey([32, 24], |x, _| 8 * x as u8));
+    assert!(!usual.iter().any(|note| note.contains("stretched") || note.contains("black everywhere")), "{usual:?}");
+}
+
+#[test]
+fn messages_say_what_is_wrong_with_other_content() {
+    let refused = |bytes: &[u8]| read_files(&[("set", bytes)], &sized()).unwrap_err().to_string();
+    let in_pixels = "2\n2 2\n-1 -1 20 20 1\n1 -1 800 20 1\n-1 1 20 600 1\n1 1 800 600 1\n";
+    let text = refused(in_pixels.as_bytes());
+    assert!(text.contains("[20, 20] to [800, 600]") && text.contains("u and v must be 0 to 1"), "{text}");
+    let json = sgct(SIZE, PLANAR, "");
+    let utf16: Vec<u8> = "\u{feff}".chars().chain(json.chars()).flat_map(|c| (c as u16).to_le_bytes()).collect();
+    assert!(refused(&utf16).contains("text in UTF-16; must be text in UTF-8"));
+    assert!(refused(format!("// my dome\n{json}").as_bytes()).contains("JSON has no comments"));
+    assert!(refused(json.replacen('{', "{ // my dome\n", 1).as_bytes()).contains("which has no comments"));
+    assert!(refused(br#"{"nodes":[{"address":"a"}]}"#).contains("no node has a window"));
+    let inverted = PLANAR.replace(r#""right":30"#, r#""right":-40"#);
+    let text = refused(sgct(SIZE, &inverted, "").as_bytes());
+    assert!(text.contains("left, right, down and up are [-30, -40, -20, 20] degrees"), "{text}");
 }
 
 #[test]

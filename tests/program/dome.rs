@@ -209,7 +209,7 @@ fn invalid_projectors_are_refused_with_file_and_key() {
 fn import_writes_a_configuration_with_all_projectors() {
     let (folder, light) = folder();
     let import = |more: &[&str]| {
-        let files = ["projectors", "import", "left.pfm", "right.pfm", "--out", "imported.toml"];
+        let files = ["projectors", "import", "left.pfm", "right.pfm", "--out", "imported.toml", "--overwrite"];
         run(folder.path(), &[&files[..], more].concat())
     };
     let (code, lines, log) = import(&["--size", "110x200", "--blend", "computed"]);
@@ -246,4 +246,66 @@ fn import_writes_a_configuration_with_all_projectors() {
     assert!(code == 65 && log.contains("right.pfm"), "{code} {log}");
     let (code, _, log) = import(&["--size", "200"]);
     assert!(code == 64 && log.contains("1920x1080"), "{code} {log}");
+}
+
+/// No command writes over a file that it reads, and an import replaces an existing file only on demand.
+#[test]
+fn inputs_and_edited_configurations_are_not_overwritten() {
+    let (folder, _) = folder();
+    let content = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    let (before, configuration) = (content("left.pfm"), content("dome.toml"));
+    fs::hard_link(folder.path().join("left.pfm"), folder.path().join("linked.toml")).unwrap();
+    for out in ["left.pfm", "./left.pfm", "linked.toml"] {
+        let import = ["projectors", "import", "left.pfm", "--out", out, "--overwrite"];
+        let (code, _, log) = run(folder.path(), &import);
+        assert!(code == 64 && log.contains("choose another file"), "{out}: {code} {log}");
+    }
+    let import = ["projectors", "import", "left.pfm", "--out", "dome.toml"];
+    let (code, _, log) = run(folder.path(), &import);
+    assert!(code == 64 && log.contains("the file exists") && log.contains("--overwrite"), "{code} {log}");
+    let check = |more: &[&str]| run(folder.path(), &[&["dome", "check", "--config", "dome.toml"], more].concat());
+    for out in [["--json", "dome.toml"], ["--html", "dome.toml"], ["--json", "left.pfm"], ["--html", "./right.pfm"]] {
+        let (code, lines, log) = check(&out);
+        assert!(code == 64 && lines.is_empty() && log.contains("choose another file"), "{out:?}: {code} {log}");
+    }
+    let (code, _, log) = check(&["--json", "report", "--html", "report"]);
+    assert!(code == 64 && log.contains("give each its own file"), "{code} {log}");
+    assert!(content("left.pfm") == before && content("dome.toml") == configuration);
+}
+
+#[test]
+fn faults_of_calibrations_at_an_import_name_their_file() {
+    let (folder, _) = folder();
+    let import = |file: &str, more: &[&str]| {
+        run(folder.path(), &[&["projectors", "import", file, "--out", "new.toml"], more].concat())
+    };
+    // Half of the columns are mirrored, so that the warp folds.
+    let mut folded = pfm(false, true);
+    let header = folded.len() - 12 * SAMPLES * SAMPLES;
+    for row in folded[header..].chunks_mut(12 * SAMPLES) {
+        for column in SAMPLES / 2..SAMPLES {
+            let from = 12 * (SAMPLES - 1 - column);
+            row.copy_within(from..from + 12, 12 * column);
+        }
+    }
+    fs::write(folder.path().join("folded.pfm"), folded).unwrap();
+    let (code, _, log) = import("folded.pfm", &[]);
+    assert!(
+        code == 65 && log.contains("folded.pfm") && log.contains("folds") && !log.contains("new.toml"),
+        "{code} {log}"
+    );
+    // A raster of one pixel panicked.
+    for size in ["1x1", "1x48", "48x1"] {
+        let (code, _, log) = import("left.pfm", &["--size", size]);
+        assert!(code == 65 && log.contains("must be 2 to 16384 pixels per side"), "{size}: {code} {log}");
+    }
+    // Options without effect in the format.
+    let (code, _, log) = import("left.pfm", &["--eye-m", "0,1,0"]);
+    assert!(code == 65 && log.contains("eye_m = [0, 1, 0] has no effect"), "{code} {log}");
+    let check = |set: &str| run(folder.path(), &["dome", "check", "--config", "dome.toml", "--set", set]);
+    let (code, _, log) = check("views.left.blend=false");
+    assert!(code == 64 && log.contains("expected one of `file`, `computed`, `none`"), "{code} {log}");
+    let (_, lines, _) = check("views.left.file=''");
+    assert!(lines.contains("it is empty: must be the name of a file"), "{lines}");
+    assert!(!folder.path().join("new.toml").exists());
 }

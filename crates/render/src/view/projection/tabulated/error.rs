@@ -19,6 +19,16 @@ pub enum TabulationError {
         /// The limit.
         limit: u32,
     },
+    /// The picture is a point or a line of pixels, and the mapping does not continue beyond it.
+    #[error(
+        "{width} x {height} pixels: a tabulated picture must have at least 2 pixels a side, or a mapping that continues beyond its border"
+    )]
+    TooSmall {
+        /// Width, pixels.
+        width: u32,
+        /// Height, pixels.
+        height: u32,
+    },
     /// No pixel lies in the picture.
     #[error("no pixel of the picture has a direction")]
     Empty,

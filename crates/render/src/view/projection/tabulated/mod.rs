@@ -77,8 +77,27 @@ struct Tables {
     accuracy: TableAccuracy,
 }
 
+/// Least angle to which a picture and its fringe must reach, rad: f32 does not resolve less.
+const LEAST_REACH_RAD: f64 = 1e-7;
+
 fn tables(source: &(dyn PlaneMapping + Send)) -> Result<Tables, TabulationError> {
+    let [width, height] = source.size();
+    // Between the pixels of a single column or row there is nothing to interpolate, unless the mapping continues beyond it.
+    let is_line = width < 2 || height < 2;
+    make_tables(source).map_err(|error| match error {
+        TabulationError::Coarse { .. } | TabulationError::Torn { .. } if is_line => {
+            TabulationError::TooSmall { width, height }
+        }
+        error => error,
+    })
+}
+
+fn make_tables(source: &(dyn PlaneMapping + Send)) -> Result<Tables, TabulationError> {
     let baked = bake::bake(source)?;
+    if !bake::is_within(LEAST_REACH_RAD, baked.reach_rad[1]) {
+        let [width, height] = source.size();
+        return Err(TabulationError::TooSmall { width, height });
+    }
     let all = source.shows_full_sphere();
     let around = (baked.axis, if all || baked.reach_rad[1] > 0.98 * PI { PI } else { baked.reach_rad[1] });
     let mut starts = starts::starts(source, &baked.nodes, around, baked.pixels)

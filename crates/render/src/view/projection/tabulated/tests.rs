@@ -54,6 +54,44 @@ impl PlaneMapping for Changed {
     }
 }
 
+/// A perspective picture whose mapping ends at its border.
+struct Ending(Perspective);
+
+impl PlaneMapping for Ending {
+    fn size(&self) -> [u32; 2] {
+        self.0.size()
+    }
+
+    fn pixel_from_direction(&self, direction: DVec3) -> Option<DVec2> {
+        let [width, height] = self.size().map(f64::from);
+        let inside = |pixel: &DVec2| (0.0..=width).contains(&pixel.x) && (0.0..=height).contains(&pixel.y);
+        self.0.pixel_from_direction(direction).filter(inside)
+    }
+
+    fn direction_from_pixel(&self, pixel: DVec2) -> Option<DVec3> {
+        self.0.direction_from_pixel(pixel)
+    }
+
+    fn solid_angle_sr(&self, x: u32, y: u32) -> f64 {
+        self.0.solid_angle_sr(x, y)
+    }
+
+    fn bounding_cone(&self, margin_px: f64) -> BoundingCone {
+        self.0.bounding_cone(margin_px)
+    }
+}
+
+#[test]
+fn a_picture_of_one_pixel_or_one_line_is_drawn_or_refused() {
+    let table = |size| TabulatedMapping::new(Ending(Perspective::symmetric(size, 0.02).unwrap()));
+    assert_eq!(table([1, 1]).unwrap_err(), TabulationError::TooSmall { width: 1, height: 1 });
+    for size in [[1, 48], [48, 1], [1, 2], [2, 1]] {
+        let result = table(size);
+        assert!(matches!(result, Ok(_) | Err(TabulationError::TooSmall { .. })), "{size:?}: {result:?}");
+    }
+    assert!(table([2, 2]).is_ok());
+}
+
 /// Directions spread over the sphere.
 fn sphere(count: u32) -> impl Iterator<Item = DVec3> {
     (0..count).map(move |i| {
