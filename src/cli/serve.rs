@@ -19,7 +19,7 @@ use super::{
 use crate::config::{Config, PackingConfig, WindowConfig, parse_listen};
 use crate::gpu::{Gpu, GpuOptions};
 use crate::plan::view_settings::FrameGroup;
-use crate::platform::supervisor;
+use crate::platform::{signals, supervisor};
 use crate::render::{FrameRequest, Renderer, Wanted};
 use crate::scene::loader::{LoadReport, LoadedCatalogue};
 use crate::scene::{Camera, SceneSnapshot};
@@ -70,6 +70,12 @@ pub struct ServeArguments {
 
 /// Runs the command.
 pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliError> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(CliError::Runtime)?;
+    {
+        // The access rules are read again when the daemon listens, which then remembers the signal that reloads them.
+        let _inside = runtime.enter();
+        signals::survive_hangup().map_err(CliError::Runtime)?;
+    }
     let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
     // The clock starts when the configuration is read.
     let clock = config.clock();
@@ -95,7 +101,6 @@ pub fn run(arguments: ServeArguments, options: &GpuOptions) -> Result<(), CliErr
     }
     let renderer = Renderer::new(Gpu::open(options)?);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
-    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(CliError::Runtime)?;
     block_on_and_leave(runtime, async {
         // From here on a signal shuts down in order, also while stars are still loading.
         let (signals, input) = (service::signals().map_err(CliError::Runtime)?, input_closes(&arguments));

@@ -4,7 +4,7 @@ use clap::Args;
 
 use super::{CliError, results};
 use crate::{
-    config::{Role, Sha256Hex, TokenConfig},
+    config::{Role, Sha256Hex, TokenConfig, check_holder},
     service,
 };
 
@@ -35,6 +35,7 @@ struct Document {
 
 /// Runs the command.
 pub fn run(TokenArguments { name, role }: &TokenArguments) -> Result<(), CliError> {
+    check_holder(name).map_err(|problem| CliError::Usage(format!("--name {problem}")))?;
     let token = service::new_token().map_err(CliError::Token)?;
     let sha256 = Sha256Hex(service::digest_of(&token));
     let tokens = [TokenConfig { name: name.clone(), role: *role, sha256 }];

@@ -149,7 +149,15 @@ async fn broken_connection_ends_and_writes_the_recording() {
         .output()
         .unwrap();
     assert_eq!(unreachable.status.code(), Some(1));
-    assert!(String::from_utf8_lossy(&unreachable.stderr).contains("cannot connect"));
+    let log = String::from_utf8_lossy(&unreachable.stderr);
+    assert!(log.contains("cannot connect") && log.contains("refused") && !log.contains("transport error"), "{log}");
+    let without_port = Command::new(env!("CARGO_BIN_EXE_steradian"))
+        .args(["film", "record", "--address", "127.0.0.1", "--out", "other.toml"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let log = String::from_utf8_lossy(&without_port.stderr);
+    assert!(without_port.status.code() == Some(64) && log.contains("HOST:PORT"), "{:?} {log}", without_port.status);
     let mut text = String::new();
     BufReader::new(fs::File::open(folder.path().join("path.toml")).unwrap()).read_line(&mut text).unwrap();
     assert!(text.starts_with("# Recorded from "), "{text}");

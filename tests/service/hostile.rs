@@ -13,7 +13,7 @@ use tonic::Code;
 use crate::daemon::{Daemon, large_rig, small_rig, within};
 
 /// Returns the daemon's answer to bytes, until it closes the connection or pauses.
-async fn answer(daemon: &Daemon, bytes: &[u8]) -> String {
+pub async fn answer(daemon: &Daemon, bytes: &[u8]) -> String {
     let mut stream = TcpStream::connect(daemon.address).await.unwrap();
     stream.write_all(bytes).await.unwrap();
     let mut all = Vec::new();

@@ -19,6 +19,7 @@ mod page;
 mod protocol;
 mod pull;
 mod quality;
+mod refusals;
 mod rig;
 mod scene;
 mod sky;

@@ -5,7 +5,7 @@ use std::{sync::atomic::Ordering::SeqCst, time::Duration};
 use steradian::{
     config::{FisheyeSpec, MappingConfig, ViewGeometry, ViewKindSpec, ViewSpec},
     output::Encoding,
-    plan::settings::{ExposureKeys, GlareKeys},
+    plan::settings::{ExposureKeys, GlareKeys, ToneMapKeys},
     service::{CameraUpdate, Client, ClientError, FrameReceiver, ReceivedFrame, SceneUpdate, ViewUpdate},
 };
 use tonic::Code;
@@ -210,6 +210,12 @@ async fn refused_changes_keep_the_views() {
             None,
             Code::InvalidArgument,
             "definition.glare.fraction: 2",
+        ),
+        (
+            ViewSpec { tone_map: Some(ToneMapKeys { white: Some(4.0), ..ToneMapKeys::default() }), ..new() },
+            None,
+            Code::InvalidArgument,
+            "definition.tone_map.white: has no effect with operator",
         ),
         (
             ViewSpec { glare: glare(None, Some("/etc/passwd")), ..new() },

@@ -4,11 +4,13 @@ use std::{
     net::SocketAddr,
     sync::{
         Arc,
-        atomic::{AtomicBool, Ordering::SeqCst},
+        atomic::{AtomicBool, AtomicUsize, Ordering::SeqCst},
     },
 };
 
-use steradian::service::{Address, EarlyServer, NetworkOptions, ServeError, StartProgress, proto};
+use steradian::service::{
+    Access, AccessSource, Address, EarlyServer, NetworkOptions, ServeError, StartProgress, proto,
+};
 use tokio::{
     io::{AsyncReadExt as _, AsyncWriteExt as _},
     net::TcpStream,
@@ -97,6 +99,29 @@ async fn clients_learn_what_a_starting_daemon_waits_for() {
     assert_eq!(status(&mut health).await, ServingStatus::Serving);
     scene.get_scene(proto::GetSceneRequest::default()).await.unwrap();
     drop((health, scene));
+    daemon.shutdown().await.unwrap();
+}
+
+#[cfg(unix)]
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_reload_during_the_start_is_made_when_the_daemon_serves() {
+    use rustix::process::{Signal, getpid, kill_process};
+    let reads = Arc::new(AtomicUsize::new(0));
+    let counted = Arc::clone(&reads);
+    let access: AccessSource = Arc::new(move || {
+        counted.fetch_add(1, SeqCst);
+        Ok(Access::default())
+    });
+    let network = NetworkOptions { access: Some(access), ..network("127.0.0.1:0") };
+    let early = EarlyServer::open(&network, Arc::default()).await.unwrap();
+    assert_eq!(reads.load(SeqCst), 1);
+    kill_process(getpid(), Signal::HUP).unwrap();
+    let daemon = Daemon::start_with(small_rig(), |options| {
+        options.network = network;
+        options.early = Some(early);
+    })
+    .await;
+    until(|| reads.load(SeqCst) == 2).await;
     daemon.shutdown().await.unwrap();
 }
 

@@ -92,7 +92,27 @@ async fn refused_changes_keep_the_last_valid_state() {
             Code::InvalidArgument,
             "between 0.05 and 90 degrees",
         ),
-        ("flat", toned("black_cd_m2 = 60.0"), None, Code::InvalidArgument, "half of peak_cd_m2"),
+        (
+            "flat",
+            toned("operator = 'calibrated'\nblack_cd_m2 = 60.0"),
+            None,
+            Code::InvalidArgument,
+            "half of peak_cd_m2",
+        ),
+        (
+            "flat",
+            toned("peak_cd_m2 = 12.0"),
+            None,
+            Code::InvalidArgument,
+            "tone_map.peak_cd_m2: has no effect with operator",
+        ),
+        (
+            "flat",
+            glaring("age_years = 60.0"),
+            None,
+            Code::InvalidArgument,
+            "glare.age_years: has no effect with kernel",
+        ),
         ("flat", glaring("kernel = 'psf'"), None, Code::InvalidArgument, "psf_file"),
         (
             "flat",

@@ -124,7 +124,7 @@ impl Verdict {
 
 /// Turns the camera of a daemon until it ends, as a function of the time of the machine, back and forth over an angle.
 pub async fn turn(mut client: Client, rad_s: f64, sweep_rad: f64) -> Result<(), ClientError> {
-    let mut steering = client.steer(Lease::None, "stamps").await?;
+    let mut steering = client.steer(Lease::None, "").await?;
     loop {
         let time = SystemTime::now() + Duration::from_millis(300);
         let since_s = time.duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64();

@@ -25,7 +25,7 @@ use crate::output::film::{
     blur::{self, MOST_SUB_FRAMES, Shutter},
     check_video_file, check_with, stems, with_writer,
 };
-use crate::output::pack;
+use crate::output::{check_folder, pack};
 use crate::render::{Frame, FrameRequest, RenderError, Renderer, Wanted};
 use crate::scene::{Camera, SceneObjects, SceneSnapshot, SeenStars};
 use crate::view::{Rig, ViewPicture};
@@ -68,7 +68,7 @@ pub struct DrawArguments {
     #[arg(long, value_name = "FILE")]
     path: PathBuf,
     /// Range of frames: A..B excludes B, A..=B includes it.
-    #[arg(long, value_name = "A..B")]
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true)]
     frames: FrameRange,
     /// Output folder; created if it does not exist.
     #[arg(long, value_name = "DIR")]
@@ -77,13 +77,13 @@ pub struct DrawArguments {
     #[arg(long, value_enum, default_value = "png8")]
     format: Format,
     /// Draw only every N-th frame, starting at the I-th: one of N runs that share the range.
-    #[arg(long, value_name = "I/N", conflicts_with = "video")]
+    #[arg(long, value_name = "I/N", conflicts_with = "video", allow_hyphen_values = true)]
     shard: Option<Shard>,
     /// Motion blur: share of the time between two frames during which the shutter is open, 0 to 1.
-    #[arg(long, value_name = "S", value_parser = open_share, requires = "sub_frames")]
+    #[arg(long, value_name = "S", value_parser = open_share, requires = "sub_frames", allow_negative_numbers = true)]
     shutter: Option<f64>,
     /// Motion blur: number of moments whose light is added, 1 to 64.
-    #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..=i64::from(MOST_SUB_FRAMES)), requires = "shutter")]
+    #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..=i64::from(MOST_SUB_FRAMES)), requires = "shutter", allow_negative_numbers = true)]
     sub_frames: Option<u32>,
     /// Encode the frames as a video with an installed ffmpeg.
     #[arg(long, value_name = "FILE")]
@@ -125,6 +125,7 @@ pub fn run(arguments: DrawArguments, gpu: &GpuOptions) -> Result<(), CliError> {
         })
     });
     let video = video.transpose()?;
+    check_folder(&arguments.out)?;
 
     let gpu = Gpu::open(gpu)?;
     let mut renderer = Renderer::new(gpu);

@@ -9,7 +9,7 @@ use tokio::time::{Instant as TokioInstant, sleep_until};
 
 use super::super::{CliError, results};
 use super::within;
-use crate::config::{ExposureKey, UNIX_PREFIX};
+use crate::config::{ExposureKey, UNIX_PREFIX, parse_listen};
 use crate::files;
 use crate::output::film::{ObservedScene, Recording};
 use crate::plan::settings::{ExposureKeys, ExposureMode};
@@ -30,6 +30,22 @@ fn seconds(text: &str) -> Result<f64, String> {
     within(text, [0.1, 1e6])
 }
 
+/// Checks an address. Without a port, the one of HTTP would be used, on which no daemon listens by default.
+fn address(text: &str) -> Result<String, String> {
+    let rest = ["http://", "https://"].iter().find_map(|scheme| text.strip_prefix(scheme));
+    let place = rest.map_or(text, |rest| rest.strip_suffix('/').unwrap_or(rest));
+    let is_path = place.starts_with(UNIX_PREFIX);
+    // A path may contain anything; a host neither another scheme nor port 0.
+    let is_valid = if is_path { rest.is_none() } else { !place.contains('/') && !place.ends_with(":0") };
+    if is_valid && parse_listen(place).is_ok() {
+        return Ok(text.to_owned());
+    }
+    Err(format!(
+        "`{text}` is not the address of a daemon: must be HOST:PORT, http://HOST:PORT, https://HOST:PORT or unix:PATH, such as \
+         127.0.0.1:7143"
+    ))
+}
+
 /// Arguments of `film record`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
@@ -38,19 +54,19 @@ fn seconds(text: &str) -> Result<f64, String> {
     until then is written.")]
 pub struct RecordArguments {
     /// Address of the daemon: HOST:PORT, http://HOST:PORT, https://HOST:PORT or unix:PATH.
-    #[arg(long, value_name = "ADDR")]
+    #[arg(long, value_name = "ADDR", value_parser = address)]
     address: String,
     /// Path file to write, TOML.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Duration in seconds. Default: until a signal.
-    #[arg(long, value_name = "N", value_parser = seconds)]
+    #[arg(long, value_name = "N", value_parser = seconds, allow_negative_numbers = true)]
     seconds: Option<f64>,
     /// Keyframes per second, at most --fps.
-    #[arg(long, value_name = "R", default_value = "10", value_parser = rate)]
+    #[arg(long, value_name = "R", default_value = "10", value_parser = rate, allow_negative_numbers = true)]
     keyframes_per_second: f64,
     /// Frames per second of the film.
-    #[arg(long, value_name = "N", default_value = "30", value_parser = fps)]
+    #[arg(long, value_name = "N", default_value = "30", value_parser = fps, allow_negative_numbers = true)]
     fps: f64,
     /// View whose exposure is recorded. Default: the first view.
     #[arg(long, value_name = "NAME")]
@@ -247,6 +263,29 @@ mod tests {
             ("unix:steradian.socket", "unix:steradian.socket"),
         ] {
             assert_eq!(uri(address), expected);
+            assert_eq!(super::address(address).as_deref(), Ok(address));
         }
+    }
+
+    #[test]
+    fn addresses_without_a_port_are_refused() {
+        for wrong in [
+            "",
+            "127.0.0.1",
+            "localhost",
+            "http://127.0.0.1",
+            "https://dome.example.org/",
+            "::1",
+            "[::1]",
+            "127.0.0.1:70000",
+            "127.0.0.1:0",
+            "grpc://127.0.0.1:7143",
+            "http://unix:steradian.socket",
+            "unix:",
+        ] {
+            let problem = address(wrong).expect_err(wrong);
+            assert!(problem.contains(&format!("`{wrong}`")) && problem.contains("HOST:PORT"), "{problem}");
+        }
+        assert_eq!(address("http://127.0.0.1:7143/").as_deref(), Ok("http://127.0.0.1:7143/"));
     }
 }

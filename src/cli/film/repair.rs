@@ -22,7 +22,7 @@ pub struct RepairArguments {
     #[arg(value_name = "DIR")]
     folder: PathBuf,
     /// Frames that the film must have: A..B excludes B, A..=B includes it. Default: those of all runs so far.
-    #[arg(long, value_name = "A..B")]
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true)]
     frames: Option<FrameRange>,
 }
 

@@ -20,7 +20,7 @@ pub struct StatusArguments {
     #[arg(value_name = "DIR")]
     folder: PathBuf,
     /// Frames that the film must have: A..B excludes B, A..=B includes it. Default: those of all runs so far.
-    #[arg(long, value_name = "A..B")]
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true)]
     frames: Option<FrameRange>,
     /// Write the result as JSON.
     #[arg(long, value_name = "FILE")]

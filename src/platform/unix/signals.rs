@@ -21,6 +21,16 @@ pub(crate) fn end() -> io::Result<impl Future<Output = ()> + Send> {
     })
 }
 
+/// Keeps SIGHUP, whose default action ends the process, from doing so until the program ends. Needs a tokio runtime with I/O.
+///
+/// # Errors
+///
+/// The system refuses the handler.
+pub(crate) fn survive_hangup() -> io::Result<()> {
+    // The handler stays when the value is dropped.
+    signal(SignalKind::hangup()).map(drop)
+}
+
 /// Signal that reloads the access rules: SIGHUP.
 pub(crate) struct ReloadSignal(Signal);
 

@@ -27,6 +27,15 @@ pub(crate) fn end() -> io::Result<impl Future<Output = ()> + Send> {
     })
 }
 
+/// Does nothing: Windows has no such signal.
+///
+/// # Errors
+///
+/// None.
+pub(crate) fn survive_hangup() -> io::Result<()> {
+    Ok(())
+}
+
 /// Signal that reloads the access rules: Windows has none.
 pub(crate) struct ReloadSignal(());
 

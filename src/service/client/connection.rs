@@ -1,6 +1,9 @@
 //! A client of the daemon in plain Rust types.
 
-use std::time::{Duration, SystemTime};
+use std::{
+    error::Error,
+    time::{Duration, SystemTime},
+};
 
 use tonic::{Code, Status, Streaming, service::interceptor::InterceptedService, transport::Endpoint};
 
@@ -35,7 +38,7 @@ const KEEPALIVE_TIMEOUT: Duration = Duration::from_secs(5);
 #[non_exhaustive]
 pub enum ClientError {
     /// The address is invalid, or no daemon answers there.
-    #[error("cannot connect to {uri}: {source}")]
+    #[error("cannot connect to {uri}: {}", causes(source))]
     Connect {
         /// The address.
         uri: String,
@@ -67,6 +70,22 @@ pub enum ClientError {
     Camera(#[from] PoseError),
 }
 
+/// Returns the causes of an error. The error itself names only the library's layer (`transport error`).
+fn causes(error: &dyn Error) -> String {
+    let mut texts: Vec<String> = Vec::new();
+    let mut next = error.source();
+    while let Some(cause) = next {
+        next = cause.source();
+        let text = cause.to_string();
+        // Many errors repeat the text of their cause.
+        texts.retain(|known| !text.contains(known.as_str()));
+        if !texts.iter().any(|known| known.contains(&text)) {
+            texts.push(text);
+        }
+    }
+    if texts.is_empty() { error.to_string() } else { texts.join(": ") }
+}
+
 impl ClientError {
     /// Returns the status code, if the daemon answered.
     pub fn code(&self) -> Option<Code> {
@@ -88,7 +107,9 @@ impl From<CameraMessageError> for ClientError {
 
 impl From<Status> for ClientError {
     fn from(status: Status) -> Self {
-        ClientError::Status { code: status.code(), message: status.message().to_owned() }
+        // The text of an error of the connection is often only the library's layer.
+        let causes = status.source().map(|_| causes(&status)).filter(|causes| causes.starts_with(status.message()));
+        ClientError::Status { code: status.code(), message: causes.unwrap_or_else(|| status.message().to_owned()) }
     }
 }
 
@@ -481,5 +502,26 @@ impl Client {
             frames_rendered: info.frames_rendered,
             headset: info.headset,
         })
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn a_failed_connection_names_its_cause() {
+        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let uri = format!("http://{}", listener.local_addr().unwrap());
+        drop(listener);
+        let error = Client::connect(&uri).await.unwrap_err();
+        let mut io = error.source();
+        while let Some(cause) = io.and_then(Error::source) {
+            io = Some(cause);
+        }
+        let text = error.to_string();
+        assert!(text.starts_with(&format!("cannot connect to {uri}: ")), "{text}");
+        assert!(text.contains(&io.unwrap().to_string()) && !text.contains("transport error"), "{text}");
     }
 }

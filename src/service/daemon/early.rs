@@ -92,11 +92,11 @@ impl EarlyServer {
     ///
     /// As [`super::run`]: the access rules or the address.
     pub async fn open(network: &NetworkOptions, progress: Arc<StartProgress>) -> Result<Self, ServeError> {
-        let Listening { listener, address, access } = Listening::open(network).await?;
+        let Listening { listener, address, access, hangups } = Listening::open(network).await?;
         // Its own runtime: when it ends, all connections end, also those without a request, which browsers open in advance.
         let runtime = Builder::new_multi_thread().worker_threads(1).thread_name("starting").enable_all().build()?;
         let (listener, early) = listener.twice(runtime.handle())?;
-        // The rules cannot be reloaded before the daemon serves.
+        // The rules are not reloaded before the daemon serves; a signal is remembered until then.
         let (rules, current) = watch::channel(Arc::new(access.clone()));
         let (health, health_service) = tonic_health::server::health_reporter();
         report_health(&health, ServingStatus::NotServing).await;
@@ -119,7 +119,7 @@ impl EarlyServer {
         });
         tracing::info!("starting on {address}");
         Ok(Self {
-            listening: Listening { listener, address, access },
+            listening: Listening { listener, address, access, hangups },
             server: Running { close: Some(close), health, task, runtime: Some(runtime) },
         })
     }

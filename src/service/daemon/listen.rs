@@ -26,20 +26,23 @@ use crate::{
     },
 };
 
-/// A socket that the daemon listens on, with the access rules for which it was bound.
+/// A socket that the daemon listens on, with the access rules for which it was bound and the signal that reloads them.
 pub(super) struct Listening {
     pub(super) listener: Listener,
     pub(super) address: Address,
     pub(super) access: Access,
+    pub(super) hangups: ReloadSignal,
 }
 
 impl Listening {
     /// Reads the access rules and binds the address.
     pub(super) async fn open(network: &NetworkOptions) -> Result<Self, ServeError> {
+        // Before the rules are read: a later signal is remembered until they can be reloaded.
+        let hangups = ReloadSignal::install()?;
         let access = network.access.as_ref().map_or_else(|| Ok(Access::default()), |source| source());
         let access = access.map_err(ServeError::Access)?;
         let (listener, address) = bind(&network.listen, &access).await?;
-        Ok(Self { listener, address, access })
+        Ok(Self { listener, address, access, hangups })
     }
 }
 

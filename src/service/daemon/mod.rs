@@ -31,7 +31,7 @@ pub use self::{
     options::{Address, LimitOptions, NetworkOptions, Reloads, SceneOptions, ServeOptions, Shutdown, ViewOptions},
 };
 use crate::{
-    platform::signals::{self, ReloadSignal},
+    platform::signals,
     service::{
         cluster::{Cluster, ClusterThread},
         engine::{
@@ -50,6 +50,7 @@ use crate::{
             connections::{Bounds, Incoming},
             http_handler::HandleFirst,
             page::Page,
+            statuses::CorrectStatuses,
         },
         proto::{
             self, camera_service_server::CameraServiceServer, diagnostics_service_server::DiagnosticsServiceServer,
@@ -273,13 +274,12 @@ async fn serve(options: ServeOptions) -> Result<(), ServeError> {
             return Err(problem);
         }
     };
-    let (Listening { listener, address, access: first }, early) = match early.map(EarlyServer::hand_over) {
+    let (Listening { listener, address, access: first, hangups }, early) = match early.map(EarlyServer::hand_over) {
         Some((listening, end)) => (listening, Some(end)),
         None => (Listening::open(&network).await?, None),
     };
     let NetworkOptions { hosts, access, .. } = network;
     let (new_access, current_access) = watch::channel(Arc::new(first));
-    let hangups = ReloadSignal::install()?;
     let access_keeper = tokio::spawn(keep_access(reloads, hangups, access, new_access, time.clone()));
     let mut shutdown = shutdown.future()?;
 
@@ -328,6 +328,7 @@ async fn serve(options: ServeOptions) -> Result<(), ServeError> {
         .layer(HandleFirst(Metrics { service: service.clone(), access: current_access.clone() }))
         .layer(HandleFirst(Page::new()))
         .layer(GrpcWebLayer::new())
+        .layer(CorrectStatuses)
         .add_service(SceneServiceServer::new(service.clone()))
         .add_service(CameraServiceServer::new(service.clone()).max_decoding_message_size(SMALL_REQUEST_BYTES))
         .add_service(ViewServiceServer::new(service.clone()).max_decoding_message_size(SMALL_REQUEST_BYTES))

@@ -24,7 +24,7 @@ use super::{
     video::{Audience, LastPicture, Picture, Rate, Videos},
 };
 use crate::{
-    output::{self, Encoding},
+    output::{self, EncodeError, Encoding},
     render::{FrameImage, ViewStatistics, Wanted},
     service::{
         SPANS,
@@ -32,7 +32,7 @@ use crate::{
         proto,
         scene::views::ViewId,
         threads,
-        wire::{camera, encoding},
+        wire::{camera, encoding, refusals},
     },
 };
 
@@ -79,7 +79,40 @@ impl ImageFormat {
     }
 }
 
-type Images = Result<Vec<proto::Image>, String>;
+/// The images, or the problem that no further attempt would solve.
+type Images = Result<Vec<proto::Image>, NotEncoded>;
+
+/// Reasons why an image is not encoded.
+#[derive(Clone, Debug)]
+enum NotEncoded {
+    /// The encoding has no images of this size: the client can request another one.
+    Size(String),
+    /// The encoder failed.
+    Failed(String),
+}
+
+impl From<EncodeError> for NotEncoded {
+    fn from(error: EncodeError) -> Self {
+        match error {
+            EncodeError::TooLargeForH264 { .. } | EncodeError::TooLargeForJpeg { .. } => Self::Size(error.to_string()),
+            _ => Self::Failed(error.to_string()),
+        }
+    }
+}
+
+impl From<NotEncoded> for Status {
+    fn from(problem: NotEncoded) -> Self {
+        match problem {
+            NotEncoded::Size(problem) => refusals::invalid(format!("encoding: {problem}")),
+            NotEncoded::Failed(problem) => Status::internal(problem),
+        }
+    }
+}
+
+/// Returns the status of a call whose image cannot be encoded.
+pub(super) fn unencoded(error: EncodeError) -> Status {
+    NotEncoded::from(error).into()
+}
 
 /// Encoded images of a frame, by view and format.
 #[derive(Debug, Default)]
@@ -187,7 +220,7 @@ impl ImageRequest {
         }
         let cell = rendered.encoded.entry(self.view, self.form);
         let images = cell.get_or_try_init(|| self.images(rendered)).await?;
-        Ok(self.message(rendered, images.clone().map_err(Status::internal)?, reading))
+        Ok(self.message(rendered, images.clone().map_err(Status::from)?, reading))
     }
 
     /// Encodes the view's images of a frame on a blocking thread.
@@ -282,9 +315,9 @@ fn not_encoded(error: &task::JoinError) -> Status {
     Status::internal(format!("encoding the frame failed: {error}"))
 }
 
-fn encoded(form: ImageFormat, image: &FrameImage) -> Result<proto::Image, String> {
+fn encoded(form: ImageFormat, image: &FrameImage) -> Result<proto::Image, NotEncoded> {
     let small = form.reduced(image);
     let image = small.as_ref().unwrap_or(image);
-    let data = output::encode(form.encoding, image).map_err(|error| error.to_string())?;
+    let data = output::encode(form.encoding, image)?;
     Ok(form.message(image, data, form.encoding == Encoding::H264))
 }

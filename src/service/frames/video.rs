@@ -17,7 +17,7 @@ use std::{
 
 use tonic::Status;
 
-use super::image_encoding::ImageFormat;
+use super::image_encoding::{ImageFormat, unencoded};
 use crate::{
     output::{EncodeError, VideoEncoder},
     render::FrameImage,
@@ -202,7 +202,7 @@ impl Sequences {
                 Ok(data) => coded.push(form.message(image, data, is_key)),
                 Err(error) => {
                     self.all.remove(index);
-                    return Err(Status::internal(error.to_string()));
+                    return Err(unencoded(error));
                 }
             }
         }
@@ -243,8 +243,7 @@ impl Sequences {
             return Err(refusals::exhausted("video", problem));
         }
         let encoders = sizes.iter().map(|[width, height]| VideoEncoder::new(*width, *height));
-        let encoders =
-            encoders.collect::<Result<_, EncodeError>>().map_err(|error| refusals::invalid(error.to_string()))?;
+        let encoders = encoders.collect::<Result<_, EncodeError>>().map_err(unencoded)?;
         let number = self.budget.sequences.fetch_add(1, Relaxed) + 1;
         let (last, used) = (0, Instant::now());
         let images = Vec::new();

@@ -65,6 +65,9 @@ fn lease_of(message: &proto::StreamCameraRequest) -> Result<Option<bool>, Status
         return wrong(format!("holder: must be without control and format characters, contains U+{code:04X}"));
     }
     match CameraLease::try_from(message.lease) {
+        Ok(CameraLease::None) if !message.holder.is_empty() => {
+            wrong("holder: must come with a lease, CAMERA_LEASE_TAKE or CAMERA_LEASE_TAKE_OVER".to_owned())
+        }
         Ok(CameraLease::None) => Ok(None),
         Ok(CameraLease::Take) => Ok(Some(false)),
         Ok(CameraLease::TakeOver) => Ok(Some(true)),
@@ -182,6 +185,11 @@ impl Service {
             return Err(refusals::invalid(
                 "expected_revision: must be missing for a pose with a time, because the camera moves until then",
             ));
+        }
+        // The conversion would carry others over into the seconds.
+        if !(0..1_000_000_000).contains(&time.nanos) {
+            let problem = format!("time.nanos = {}: must be between 0 and 999999999", time.nanos);
+            return Err(refusals::invalid(problem));
         }
         let time = SystemTime::try_from(time).map_err(|error| refusals::invalid(format!("time: {error}")))?;
         let update = self.camera_update(request)?;

@@ -10,6 +10,7 @@ use crate::{
         constellations::{self, CONSTELLATIONS, areas_sr, middles},
         names::{self, NamedStar},
     },
+    config::{MOST_ABOVE_DEG, MOST_TURN_DEG},
     coordinates::lon_lat_from_direction,
     observer::{Frame, frame_from_camera},
     plan::stars::identify::SeenStar,
@@ -18,6 +19,7 @@ use crate::{
     service::{
         frames::errors::refused,
         proto,
+        scene::excerpts::listed,
         wire::{
             camera::{sky_frame_from_pb, vector_to_pb},
             refusals,
@@ -82,8 +84,7 @@ fn seen_afar(scene: &SceneSnapshot, direction: DVec3) -> DVec3 {
 /// Finds an object by name: a body of the scene, a star of the built-in table or of a file by name or designation, or a
 /// constellation by name or abbreviation. The error suggests similar names.
 fn found(scene: &SceneSnapshot, name: &str) -> Result<proto::IdentifiedObject, String> {
-    let is = |of: &str| of.to_lowercase() == name.to_lowercase();
-    if let Some(body) = scene.objects.bodies.iter().find(|body| is(&body.name)) {
+    if let Some(body) = scene.objects.bodies.iter().find(|body| names::is_same(&body.name, name)) {
         return Ok(body_to_pb(scene, body));
     }
     let named = scene.stars.named();
@@ -101,7 +102,7 @@ fn found(scene: &SceneSnapshot, name: &str) -> Result<proto::IdentifiedObject, S
     let near = of_bodies.chain(named.iter().map(|star| star.name.as_ref())).chain(CONSTELLATIONS.map(|(_, full)| full));
     let near: Vec<&str> =
         near.filter(|name| !name.is_empty() && name.to_lowercase().starts_with(&start)).take(SUGGESTIONS).collect();
-    let near = if near.is_empty() { String::new() } else { format!("; similar names: {}", near.join(", ")) };
+    let near = if near.is_empty() { String::new() } else { format!("; similar names: {}", listed(near)) };
     Err(format!("there is no body of the scene, no star and no constellation `{name}`{near}"))
 }
 
@@ -131,6 +132,15 @@ pub(crate) fn turned(look: &proto::Look, scene: &SceneSnapshot) -> Result<(DQuat
             return Err(prefixed(format!("{key} = {value}: must be a finite number")));
         }
     }
+    for (key, value, most) in [
+        ("longitude_deg", longitude_deg, MOST_TURN_DEG),
+        ("roll_deg", roll_deg, MOST_TURN_DEG),
+        ("above_deg", above_deg, MOST_ABOVE_DEG),
+    ] {
+        if value.abs() > most {
+            return Err(prefixed(format!("{key} = {value}: must be between -{most} and {most}")));
+        }
+    }
     let (longitude_rad, latitude_rad) = if look.at.is_empty() {
         if latitude_deg.abs() > 90.0 {
             return Err(prefixed(format!("latitude_deg = {latitude_deg}: must be between -90 and 90")));
@@ -142,7 +152,7 @@ pub(crate) fn turned(look: &proto::Look, scene: &SceneSnapshot) -> Result<(DQuat
                 "at: must not be combined with a direction: exactly one of them is needed".to_owned(),
             ));
         }
-        checked_name(&look.at, "prefixed").map_err(prefixed)?;
+        checked_name(&look.at, "at").map_err(prefixed)?;
         let object = found(scene, &look.at).map_err(|problem| prefixed(format!("at: {problem}")))?;
         let direction = object.direction.map(|v| DVec3::new(v.x, v.y, v.z)).unwrap_or_default();
         if direction == DVec3::ZERO {
@@ -188,8 +198,9 @@ mod tests {
         let observer = Observer::new(place, Clock::default(), time_s);
         let mut mars = Body::preset(SolarBody::Mars, "mars", DVec3::ZERO);
         mars.ephemeris = Some(SolarBody::Mars.into());
-        let objects =
-            SceneObjects { bodies: vec![Arc::new(mars)], time_s, observer: Some(observer), ..Default::default() };
+        let probe = Body::preset(SolarBody::Mars, "Barnard's probe", DVec3::splat(1e12));
+        let bodies = vec![Arc::new(mars), Arc::new(probe)];
+        let objects = SceneObjects { bodies, time_s, observer: Some(observer), ..Default::default() };
         let stars = StarSet::default().of_epoch(observer.epoch.of_stars());
         let camera = Camera { position_m: observer.epoch.position_m, ..Camera::default() };
         SceneSnapshot { objects: Arc::new(objects.placed()), camera, ..SceneSnapshot::of_stars(stars) }
@@ -205,6 +216,8 @@ mod tests {
         let standpoint = scene.objects.observer.unwrap().epoch;
         assert!(direction("Mars").angle_between(standpoint.apparent_m(SolarBody::Mars)) < 1e-9);
         assert_eq!(direction("sirius"), direction("alf CMa"));
+        assert_eq!(direction("R Leo"), direction("HR 3882"));
+        assert_eq!(direction("Barnard\u{2019}s probe"), direction("barnard's probe"));
         let sirius = found(&scene, "Sirius").unwrap();
         assert!((sirius.v_mag.unwrap() + 1.46).abs() < 0.01 && sirius.name == "Sirius");
         let problem = found(&scene, "Sirus").unwrap_err();
@@ -235,7 +248,14 @@ mod tests {
             (proto::Look { roll_deg: f64::NAN, ..Default::default() }, "look.roll_deg"),
             (proto::Look { above_deg: f64::NAN, ..Default::default() }, "look.above_deg"),
             (proto::Look { at: "Mars".to_owned(), latitude_deg: 1.0, ..Default::default() }, "exactly one"),
-            (proto::Look { at: "x".repeat(65), ..Default::default() }, "64"),
+            (proto::Look { above_deg: 1e300, ..Default::default() }, "look.above_deg = 1"),
+            (proto::Look { above_deg: -180.5, ..Default::default() }, "between -180 and 180"),
+            (
+                proto::Look { roll_deg: 361.0, ..Default::default() },
+                "look.roll_deg = 361: must be between -360 and 360",
+            ),
+            (proto::Look { longitude_deg: -1e300, ..Default::default() }, "look.longitude_deg = -1"),
+            (proto::Look { at: "x".repeat(65), ..Default::default() }, "look.at: must have at most 64 characters"),
             (proto::Look { at: "nowhere".to_owned(), ..Default::default() }, "no constellation `nowhere`"),
         ] {
             let problem = look(wrong).unwrap_err();

@@ -18,7 +18,10 @@ use crate::{
         frames::errors::{Refused, refused},
         network::{access::By, clients::ClientInfo},
         proto,
-        scene::state::{MadeUpdate, SceneError, SceneState, SceneUpdate},
+        scene::{
+            excerpts::listed,
+            state::{MadeUpdate, SceneError, SceneState, SceneUpdate},
+        },
         state_file::{Saved, SnapshotName, StateError, StateFile},
         threads,
         wire::{camera, refusals, scene},
@@ -358,8 +361,8 @@ impl proto::scene_service_server::SceneService for Service {
         let requested = name.clone();
         let Some(saved) = self.with_state(move |file| file.snapshot(&requested)).await? else {
             let names = self.with_state(StateFile::snapshots).await?;
-            let names: Vec<String> = names.into_iter().map(|known| known.name).collect();
-            let problem = format!("no snapshot `{name}`; existing ones: {}", names.join(", "));
+            let names = listed(names.iter().map(|known| &*known.name));
+            let problem = format!("no snapshot `{name}`; existing ones: {names}");
             return Err(refusals::absent("snapshot", &name, problem));
         };
         let scene = self.load(&saved, expected_revision).await?;

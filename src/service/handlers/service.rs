@@ -36,6 +36,7 @@ use crate::{
         },
         proto,
         scene::{
+            excerpts::listed,
             state::{SceneCatalogue, SceneError, SceneState},
             views::ViewId,
         },
@@ -139,8 +140,7 @@ impl Service {
     }
 
     pub(crate) fn no_view(&self, name: &str, scene: &SceneState) -> Status {
-        let names = self.view_names(scene).join(", ");
-        let names = if names.is_empty() { "none" } else { &names };
+        let names = listed(self.view_names(scene));
         refusals::absent("view", name, format!("no view `{name}`; the views are: {names}"))
     }
 
@@ -180,7 +180,8 @@ impl Service {
         };
         if let Some(own) = self.render.led_views().filter(|own| headset.is_none() && !own.iter().any(|own| own == name))
         {
-            let problem = format!("this node draws {}; ask the node that draws `{name}`", own.join(", "));
+            let own = listed(own.iter().map(|own| &**own));
+            let problem = format!("this node draws {own}; ask the node that draws `{name}`");
             return Err(Status::failed_precondition(problem));
         }
         let encoding = encoding::encoding_from_pb(encoding).ok_or_else(|| {

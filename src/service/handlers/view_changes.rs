@@ -13,7 +13,7 @@ use crate::{
         frames::errors::refused,
         network::access::By,
         proto,
-        scene::{state::SceneState, views::ViewSet},
+        scene::{excerpts::listed, state::SceneState, views::ViewSet},
         wire::{
             refusals,
             views::{ViewChange, spec_from_pb, view_change_from_pb},
@@ -97,7 +97,7 @@ impl Service {
         let scene = self
             .changed_views(request.expected_revision, |scene| {
                 if self.view_names(scene).contains(&&*name) {
-                    let names = self.view_names(scene).join(", ");
+                    let names = listed(self.view_names(scene));
                     return Err(refusals::present(
                         "view",
                         &name,

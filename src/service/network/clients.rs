@@ -16,6 +16,7 @@ use tonic::Status;
 use super::{
     access::{Digest, Moves},
     http_handler::is_monitoring,
+    log_summary::{Kind, LogSummary},
 };
 use crate::service::wire::refusals;
 
@@ -69,6 +70,7 @@ pub(crate) struct Shares {
     connected: AtomicU64,
     /// Number of requests that were refused because of a limit.
     refused: AtomicU64,
+    log: Arc<LogSummary>,
 }
 
 impl Shares {
@@ -81,6 +83,7 @@ impl Shares {
             next_number: AtomicU64::new(1),
             connected: AtomicU64::new(0),
             refused: AtomicU64::new(0),
+            log: Arc::default(),
         }
     }
 
@@ -168,8 +171,12 @@ impl Drop for Client {
         if count > 0 {
             let seconds = self.since.elapsed().as_secs_f64();
             let rest = self.moves.get_mut().unwrap_or_else(PoisonError::into_inner).take().and_then(Moves::rest);
-            let moves = rest.map_or_else(String::new, |moves| format!("; {}", moves.in_words()));
-            tracing::info!(client = self.name(), "disconnected: {count} calls in {seconds:.1} s{moves}");
+            let line = format!("disconnected: {count} calls in {seconds:.1} s");
+            match rest {
+                // A part of the log of changes, which is complete.
+                Some(moves) => tracing::info!(client = self.name(), "{line}; {}", moves.in_words()),
+                None => self.log(Kind::Disconnected, &line),
+            }
         }
         self.shares.connected.fetch_sub(1, Relaxed);
     }
@@ -181,6 +188,15 @@ impl Client {
             From::Network(address) => format!("{} ({address})", self.number),
             From::LocalSocket(user) => format!("{} (user {user})", self.number),
         }
+    }
+
+    /// Logs a line, or counts it with others of this kind and address.
+    fn log(&self, kind: Kind, line: &str) {
+        let address = match &self.from {
+            From::Network(address) => address.rsplit_once(':').map_or(&**address, |(host, _)| host),
+            From::LocalSocket(_) => "local socket",
+        };
+        self.shares.log.write(kind, address, &self.name(), line);
     }
 }
 
@@ -228,6 +244,11 @@ impl ClientInfo {
     /// Returns the name of the client for the log.
     pub(crate) fn name(&self) -> String {
         self.0.name()
+    }
+
+    /// Logs a line that the client causes, or counts it with others of this kind from its address.
+    pub(crate) fn log(&self, kind: Kind, line: &str) {
+        self.0.log(kind, line);
     }
 
     /// Whether the client uses a Unix socket, whose file permissions control access.

@@ -28,10 +28,14 @@ use super::{
     access::{Access, digest_of},
     clients::{ClientInfo, From, Held, OpenCall, Shares},
     http_handler::{PLAIN, refused_call, text},
+    log_summary::Kind,
 };
-use crate::platform::{
-    process,
-    sockets::{LocalListener, LocalStream},
+use crate::{
+    platform::{
+        process,
+        sockets::{LocalListener, LocalStream},
+    },
+    service::scene::excerpts::excerpt,
 };
 
 /// Maximum number of connections; further ones are closed at once.
@@ -44,6 +48,8 @@ const REQUEST: Duration = Duration::from_secs(30);
 const STREAMED_REQUESTS: [&str; 1] = ["/steradian.v1.CameraService/StreamCamera"];
 /// Interval between checks of a connection.
 const LOOK: Duration = Duration::from_secs(1);
+/// Bytes of a foreign host or page in messages.
+const MOST_FOREIGN: usize = 96;
 /// Pause after an accept that failed for a temporary reason, such as a lack of descriptors.
 const BACK_OFF: Duration = Duration::from_millis(200);
 
@@ -193,7 +199,7 @@ impl Stream {
                 Poll::Ready(Ok(()))
             }
             Err(error) => {
-                tracing::info!(client = client.name(), "TLS handshake failed: {error}");
+                client.log(Kind::Handshake, &format!("TLS handshake failed: {error}"));
                 *self = Self::Closed;
                 Poll::Ready(Err(error))
             }
@@ -265,7 +271,7 @@ impl AsyncRead for Connection {
     ) -> Poll<io::Result<()>> {
         while self.look.poll_tick(context).is_ready() {
             if let Some(why) = self.client.overdue(Instant::now()) {
-                tracing::info!(client = self.client.name(), "connection closed: {why}");
+                self.client.log(Kind::Closed, &format!("connection closed: {why}"));
                 return Poll::Ready(Err(io::Error::new(io::ErrorKind::TimedOut, why)));
             }
         }
@@ -323,13 +329,17 @@ fn check_names(hosts: &[String], host: Option<&str>, origin: Option<&HeaderValue
         || name.parse::<IpAddr>().is_ok()
         || hosts.iter().any(|known| known.eq_ignore_ascii_case(&name));
     if !is_known {
+        let host = excerpt(host, MOST_FOREIGN);
         return Err(format!("the host `{host}` must be one of server.hosts, an address or localhost"));
     }
     let Some(origin) = origin else { return Ok(()) };
     let origin = origin.to_str().unwrap_or("?");
     match origin.split_once("://") {
         Some((_, authority)) if authority.eq_ignore_ascii_case(host) => Ok(()),
-        _ => Err(format!("pages of `{origin}` may not call: only pages that the daemon serves itself, at {host}")),
+        _ => Err(format!(
+            "pages of `{}` may not call: only pages that the daemon serves itself, at {host}",
+            excerpt(origin, MOST_FOREIGN)
+        )),
     }
 }
 
@@ -378,6 +388,12 @@ where
             return Box::pin(async { Ok(Status::internal("the request has no connection").into_http()) });
         };
         let call = client.open_call(request.uri().path());
+        // A proxy in front of the daemon may use another one of them (RFC 9112, section 3.2).
+        if request.headers().get_all(header::HOST).iter().nth(1).is_some() {
+            let problem = "a request must have one header `host`, not several";
+            client.log(Kind::Misnamed, &format!("refused: {problem}"));
+            return Box::pin(async move { Ok(text(StatusCode::BAD_REQUEST, PLAIN, format!("{problem}\n"))) });
+        }
         let of_header = request.headers().get(header::HOST).and_then(|host| host.to_str().ok());
         let host = request.uri().authority().map(http::uri::Authority::as_str).or(of_header);
         // Browsers cannot reach a Unix socket.
@@ -386,7 +402,7 @@ where
             false => check_names(&self.hosts, host, request.headers().get(header::ORIGIN)),
         };
         if let Err(problem) = names {
-            tracing::info!(client = client.name(), "refused: {problem}");
+            client.log(Kind::Misnamed, &format!("refused: {problem}"));
             let status = Status::permission_denied(problem);
             let refusal = refused_call(&request, &status)
                 .unwrap_or_else(|| text(StatusCode::FORBIDDEN, PLAIN, format!("{}\n", status.message())));

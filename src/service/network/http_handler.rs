@@ -5,10 +5,12 @@ use tonic::{
     body::Body,
     codegen::{
         BoxFuture, Context, Poll, Service,
-        http::{HeaderValue, Request, Response, StatusCode, header},
+        http::{HeaderValue, Method, Request, Response, StatusCode, Version, header},
     },
 };
 use tower_layer::Layer;
+
+use crate::service::wire::refusals;
 
 /// Path of the metrics.
 pub(crate) const METRICS: &str = "/metrics";
@@ -31,14 +33,53 @@ pub(crate) fn text(status: StatusCode, kind: &'static str, text: String) -> Resp
     response
 }
 
+/// Media type of calls; those of gRPC-Web begin with it too.
+const GRPC: &[u8] = b"application/grpc";
+/// Start of the media types of gRPC-Web.
+const GRPC_WEB: &[u8] = b"application/grpc-web";
+/// Methods of the page, of the metrics and of the health.
+const READS: HeaderValue = HeaderValue::from_static("GET, HEAD");
+/// Method of calls.
+const CALLS: HeaderValue = HeaderValue::from_static("POST");
+
+/// Returns the media type of a call, gRPC or gRPC-Web; `None`: the request is plain HTTP.
+fn call_type(request: &Request<Body>) -> Option<&HeaderValue> {
+    request.headers().get(header::CONTENT_TYPE).filter(|kind| kind.as_bytes().starts_with(GRPC))
+}
+
 /// Returns a refusal in the protocol of a call, gRPC or gRPC-Web; `None`: the request is plain HTTP.
 pub(crate) fn refused_call(request: &Request<Body>, status: &Status) -> Option<Response<Body>> {
-    let kind = request.headers().get(header::CONTENT_TYPE)?;
-    kind.as_bytes().starts_with(b"application/grpc").then(|| {
-        let mut response = status.clone().into_http();
-        response.headers_mut().insert(header::CONTENT_TYPE, kind.clone());
-        response
-    })
+    let kind = call_type(request)?;
+    let mut response = refusals::bounded(status.clone()).into_http();
+    response.headers_mut().insert(header::CONTENT_TYPE, kind.clone());
+    Some(response)
+}
+
+/// Returns the answer to a request that no file and no call can answer, because of its method or its version of HTTP; `None`:
+/// it may be a call.
+pub(crate) fn misdirected(request: &Request<Body>) -> Option<Response<Body>> {
+    let is_http2 = request.version() == Version::HTTP_2;
+    let path = request.uri().path();
+    let is_call_path = path.starts_with("/steradian.") || path.starts_with("/grpc.");
+    match call_type(request) {
+        Some(kind) if is_http2 || kind.as_bytes().starts_with(GRPC_WEB) => None,
+        Some(_) => {
+            let problem = "gRPC needs HTTP/2, and this request came over HTTP/1.1: a proxy must pass calls on with HTTP/2 (nginx: \
+                           grpc_pass instead of proxy_pass); gRPC-Web works over both\n";
+            Some(text(StatusCode::HTTP_VERSION_NOT_SUPPORTED, PLAIN, problem.to_owned()))
+        }
+        None if is_call_path && request.method() == Method::POST => {
+            let problem = "calls have the content type application/grpc or application/grpc-web\n";
+            (!is_http2).then(|| text(StatusCode::UNSUPPORTED_MEDIA_TYPE, PLAIN, problem.to_owned()))
+        }
+        None => {
+            let allowed = if is_call_path { CALLS } else { READS };
+            let problem = format!("the method {} is not allowed here\n", request.method());
+            let mut response = text(StatusCode::METHOD_NOT_ALLOWED, PLAIN, problem);
+            response.headers_mut().insert(header::ALLOW, allowed);
+            Some(response)
+        }
+    }
 }
 
 /// Answers some of the requests.

@@ -4,4 +4,6 @@ pub(crate) mod access;
 pub(crate) mod clients;
 pub(crate) mod connections;
 pub(crate) mod http_handler;
+pub(crate) mod log_summary;
 pub(crate) mod page;
+pub(crate) mod statuses;

@@ -1,5 +1,5 @@
 //! The web page at `/`: the bundle in `web/dist`, which `make page` builds from `web/src`, is embedded in the program.
-//! The handler takes GET and HEAD on the port of gRPC-Web; calls use POST and are passed on.
+//! The handler takes GET and HEAD on the port of gRPC-Web; calls use POST and are passed on, and other requests are refused.
 //!
 //! The content security policy allows scripts, styles, images and connections of the page's own origin only.
 
@@ -10,7 +10,7 @@ use tonic::{
     codegen::http::{HeaderMap, Method, Request, Response, StatusCode, header},
 };
 
-use super::http_handler::HttpHandler;
+use super::http_handler::{HttpHandler, misdirected};
 
 /// Path, media type and content of each file.
 const FILES: [(&str, &str, &str); 4] = [
@@ -46,7 +46,7 @@ struct File {
     contents: &'static str,
 }
 
-/// Answers GET and HEAD of any path; calls use POST.
+/// Answers GET and HEAD of any path, and refuses what is not a call.
 #[derive(Clone)]
 pub(crate) struct Page {
     files: Arc<[File]>,
@@ -110,6 +110,6 @@ impl HttpHandler for Page {
     fn answer(&self, request: &Request<Body>) -> Option<Response<Body>> {
         let (method, path) = (request.method(), request.uri().path());
         let is_read = method == Method::GET || method == Method::HEAD;
-        is_read.then(|| self.file(method, path, request.headers()))
+        if is_read { Some(self.file(method, path, request.headers())) } else { misdirected(request) }
     }
 }

@@ -1,6 +1,7 @@
 //! The part of the scene that clients may change, in plain types. The render thread holds it; every change is a revision.
 
 pub(crate) mod camera;
+pub(crate) mod excerpts;
 pub(crate) mod objects;
 pub(crate) mod observer;
 pub(crate) mod overlay;

@@ -5,7 +5,10 @@
 
 use std::{fmt::Display, sync::Arc};
 
-use super::observer::{GivenObserver, MadeObserver, ObserverChange};
+use super::{
+    excerpts::listed,
+    observer::{GivenObserver, MadeObserver, ObserverChange},
+};
 use crate::{
     config::{ObserverConfig, check_place},
     observer::Moment,
@@ -95,8 +98,7 @@ impl<T: Clone> Change<T> {
                     list.remove(place);
                 }
                 (None, None) => {
-                    let names: Vec<&str> = list.iter().map(&name_of).collect();
-                    let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+                    let names = listed(list.iter().map(&name_of));
                     return Err(format!(
                         "{kind}.{name}: cannot be removed because it does not exist; the existing ones are: {names}"
                     ));
@@ -119,8 +121,7 @@ fn known<T: Clone>(list: &[(String, T)], name: &str, key: &str, what: &str) -> R
     if let Some((_, found)) = list.iter().find(|(known, _)| known == name) {
         return Ok(found.clone());
     }
-    let names: Vec<&str> = list.iter().map(|(name, _)| name.as_str()).collect();
-    let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+    let names = listed(list.iter().map(|(name, _)| name.as_str()));
     Err(format!("{key} = `{name}`: must be one of the {what} of the configuration: {names}"))
 }
 

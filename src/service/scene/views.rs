@@ -23,7 +23,7 @@ use crate::{
         settings::{ExposureKeys, GlareKeys, RenderSettings, ToneMapKeys},
         view_settings::{FrameGroup, ViewSettings, frame_groups},
     },
-    ranges::PartialSettings,
+    ranges::{KeyEffects, PartialSettings},
     view::{Rig, View},
 };
 
@@ -79,6 +79,12 @@ impl<K: PartialSettings> SettingsChange<K> {
             }
         }
         *keys = non_empty(Some(changed));
+    }
+
+    /// Applies the change over general settings. Removes keys without effect, except those that the change sets, which are refused later.
+    fn apply_over<S: KeyEffects<Keys = K>>(&self, general: &S, keys: &mut Option<K>) {
+        self.apply(keys);
+        remove_useless(keys, |keys| general.without_effect(keys), |key| !self.sets(key));
     }
 
     /// Whether the change sets a key.
@@ -148,6 +154,35 @@ struct Member {
 
 fn non_empty<K: PartialSettings>(keys: Option<K>) -> Option<K> {
     keys.filter(|keys| !keys.is_empty())
+}
+
+/// Removes the keys that are useless, as far as they `may_go`, and returns their names.
+fn remove_useless<K: PartialSettings>(
+    keys: &mut Option<K>,
+    useless: impl Fn(&K) -> Vec<&'static str>,
+    may_go: impl Fn(&str) -> bool,
+) -> Vec<&'static str> {
+    let Some(given) = keys else { return Vec::new() };
+    let removed: Vec<&str> = useless(given).into_iter().filter(|key| may_go(key)).collect();
+    removed.iter().for_each(|key| given.remove(key));
+    if given.is_empty() {
+        *keys = None;
+    }
+    removed
+}
+
+/// Removes keys that have lost their effect since they were given, for example by another star method, and returns their names.
+fn remove_outdated(spec: &mut ViewSpec, general: &RenderSettings) -> Vec<String> {
+    let is_relative = general.stars.method.is_relative();
+    let tables = [
+        (
+            "exposure",
+            remove_useless(&mut spec.exposure, |keys| keys.without_effect(&general.exposure, is_relative), |_| true),
+        ),
+        ("glare", remove_useless(&mut spec.glare, |keys| general.glare.without_effect(keys), |_| true)),
+        ("tone_map", remove_useless(&mut spec.tone_map, |keys| general.tone_map.without_effect(keys), |_| true)),
+    ];
+    tables.into_iter().flat_map(|(table, keys)| keys.into_iter().map(move |key| format!("{table}.{key}"))).collect()
 }
 
 /// The checked specification of a client or a state file, and the rig's view of it; the error names the key within the request.
@@ -264,6 +299,20 @@ impl ViewSet {
         ViewSpec { exposure: spec.exposure.filter(|_| group.is_none() || is_first), ..spec }
     }
 
+    /// Returns the views without keys that have lost their effect since they were given.
+    fn up_to_date(&self, general: &RenderSettings) -> Self {
+        let mut views = self.clone();
+        for entry in &mut views.entries {
+            remove_outdated(&mut entry.spec, general);
+        }
+        for keys in views.groups.values_mut() {
+            for key in keys.without_effect(&general.exposure, general.stars.method.is_relative()) {
+                keys.remove(key);
+            }
+        }
+        views
+    }
+
     fn members(&self) -> impl Iterator<Item = Member> {
         self.rig.views().iter().enumerate().map(|(index, view)| Member {
             id: self.ids[index],
@@ -311,7 +360,8 @@ impl ViewSet {
             ));
         }
         let new = self.ids.len();
-        let members = self.members().chain([Member { id: ViewId::new(), spec, view, from_client: true }]);
+        let before = self.up_to_date(general);
+        let members = before.members().chain([Member { id: ViewId::new(), spec, view, from_client: true }]);
         Self::from_members(general, Arc::clone(&self.configured), members.collect()).map_err(|error| {
             let place = if error.view == new { format!("{DEFINITION}.") } else { String::new() };
             format!("{place}{}: {}", error.key, error.problem)
@@ -320,7 +370,7 @@ impl ViewSet {
 
     /// Returns the views without one; the error explains why another view would change.
     pub(crate) fn without(&self, general: &RenderSettings, view: usize) -> Result<Self, String> {
-        let mut left = self.clone();
+        let mut left = self.up_to_date(general);
         let others: Vec<usize> = (0..self.ids.len()).filter(|index| *index != view).collect();
         left.rig = Arc::new(self.rig.of_views(&others));
         left.ids = others.iter().map(|index| self.ids[*index]).collect();
@@ -358,10 +408,15 @@ impl ViewSet {
     }
 
     /// Changes the glare of a view. Its file stays; the effective value may be sent back with the other keys.
-    fn set_glare(&mut self, view: usize, change: &SettingsChange<GlareKeys>) -> Result<(), String> {
+    fn set_glare(
+        &mut self,
+        general: &RenderSettings,
+        view: usize,
+        change: &SettingsChange<GlareKeys>,
+    ) -> Result<(), String> {
         let glare = &mut self.entries[view].spec.glare;
         let file = glare.as_ref().and_then(|glare| glare.psf_file.clone());
-        change.apply(glare);
+        change.apply_over(&general.glare, glare);
         if change.sets("psf_file") {
             let effective = &self.settings[view].glare.psf_file;
             let given = glare.as_ref().and_then(|glare| glare.psf_file.as_ref());
@@ -378,8 +433,7 @@ impl ViewSet {
         Ok(())
     }
 
-    /// Changes the exposure of a view, or of its group. Removes keys without effect in a new mode or metering, except those that
-    /// the change sets.
+    /// Changes the exposure of a view, or of its group. Removes keys without effect, except those that the change sets, which are refused later.
     fn set_exposure(&mut self, general: &RenderSettings, view: usize, change: &SettingsChange<ExposureKeys>) {
         let spec = &mut self.entries[view].spec;
         let mut exposure = match &spec.exposure_group {
@@ -387,15 +441,9 @@ impl ViewSet {
             None => spec.exposure.take(),
         };
         change.apply(&mut exposure);
-        if let Some(keys) = &mut exposure
-            && (change.sets("mode") || change.sets("metering"))
-        {
-            for key in keys.without_effect(&general.exposure, general.stars.method.is_relative()) {
-                if !change.sets(key) {
-                    keys.remove(key);
-                }
-            }
-        }
+        let is_relative = general.stars.method.is_relative();
+        let useless = |keys: &ExposureKeys| keys.without_effect(&general.exposure, is_relative);
+        remove_useless(&mut exposure, useless, |key| !change.sets(key));
         match &spec.exposure_group {
             Some(group) => drop(self.groups.insert(group.clone(), exposure.unwrap_or_default())),
             None => spec.exposure = exposure,
@@ -404,15 +452,15 @@ impl ViewSet {
 
     /// Returns the views after a change of one of them; the error states the valid values.
     pub(crate) fn changed(&self, general: &RenderSettings, view: usize, update: &ViewUpdate) -> Result<Self, String> {
-        let mut changed = self.clone();
+        let mut changed = self.up_to_date(general);
         if let Some(geometry) = &update.geometry {
             changed.set_geometry(view, geometry)?;
         }
         if let Some(group) = &update.exposure_group {
             changed.set_group(view, group);
         }
-        changed.set_glare(view, &update.glare)?;
-        update.tone_map.apply(&mut changed.entries[view].spec.tone_map);
+        changed.set_glare(general, view, &update.glare)?;
+        update.tone_map.apply_over(&general.tone_map, &mut changed.entries[view].spec.tone_map);
         changed.set_exposure(general, view, &update.exposure);
         changed.resolved(general).map_err(|error| error.to_string())
     }
@@ -465,7 +513,10 @@ impl ViewSet {
         let remaining = self.configured.views.iter().filter(|(spec, _)| !deleted.contains(&spec.name)).cloned();
         let configured = remaining.map(|(spec, view)| Member { id: id(&spec.name), spec, view, from_client: false });
         let mut members: Vec<Member> = configured.collect();
-        for spec in kept {
+        for mut spec in kept {
+            for key in remove_outdated(&mut spec, general) {
+                tracing::warn!("view `{}`: {key} is left out: it no longer has an effect", spec.name);
+            }
             let known = members.iter_mut().find(|member| member.spec.name == spec.name && !member.from_client);
             match (spec.geometry.has_keys(), known) {
                 (true, known) => {

@@ -1,21 +1,91 @@
 //! Error statuses with details that programs can read: the text states the problem and the valid values; the details
 //! (`google.rpc`) name the field, the revision, the limit, or the holder of the lease.
+//!
+//! A status is sent as headers: the text in one of them, text and details in another. Many clients and proxies accept 4 or
+//! 8 KiB of headers, and end the whole connection at more. [`bounded`] and all functions here keep a status below
+//! [`MOST_ENCODED`].
 
 use std::collections::HashMap;
 
 use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, StatusExt as _};
 
+use crate::service::scene::excerpts::{encoded_length, end_of, excerpt, start_of};
+
 /// Domain of the reasons in [`ErrorDetails`].
 const DOMAIN: &str = "steradian";
+
+/// Maximum bytes of text and details in the headers of an answer.
+pub(crate) const MOST_ENCODED: usize = 3 << 10;
+/// Maximum bytes of the text, percent-encoded. The details repeat it.
+const MOST_TEXT: usize = 960;
+/// Bytes of a quoted name in a text that is too long.
+const MOST_QUOTED: usize = 96;
+/// Bytes of the start and of the end of a text that is still too long.
+const START: usize = 600;
+/// See [`START`].
+const END: usize = 320;
+/// Bytes of a description in details that are too long: the text is there already.
+const MOST_DESCRIPTION: usize = 240;
+/// Bytes of names in details, not encoded. Valid names have at most 64 characters.
+const MOST_NAME: usize = 256;
+
+/// Shortens a text: first the quoted names in it, then its middle, because it starts with what is wrong and ends with
+/// what is valid.
+fn short_text(text: String) -> String {
+    if encoded_length(&text) <= MOST_TEXT {
+        return text;
+    }
+    let parts = text.split('`').enumerate();
+    let parts: Vec<_> =
+        parts.map(|(i, part)| if i % 2 == 0 { part.into() } else { excerpt(part, MOST_QUOTED) }).collect();
+    let text = parts.join("`");
+    if encoded_length(&text) <= MOST_TEXT {
+        return text;
+    }
+    format!("{} ... {}", start_of(&text, START), end_of(&text, END))
+}
+
+/// Shortens a name in details.
+fn short_name(name: &str) -> String {
+    if name.len() <= MOST_NAME {
+        return name.to_owned();
+    }
+    format!("{}...", &name[..name.floor_char_boundary(MOST_NAME - 3)])
+}
+
+/// Returns the bytes of a status in the headers of an answer.
+fn encoded_bytes(status: &Status) -> usize {
+    encoded_length(status.message()) + status.details().len().div_ceil(3) * 4
+}
+
+/// Returns a status with a short text and details, which describe the problem.
+fn detailed(code: Code, problem: String, details: impl Fn(String) -> ErrorDetails) -> Status {
+    let text = short_text(problem);
+    let status = Status::with_error_details(code, text.clone(), details(text.clone()));
+    if encoded_bytes(&status) <= MOST_ENCODED {
+        return status;
+    }
+    let description = excerpt(&text, MOST_DESCRIPTION).into_owned();
+    Status::with_error_details(code, text, details(description))
+}
+
+/// Returns a status of any origin that is short enough for the headers of an answer. Details that are too long, which
+/// those made here never are, are left out.
+pub(crate) fn bounded(status: Status) -> Status {
+    if encoded_bytes(&status) <= MOST_ENCODED {
+        return status;
+    }
+    Status::new(status.code(), short_text(status.message().to_owned()))
+}
 
 /// A request that is invalid in every state of the daemon. If the text starts with a key and a colon or an equals sign,
 /// the details name that key as the field.
 pub(crate) fn invalid(problem: impl Into<String>) -> Status {
     let problem = with_short_numbers(problem.into());
-    let Some(field) = field_of(&problem) else { return Status::invalid_argument(problem) };
-    let details = ErrorDetails::with_bad_request_violation(field, problem.clone());
-    Status::with_error_details(Code::InvalidArgument, problem, details)
+    let Some(field) = field_of(&problem) else { return Status::invalid_argument(short_text(problem)) };
+    let field = short_name(&field);
+    detailed(Code::InvalidArgument, problem, |problem| ErrorDetails::with_bad_request_violation(&field, problem))
 }
 
 /// Digits of a number that is written in full; longer ones are written with an exponent.
@@ -59,40 +129,39 @@ fn field_of(problem: &str) -> Option<String> {
 pub(crate) fn revision(problem: String, of: &str, expected: u64, found: u64) -> Status {
     let metadata = [("of", of.to_owned()), ("expected", expected.to_string()), ("found", found.to_string())];
     let metadata: HashMap<String, String> = metadata.map(|(key, value)| (key.to_owned(), value)).into();
-    let details = ErrorDetails::with_error_info("REVISION", DOMAIN, metadata);
-    Status::with_error_details(Code::Aborted, problem, details)
+    detailed(Code::Aborted, problem, |_| ErrorDetails::with_error_info("REVISION", DOMAIN, metadata.clone()))
 }
 
 /// Another client holds the lease of the camera.
 pub(crate) fn leased(problem: String, holder: &str) -> Status {
-    let details = ErrorDetails::with_precondition_failure_violation("LEASE", holder, problem.clone());
-    Status::with_error_details(Code::FailedPrecondition, problem, details)
+    let holder = short_name(holder);
+    detailed(Code::FailedPrecondition, problem, |problem| {
+        ErrorDetails::with_precondition_failure_violation("LEASE", &holder, problem)
+    })
 }
 
 /// A shared resource, or the client's share of it, is exhausted.
 pub(crate) fn exhausted(of: &str, problem: impl Into<String>) -> Status {
-    let problem = problem.into();
-    let details = ErrorDetails::with_quota_failure_violation(of, problem.clone());
-    Status::with_error_details(Code::ResourceExhausted, problem, details)
+    let details = |problem| ErrorDetails::with_quota_failure_violation(of, problem);
+    detailed(Code::ResourceExhausted, problem.into(), details)
 }
 
 /// No item of a kind has this name.
 pub(crate) fn absent(kind: &str, name: &str, problem: String) -> Status {
-    let details = ErrorDetails::with_resource_info(kind, name, "", problem.clone());
-    Status::with_error_details(Code::NotFound, problem, details)
+    let name = short_name(name);
+    detailed(Code::NotFound, problem, |problem| ErrorDetails::with_resource_info(kind, &name, "", problem))
 }
 
 /// An item of a kind with this name exists already.
 pub(crate) fn present(kind: &str, name: &str, problem: String) -> Status {
-    let details = ErrorDetails::with_resource_info(kind, name, "", problem.clone());
-    Status::with_error_details(Code::AlreadyExists, problem, details)
+    let name = short_name(name);
+    detailed(Code::AlreadyExists, problem, |problem| ErrorDetails::with_resource_info(kind, &name, "", problem))
 }
 
 /// The caller lacks the role that a call requires.
 pub(crate) fn denied(problem: String, role: &str, needed: &str) -> Status {
     let metadata = HashMap::from([("role".to_owned(), role.to_owned()), ("needed".to_owned(), needed.to_owned())]);
-    let details = ErrorDetails::with_error_info("ROLE", DOMAIN, metadata);
-    Status::with_error_details(Code::PermissionDenied, problem, details)
+    detailed(Code::PermissionDenied, problem, |_| ErrorDetails::with_error_info("ROLE", DOMAIN, metadata.clone()))
 }
 
 #[cfg(test)]
@@ -133,6 +202,56 @@ mod tests {
         ] {
             assert_eq!(invalid(problem).message(), short);
         }
+    }
+
+    /// Returns the bytes that a status adds to the headers of an answer.
+    fn header_bytes(status: &Status) -> usize {
+        let mut headers = http::HeaderMap::new();
+        status.add_header(&mut headers).unwrap();
+        headers.values().map(http::HeaderValue::len).sum()
+    }
+
+    #[test]
+    fn every_status_fits_into_the_headers_of_an_answer() {
+        for letter in ["y", "`", " ", "ä", "操", "\u{1f30c}", "y`"] {
+            for count in [10, 200, 700, 2000, 100_000] {
+                let name = letter.repeat(count);
+                let text = format!("view: no view `{name}`; the views are: {name}, dome");
+                for status in [
+                    invalid(text.clone()),
+                    invalid(format!("bodies.{name}: {text}")),
+                    leased(text.clone(), &name),
+                    exhausted("client", text.clone()),
+                    absent("view", &name, text.clone()),
+                    present("view", &name, text.clone()),
+                    denied(text.clone(), "view", "steer"),
+                    revision(text.clone(), "scene", u64::MAX, u64::MAX),
+                ] {
+                    let bytes = header_bytes(&status);
+                    assert!(bytes <= MOST_ENCODED + 2, "{count} times {letter}: {bytes} bytes of {status:?}");
+                    assert_eq!(encoded_bytes(&bounded(status.clone())), encoded_bytes(&status), "{status:?}");
+                    status.check_error_details().unwrap();
+                }
+                let foreign = Status::with_details(Code::Internal, text.clone(), text.into_bytes().into());
+                assert!(header_bytes(&bounded(foreign)) <= MOST_ENCODED + 2);
+            }
+        }
+    }
+
+    #[test]
+    fn short_texts_keep_their_start_and_end() {
+        let text = short_text(format!("no view `{}`; the views are: flat, eyes", "y".repeat(5000)));
+        assert!(text.starts_with("no view `yyy") && text.ends_with("...`; the views are: flat, eyes"), "{text}");
+        let text = short_text(format!("a: wrong {} must be b", "y".repeat(5000)));
+        assert!(text.starts_with("a: wrong y") && text.ends_with("y must be b") && text.contains(" ... "), "{text}");
+        let status = absent("view", &"y".repeat(5000), "no view".to_owned());
+        assert!(status.get_details_resource_info().unwrap().resource_name.ends_with("y..."));
+        // Names that clients may use are whole.
+        let name = "\u{1f30c}".repeat(64);
+        assert_eq!(
+            leased("held".to_owned(), &name).get_details_precondition_failure().unwrap().violations[0].subject,
+            name
+        );
     }
 
     #[test]

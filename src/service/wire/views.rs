@@ -11,12 +11,12 @@ use serde::{Serialize, de::DeserializeOwned};
 
 use super::objects::orientation_to_pb;
 use crate::{
-    config::{KeyError, PackingConfig, ViewGeometry, ViewSpec, with_keys_of, with_same_keys},
+    config::{KeyError, PackingConfig, VIEW_TYPES, ViewGeometry, ViewKindSpec, ViewSpec, with_keys_of, with_same_keys},
     plan::{
         settings::{ExposureKeys, GlareKeys, StarMethod, ToneMapKeys},
         view_settings::ViewSettings,
     },
-    ranges::PartialSettings,
+    ranges::{KeyEffects, PartialSettings},
     service::{
         proto,
         scene::{
@@ -59,9 +59,25 @@ pub(crate) fn keys_from_pb<K: DeserializeOwned>(message: &impl Serialize, table:
     with_same_keys(message).map_err(within(table))
 }
 
+/// Type of the views that only a configuration can define, because clients cannot name files.
+const PROJECTOR: &str = "projector";
+
+/// Checks that clients may define views of this type; the error names them.
+fn check_type(kind: Option<&str>) -> Result<(), KeyError> {
+    let valid: Vec<&str> = VIEW_TYPES.into_iter().filter(|kind| *kind != PROJECTOR).collect();
+    let problem = match kind {
+        Some(kind) if valid.contains(&kind) => return Ok(()),
+        Some(PROJECTOR) => format!("`{PROJECTOR}`: projectors come only from the configuration"),
+        Some(kind) => format!("unknown type `{kind}`"),
+        None => "missing key".to_owned(),
+    };
+    Err(KeyError::new("type", format!("{problem}: must be one of {}", valid.join(", "))))
+}
+
 /// Returns the specification in a message, and the rig's view made from it.
 pub(crate) fn spec_from_pb(message: &proto::ViewDefinition) -> Result<(ViewSpec, View), KeyError> {
-    ViewSpec::from_keys(message).map_err(|error| error.within(DEFINITION))
+    let checked = check_type(message.r#type.as_deref()).and_then(|()| ViewSpec::from_keys(message));
+    checked.map_err(|error| error.within(DEFINITION))
 }
 
 /// Returns the message of a specification, without packing: only `render` and `film` write files of views.
@@ -69,13 +85,23 @@ pub(crate) fn spec_to_pb(spec: &ViewSpec) -> Result<proto::ViewDefinition, KeyEr
     ViewSpec { packing: PackingConfig::None, ..spec.clone() }.keys().map_err(|error| error.within(DEFINITION))
 }
 
+/// Returns the keys of settings that have an effect.
+fn with_effect<S: KeyEffects>(settings: &S) -> S::Keys
+where
+    for<'a> S::Keys: From<&'a S>,
+{
+    let mut keys = S::Keys::from(settings);
+    settings.without_effect(&keys).into_iter().for_each(|key| keys.remove(key));
+    keys
+}
+
 /// Returns a view's effective settings as messages, without its geometry.
 pub(crate) fn settings_to_pb(settings: &ViewSettings, stars: StarMethod) -> proto::View {
     // Only a non-UTF-8 path fails to serialise; the glare is then left out.
     proto::View {
         exposure: with_same_keys(&ExposureKeys::with_effect(&settings.exposure, stars.is_relative())).ok(),
-        glare: with_same_keys(&GlareKeys::from(&settings.glare)).ok(),
-        tone_map: with_same_keys(&ToneMapKeys::from(&settings.tone_map)).ok(),
+        glare: with_same_keys(&with_effect(&settings.glare)).ok(),
+        tone_map: with_same_keys(&with_effect(&settings.tone_map)).ok(),
         ..proto::View::default()
     }
 }
@@ -183,18 +209,27 @@ impl Paths<'_> {
     }
 }
 
-/// Lists the valid paths of a mask, as text.
-fn valid_paths() -> String {
-    let keys = |table: &str, keys: &[&str]| keys.iter().map(|key| format!("{table}.{key}")).collect::<Vec<_>>();
-    let tables =
-        [keys("exposure", ExposureKeys::NAMES), keys("glare", GlareKeys::NAMES), keys("tone_map", ToneMapKeys::NAMES)];
-    let keys: Vec<String> = tables.concat().into_iter().filter(|key| key != "glare.psf_file").collect();
-    let of_definition: Vec<String> = GEOMETRY_KEYS.iter().map(|key| format!("{DEFINITION}.{key}")).collect();
-    format!(
-        "must be one of exposure_group, exposure, glare, tone_map, definition, {}, {}, definition.test_pattern",
-        keys.join(", "),
-        of_definition.join(", ")
-    )
+/// Returns the keys below a table that a mask may name; none: it is not a table.
+fn keys_below(table: &str) -> Vec<&'static str> {
+    match table {
+        "exposure" => ExposureKeys::NAMES.to_vec(),
+        "glare" => GlareKeys::NAMES.to_vec(),
+        "tone_map" => ToneMapKeys::NAMES.to_vec(),
+        DEFINITION => GEOMETRY_KEYS.iter().map(String::as_str).collect(),
+        _ => Vec::new(),
+    }
+}
+
+/// Lists the valid paths of a mask, as text: those below the table of a path, or the tables.
+fn valid_paths(table: &str) -> String {
+    let keys: Vec<&str> = keys_below(table).into_iter().filter(|key| *key != "psf_file").collect();
+    if keys.is_empty() {
+        let keys =
+            "must be one of exposure_group, exposure, glare, tone_map and definition, or a key of one of these tables";
+        return format!("{keys}, such as exposure.ev100 and definition.fov_deg");
+    }
+    let test_pattern = if table == DEFINITION { ", test_pattern" } else { "" };
+    format!("must be {table}, or below it one of {}{test_pattern}", keys.join(", "))
 }
 
 /// Reads the change that the mask names, for a view with its current specification; the error states the problem and the valid
@@ -205,7 +240,7 @@ pub(crate) fn view_change_from_pb(
 ) -> Result<ViewChange, String> {
     let paths = request.update_mask.as_ref().map_or(&[][..], |mask| &mask.paths);
     if paths.is_empty() {
-        return Err(format!("update_mask names no field: {}", valid_paths()));
+        return Err(format!("update_mask names no field: {}", valid_paths("")));
     }
     if paths.len() > MOST_PATHS {
         return Err(format!("update_mask names {} fields: there must be at most {MOST_PATHS}", paths.len()));
@@ -225,6 +260,7 @@ pub(crate) fn view_change_from_pb(
         if paths.len() > 1 {
             return Err(format!("update_mask: `{DEFINITION}` {IS_ALL}"));
         }
+        check_geometry(current)?;
         let whole = proto::ViewDefinition { name: Some(view.name), ..given };
         let (spec, _) = spec_from_pb(&whole).map_err(|error| error.to_string())?;
         return Ok(ViewChange::Replace(Box::new(spec)));
@@ -234,13 +270,6 @@ pub(crate) fn view_change_from_pb(
     let mut update = ViewUpdate::default();
     for path in paths {
         let (table, key) = path.split_once('.').map_or((path.as_str(), None), |(table, key)| (table, Some(key)));
-        let names: Vec<&str> = match table {
-            "exposure" => ExposureKeys::NAMES.to_vec(),
-            "glare" => GlareKeys::NAMES.to_vec(),
-            "tone_map" => ToneMapKeys::NAMES.to_vec(),
-            "definition" => GEOMETRY_KEYS.iter().map(String::as_str).collect(),
-            _ => Vec::new(),
-        };
         let paths = match (table, key) {
             ("definition", Some("test_pattern")) => {
                 update.test_pattern = Some(given.test_pattern.unwrap_or_default());
@@ -258,14 +287,14 @@ pub(crate) fn view_change_from_pb(
             ("tone_map", _) => &mut tone_map,
             ("definition", _) => &mut geometry,
             ("name" | "type" | "images" | "own_keys" | "revision", _) => {
-                return Err(format!("update_mask: `{path}` cannot be changed: {}", valid_paths()));
+                return Err(format!("update_mask: `{path}` cannot be changed: {}", valid_paths("")));
             }
-            _ => return Err(format!("update_mask: no field `{path}`: {}", valid_paths())),
+            _ => return Err(format!("update_mask: no field `{path}`: {}", valid_paths(""))),
         };
         match key {
             None => paths.whole = true,
-            Some(key) if names.contains(&key) => drop(paths.keys.insert(key)),
-            Some(_) => return Err(format!("update_mask: no field `{path}`: {}", valid_paths())),
+            Some(key) if keys_below(table).contains(&key) => drop(paths.keys.insert(key)),
+            Some(_) => return Err(format!("update_mask: no field `{path}`: {}", valid_paths(table))),
         }
         if paths.whole && !paths.keys.is_empty() {
             return Err(format!("update_mask: `{table}` {IS_WHOLE_TABLE}"));
@@ -280,8 +309,21 @@ pub(crate) fn view_change_from_pb(
     Ok(ViewChange::Update(Box::new(update)))
 }
 
+/// Checks that clients may change the geometry of a view.
+fn check_geometry(current: &ViewSpec) -> Result<(), String> {
+    if !matches!(current.geometry.kind, ViewKindSpec::Projector(_)) {
+        return Ok(());
+    }
+    Err(format!(
+        "{DEFINITION}: view `{}` is a projector, whose geometry only the configuration can change; exposure_group, exposure, glare, \
+         tone_map and definition.test_pattern can be changed",
+        current.name
+    ))
+}
+
 /// Returns the geometry of a view after a change of some keys.
 fn changed_geometry(current: &ViewSpec, given: &proto::ViewDefinition, keys: &[&str]) -> Result<ViewGeometry, String> {
+    check_geometry(current)?;
     if !current.geometry.has_keys() {
         return Err(format!(
             "{DEFINITION}: view `{}` does not come from a configuration and has no keys: send a whole definition",
@@ -361,7 +403,9 @@ pub(crate) fn view_replacement_to_pb(
 #[allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
 mod tests {
     use super::*;
-    use crate::plan::settings::{ExposureMode, ExposureSettings, RenderSettings};
+    use crate::plan::settings::{
+        ExposureMode, ExposureSettings, GlareSettings, RenderSettings, ToneMapOperator, ToneMapSettings,
+    };
 
     const ALL_KEYS: &str = "
         name = 'v'
@@ -435,8 +479,20 @@ mod tests {
                 "definition.fov_y_deg: unknown key",
             ),
             (
-                proto::ViewDefinition { r#type: Some("dome".to_owned()), ..Default::default() },
+                proto::ViewDefinition { r#type: Some("fisheye".to_owned()), ..Default::default() },
                 "definition.name: missing key",
+            ),
+            (
+                proto::ViewDefinition { r#type: Some("dome".to_owned()), ..Default::default() },
+                "definition.type: unknown type `dome`: must be one of perspective, stereo, cubemap, fisheye, dome_master, equirectangular",
+            ),
+            (
+                proto::ViewDefinition { r#type: Some("projector".to_owned()), ..Default::default() },
+                "definition.type: `projector`: projectors come only from the configuration: must be one of perspective",
+            ),
+            (
+                proto::ViewDefinition { name: Some("v".to_owned()), ..Default::default() },
+                "definition.type: missing key: must be one of perspective",
             ),
             (
                 proto::ViewDefinition { mapping: Some("round".to_owned()), ..spec_to_pb(&fisheye("")).unwrap() },
@@ -444,7 +500,27 @@ mod tests {
             ),
         ] {
             let problem = spec_from_pb(&message).unwrap_err().to_string();
-            assert!(problem.starts_with(expected), "{problem}");
+            assert!(problem.starts_with(expected) && !problem.contains(", projector"), "{problem}");
+        }
+    }
+
+    #[test]
+    fn projectors_keep_their_geometry() {
+        let config = toml::from_str("file = 'dome.mpcdi'").unwrap();
+        let geometry = ViewGeometry { kind: ViewKindSpec::Projector(Box::new(config)), ..ViewGeometry::default() };
+        let projector = ViewSpec { geometry, ..ViewSpec::custom("v") };
+        let mut request = view_replacement_to_pb(&fisheye(""), None).unwrap();
+        for path in ["definition", "definition.tilt_deg", "definition.size", "definition.position_m"] {
+            request.update_mask = Some(prost_types::FieldMask { paths: vec![path.to_owned()] });
+            let problem = view_change_from_pb(&request, &projector).unwrap_err();
+            assert!(
+                problem.starts_with("definition: view `v` is a projector, whose geometry only"),
+                "{path}: {problem}"
+            );
+        }
+        for path in ["definition.test_pattern", "exposure", "tone_map.dither", "exposure_group"] {
+            request.update_mask = Some(prost_types::FieldMask { paths: vec![path.to_owned()] });
+            view_change_from_pb(&request, &projector).unwrap();
         }
     }
 
@@ -458,7 +534,12 @@ mod tests {
         let exposure = message.exposure.unwrap();
         assert_eq!((exposure.limiting_magnitude, exposure.metering, exposure.ev100), (None, None, Some(-3.0)));
         assert_eq!(message.glare.unwrap().fraction, Some(0.1));
-        assert_eq!(message.tone_map.unwrap().operator.as_deref(), Some("filmic"));
+        let tone_map = message.tone_map.unwrap();
+        assert_eq!((tone_map.operator.as_deref(), tone_map.peak_cd_m2, tone_map.white), (Some("filmic"), None, None));
+        settings.glare = GlareSettings::none();
+        settings.tone_map = ToneMapSettings::of(ToneMapOperator::Calibrated);
+        let message = settings_to_pb(&settings, StarMethod::Auto);
+        assert_eq!((message.glare.unwrap().fraction, message.tone_map.unwrap().peak_cd_m2), (None, Some(100.0)));
     }
 
     #[test]
@@ -487,7 +568,7 @@ mod tests {
         for (paths, expected) in [
             (&[][..], "names no field: must be one of exposure_group, exposure"),
             (&["colour"], "no field `colour`"),
-            (&["exposure.iso"], "no field `exposure.iso`"),
+            (&["exposure.iso"], "no field `exposure.iso`: must be exposure, or below it one of mode"),
             (&["exposure.mode.x"], "no field `exposure.mode.x`"),
             (&["name"], "`name` cannot be changed"),
             (&["glare.psf_file"], "`glare.psf_file` cannot be changed: files come only from the configuration"),

@@ -25,10 +25,15 @@ use crate::{
         network::{
             clients::ClientInfo,
             http_handler::{PLAIN, refused_call, text},
+            log_summary::Kind,
         },
+        scene::excerpts::excerpt,
         wire::refusals,
     },
 };
+
+/// Bytes of a path in messages: longer than those of all calls.
+const MOST_PATH: usize = 128;
 
 /// The authenticated caller of a request; requests that need a role carry it.
 #[derive(Clone, Debug)]
@@ -92,15 +97,15 @@ fn admit(access: &Access, client: &ClientInfo, request: &Request<Body>, least: R
         // Browsers and clients without credentials are frequent, so they are logged at a lower level.
         Rejection::Unknown(why) => Status::unauthenticated(why),
         Rejection::Refused(why) => {
-            tracing::warn!(client = client.name(), "refused: {why}");
+            client.log(Kind::Denied, &format!("refused: {why}"));
             Status::unauthenticated(why)
         }
     })?;
     if caller.role < least {
         let Caller { name, role, .. } = &caller;
-        let path = request.uri().path();
-        tracing::warn!(client = client.name(), "refused: `{name}` has the role {role}, {path} needs {least}");
+        let path = excerpt(request.uri().path(), MOST_PATH);
         let problem = format!("`{name}` has the role {role}, and {path} needs {least}");
+        client.log(Kind::Denied, &format!("refused: {problem}"));
         return Err(refusals::denied(problem, &role.to_string(), &least.to_string()));
     }
     Ok(caller)

@@ -189,7 +189,11 @@ impl Access {
         if !self.is_guarded() || client.is_local_socket() {
             return Ok(CallerCredentials::Nothing);
         }
-        if let Some(value) = headers.get(header::AUTHORIZATION) {
+        let mut values = headers.get_all(header::AUTHORIZATION).iter();
+        if let Some(value) = values.next() {
+            if values.next().is_some() {
+                return Err(Rejection::Refused("there must be one header `authorization`, not several"));
+            }
             let token = value.to_str().ok().and_then(|value| value.split_once(' '));
             return match token {
                 Some((scheme, token)) if scheme.eq_ignore_ascii_case("bearer") => {
@@ -262,6 +266,17 @@ mod tests {
         }
         for wrong in ["Bearer wrong", "Bearer ", "Bearer right2", "Basic right", "right"] {
             assert!(matches!(who(&headers(wrong)), Err(Rejection::Refused(_))), "{wrong}");
+        }
+        for order in [["Bearer right", "Bearer wrong"], ["Bearer wrong", "Bearer right"], ["Bearer right"; 2]] {
+            let mut several = HeaderMap::new();
+            for value in order {
+                several.append(header::AUTHORIZATION, http::HeaderValue::from_static(value));
+            }
+            let refusal = who(&several).unwrap_err();
+            assert!(
+                matches!(refusal, Rejection::Refused(why) if why.contains("not several")),
+                "{order:?}: {refusal:?}"
+            );
         }
         assert!(matches!(who(&HeaderMap::new()), Err(Rejection::Unknown(_))));
         // Without rules, no credentials are needed.

@@ -6,7 +6,7 @@ use super::*;
 use crate::{
     config::ViewKindSpec,
     plan::{
-        settings::{ExposureMode, ExposureSettings, ExposureValues, Metering},
+        settings::{ExposureMode, ExposureSettings, ExposureValues, Metering, StarMethod, StarSettings},
         view_settings::ExposureGroup,
     },
 };
@@ -109,6 +109,60 @@ fn a_new_mode_drops_useless_keys_but_refuses_requested_ones() {
     let glaring = ViewUpdate { glare: SettingsChange::set(fraction(2.0)), ..Default::default() };
     let problem = changed(&before, 0, glaring).unwrap_err();
     assert!(problem.starts_with("glare.fraction: 2: must be between 0 and 1"), "{problem}");
+}
+
+fn clear<K: PartialSettings>(key: &str) -> SettingsChange<K> {
+    SettingsChange::Edit { set: K::default(), clear: vec![key.to_owned()] }
+}
+
+#[test]
+fn a_new_method_drops_useless_keys_but_refuses_requested_ones() {
+    let before = views(&[]);
+    let glare =
+        |text: &str| ViewUpdate { glare: SettingsChange::set(toml::from_str(text).unwrap()), ..ViewUpdate::default() };
+    let tone_map = |text: &str| ViewUpdate {
+        tone_map: SettingsChange::set(toml::from_str(text).unwrap()),
+        ..ViewUpdate::default()
+    };
+    let cie = changed(&before, 0, glare("kernel = 'cie'\nage_years = 60.0\nfraction = 0.2")).unwrap();
+    let gaussians = changed(&cie, 0, glare("kernel = 'gaussians'")).unwrap();
+    assert_eq!(gaussians.own_keys(0), ["glare.fraction", "glare.kernel"]);
+    assert_eq!(changed(&cie, 0, glare("method = 'none'")).unwrap().own_keys(0), ["glare.method"]);
+    // The general value applies again, and the keys that belonged to the own one lose their effect.
+    let update = ViewUpdate { glare: clear("kernel"), ..ViewUpdate::default() };
+    assert_eq!(changed(&cie, 0, update).unwrap().own_keys(0), ["glare.fraction"]);
+    let absolute = changed(&cie, 0, glare("absolute = true")).unwrap();
+    assert_eq!(absolute.own_keys(0), ["glare.absolute", "glare.age_years", "glare.kernel"]);
+    let display = changed(&before, 1, tone_map("operator = 'calibrated'\npeak_cd_m2 = 12.0")).unwrap();
+    assert_eq!(changed(&display, 1, tone_map("operator = 'aces'")).unwrap().own_keys(1), ["tone_map.operator"]);
+    let update = ViewUpdate { tone_map: clear("operator"), ..ViewUpdate::default() };
+    assert_eq!(changed(&display, 1, update).unwrap().settings, before.settings);
+    for (update, expected) in [
+        (tone_map("peak_cd_m2 = 12.0"), "tone_map.peak_cd_m2: has no effect with operator = \"filmic\""),
+        (tone_map("operator = 'aces'\nwhite = 4.0"), "tone_map.white: has no effect with operator = \"aces\""),
+        (glare("method = 'none'\nfraction = 0.2"), "glare.fraction: has no effect with method = \"none\""),
+        (glare("age_years = 20.0"), "glare.age_years: has no effect with kernel = \"inverse_square\""),
+    ] {
+        let problem = changed(&before, 0, update).unwrap_err();
+        assert!(problem.starts_with(expected), "{problem}");
+    }
+    // Keys that have lost their effect since they were saved are left out.
+    let mut kept: Vec<ViewSpec> = before.kept().collect();
+    kept[0].tone_map = Some(toml::from_str("white = 4.0\nscotopic = 0.5").unwrap());
+    let restored = before.restored(&RenderSettings::default(), kept, &[]).unwrap();
+    assert_eq!(restored.own_keys(0), ["tone_map.scotopic"]);
+}
+
+#[test]
+fn a_key_that_another_star_method_made_useless_stops_no_other_change() {
+    let relative = RenderSettings {
+        stars: StarSettings { method: StarMethod::GaussianPsf, ..Default::default() },
+        ..RenderSettings::default()
+    };
+    let before = views(&[]).changed(&relative, 0, &exposed("ev100 = -5.0")).unwrap();
+    let update = ViewUpdate { glare: SettingsChange::set(fraction(0.2)), ..ViewUpdate::default() };
+    let after = changed(&before, 1, update).unwrap();
+    assert_eq!((after.own_keys(0).len(), after.own_keys(1)), (0, vec!["glare.fraction".to_owned()]));
 }
 
 const FLAT: &str = "name = 'flat'\ntype = 'perspective'\nsize = [8, 6]\nfov_y_deg = 60.0";
