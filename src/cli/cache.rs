@@ -4,7 +4,8 @@ use std::{
     collections::BTreeMap,
     env,
     ffi::{OsStr, OsString},
-    path::PathBuf,
+    io,
+    path::{Path, PathBuf},
 };
 
 use clap::{Args, Subcommand};
@@ -12,6 +13,7 @@ use directories::ProjectDirs;
 
 use super::{CliError, results};
 use crate::cache::{self, Cache, Entry};
+use crate::files;
 
 /// Names the folder itself; empty: none.
 const FOLDER_VARIABLE: &str = "STERADIAN_CACHE_DIR";
@@ -48,11 +50,22 @@ enum CacheCommand {
 /// Sets the cache of this process from the environment; `unused`: there is none.
 pub fn set(unused: bool) -> Result<(), CliError> {
     let cache = if unused { None } else { from_environment(|name| env::var_os(name))? };
+    if let Some((folder, problem)) = cache.as_ref().and_then(unusable) {
+        tracing::warn!("the cache folder {} cannot be used, and nothing is kept: {problem}", folder.display());
+        cache::set_for_process(None);
+        return Ok(());
+    }
     if cache.is_none() && !unused {
         tracing::debug!("the program has no cache folder and keeps nothing between runs");
     }
     cache::set_for_process(cache);
     Ok(())
+}
+
+/// The folder of a cache if it neither exists nor can be created, with the reason. Entries of a folder that cannot be written are used.
+fn unusable(cache: &Cache) -> Option<(&Path, io::Error)> {
+    let folder = &*cache.folder;
+    if folder.is_dir() { None } else { files::check_folder(folder).err().map(|problem| (folder, problem)) }
 }
 
 /// Runs the command.
@@ -147,6 +160,13 @@ mod tests {
         assert_eq!(found(&[(FOLDER_VARIABLE, "")]).unwrap(), None, "switched off");
         let of_user = found(&[]).unwrap().expect("the user has a home folder");
         assert!(of_user.folder.ends_with("steradian") && of_user.most_bytes == 2 << 30, "{of_user:?}");
+        // A file is no folder, and nothing can be created in it.
+        let file = tempfile::NamedTempFile::new().unwrap();
+        for folder in [file.path().to_owned(), file.path().join("cache")] {
+            assert!(unusable(&Cache { folder, most_bytes: 1 }).is_some());
+        }
+        let new = tempfile::tempdir().unwrap().path().join("cache");
+        assert!(unusable(&Cache { folder: new, most_bytes: 1 }).is_none());
         for wrong in ["", "0", "-1", "2.5", "many", "99999999999999999999"] {
             let problem = found(&[(LIMIT_VARIABLE, wrong)]).unwrap_err().to_string();
             assert!(problem.contains(&format!("{LIMIT_VARIABLE}={wrong}: ")), "{problem}");

@@ -11,6 +11,7 @@ use super::{CliError, progress::Progress, results};
 use crate::catalogue::deep::DeepStore;
 use crate::chart::{self, About, Axis, Extent, Step};
 use crate::gpu::{Gpu, GpuOptions};
+use crate::output::check_folder;
 use crate::render::Renderer;
 
 /// Arguments of `chart`.
@@ -43,6 +44,7 @@ pub struct ChartArguments {
 /// Runs the command.
 pub fn run(arguments: &ChartArguments, options: &GpuOptions, no_cache: bool) -> Result<(), CliError> {
     // Create the folder first: a folder that cannot be created is an error before the long work.
+    check_folder(&arguments.out)?;
     std::fs::create_dir_all(&arguments.out)
         .map_err(|source| chart::ChartError::Write { path: arguments.out.clone(), source })?;
     // The same holds for a store that cannot be used.

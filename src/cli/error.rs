@@ -78,6 +78,9 @@ pub enum CliError {
     /// The files of a projector installer cannot be read.
     #[error(transparent)]
     Theatre(#[from] TheatreError),
+    /// The files of a projector installer can be read, and not drawn.
+    #[error("{0}")]
+    Calibration(String),
     /// A film cannot be made.
     #[error(transparent)]
     Film(#[from] FilmError),
@@ -230,7 +233,8 @@ impl CliError {
             CliError::Usage(_) | CliError::Config(_) | CliError::Galaxy(_) | CliError::Shaders(_) => BAD_USAGE,
             CliError::Load { source: LoadError::Galaxy { .. }, .. } => BAD_USAGE,
             CliError::Load { source: LoadError::Deep(error), .. } => deep_exit_code(error),
-            CliError::Load { .. } | CliError::ReadStore(_) | CliError::Theatre(_) => BAD_DATA,
+            CliError::Load { .. } | CliError::ReadStore(_) => BAD_DATA,
+            CliError::Theatre(_) | CliError::Calibration(_) => BAD_DATA,
             CliError::ReadInput { .. } | CliError::ReadManifest { .. } | CliError::OtherInput { .. } => BAD_DATA,
             CliError::Chart(_) | CliError::Client(_) | CliError::Record(_) => FAILED,
             CliError::WriteStore(_) | CliError::Output(_) | CliError::Json(_) | CliError::Stdout(_) => FAILED,

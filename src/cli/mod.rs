@@ -17,6 +17,7 @@ mod info;
 mod inputs;
 mod load;
 mod logging;
+mod output;
 mod progress;
 mod projectors;
 mod psf;

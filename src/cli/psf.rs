@@ -31,22 +31,22 @@ pub struct PsfArguments {
         "temperature"])]
     from: Option<PathBuf>,
     /// Diameter of the circumscribed circle of the aperture, millimetres.
-    #[arg(long, value_name = "D")]
+    #[arg(long, value_name = "D", allow_negative_numbers = true)]
     diameter_mm: Option<f64>,
     /// Number of blades of curved_blades.
-    #[arg(long, value_name = "N", default_value_t = 6)]
+    #[arg(long, value_name = "N", default_value_t = 6, allow_negative_numbers = true)]
     blades: u32,
     /// Pixels along a side.
-    #[arg(long, value_name = "N", default_value_t = 512)]
+    #[arg(long, value_name = "N", default_value_t = 512, allow_negative_numbers = true)]
     size: u32,
     /// Angle of a pixel, arcseconds. Default: a quarter of lambda / D at 550 nm, or the value in the header of --from.
-    #[arg(long, value_name = "P")]
+    #[arg(long, value_name = "P", allow_negative_numbers = true)]
     pixel_arcsec: Option<f64>,
     /// Number of wavelengths.
-    #[arg(long, value_name = "N", default_value_t = 95)]
+    #[arg(long, value_name = "N", default_value_t = 95, allow_negative_numbers = true)]
     wavelengths: usize,
     /// Temperature of the star, kelvin.
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", allow_negative_numbers = true)]
     temperature: Option<f64>,
     /// The EXR file to write.
     #[arg(long, value_name = "FILE")]

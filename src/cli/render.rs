@@ -14,7 +14,7 @@ use super::{
 use crate::audit::{AuditedScene, audit_into};
 use crate::files;
 use crate::gpu::{AdapterReport, Gpu, GpuOptions};
-use crate::output::{pack, provenance::Provenance, write_frames};
+use crate::output::{check_folder, pack, provenance::Provenance, write_frames};
 use crate::render::{Frame, FrameRequest, RenderError, Renderer, Wanted};
 use crate::scene::SceneSnapshot;
 
@@ -83,6 +83,7 @@ pub fn run(arguments: RenderArguments, options: &GpuOptions) -> Result<(), CliEr
     if rig.views().is_empty() {
         return Err(CliError::Usage(format!("{}: views: at least one [[views]] is needed to render", config.origin)));
     }
+    check_folder(&arguments.out)?;
     if config.accuracy.frame_ms.is_some() {
         tracing::info!(
             "{}: accuracy.frame_ms applies only to `serve`: files are always drawn at full quality",

@@ -47,7 +47,7 @@ pub struct ShowArguments {
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Exit after this many frames.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), allow_negative_numbers = true)]
     frames: Option<u64>,
     /// Open all windows decorated and in their own sizes, placed by the desktop.
     #[arg(long)]

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::{CliError, results};
 use crate::config::Config;
+use crate::files;
 use crate::gpu::{Gpu, GpuOptions};
 use crate::render::Renderer;
 use crate::verify::{self, CheckResult, Outcome};
@@ -45,6 +46,13 @@ pub fn run(arguments: VerifyArguments, options: &GpuOptions) -> Result<(), CliEr
     let checks =
         verify::select(arguments.filter.as_deref()).map_err(|error| CliError::Usage(format!("--filter: {error}")))?;
     let settings = Config::from_text("", "default configuration", Path::new(""), &arguments.set)?.render_settings();
+    if let Some(path) = &arguments.json {
+        let folder = files::folder_of(path);
+        if !folder.is_dir() {
+            let (path, folder) = (path.display(), folder.display());
+            return Err(CliError::Usage(format!("--json {path}: the folder {folder} does not exist")));
+        }
+    }
     let mut renderer = Renderer::new(Gpu::open(options)?);
     let mut done = Vec::with_capacity(checks.len());
     for (index, check) in checks.iter().enumerate() {

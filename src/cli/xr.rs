@@ -34,7 +34,7 @@ pub struct XrArguments {
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Exit after this many frames.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), allow_negative_numbers = true)]
     frames: Option<u64>,
 }
 

@@ -65,6 +65,7 @@ pub struct SpinConfig {
     pub period_s: Option<f64>,
     /// Rotation angle at 2000-01-01T12:00:00Z.
     #[serde(default)]
+    #[schemars(range(min = -360.0, max = 360.0), extend("x-unit" = "degrees"))]
     pub phase_deg: f64,
 }
 

@@ -72,7 +72,7 @@ impl Config {
         camera_m: DVec3,
     ) -> Result<DVec3, KeyError> {
         let fault = |problem: &dyn Display| KeyError::new("at", format!("`{name}`: {problem}"));
-        let Some(body) = self.bodies.iter().find(|body| body.name.eq_ignore_ascii_case(name)) else {
+        let Some(body) = self.bodies.iter().find(|body| names::is_same(&body.name, name)) else {
             let without = Epoch { years: time_s / JULIAN_YEAR_S, seen_from: None };
             let epoch = observer.map_or(without, |observer| observer.epoch.of_stars());
             let named = named_bright_stars(epoch.years);

@@ -1,7 +1,8 @@
-//! Rules of `[stars]`, `[glare]`, `[exposure]` and `[tone_map]` that tie several keys together. The ranges of single keys are attributes
+//! Rules of `[stars]`, `[glare]`, `[exposure]` and `[tone_map]` that tie several keys together. Keys without effect are refused, unless [`super::effects`]
+//! warns of them. The ranges of single keys are attributes
 //! of the fields and have been checked before.
 
-use crate::ranges::KeyError;
+use crate::ranges::{KeyEffects, KeyError, Obstacle, PartialSettings};
 use crate::{
     photometry::{
         glare::GlareKernelName,
@@ -54,15 +55,32 @@ fn check_gaussian_psf(gaussian: &GaussianPsfSettings) -> Result<(), KeyError> {
     Ok(())
 }
 
+/// The general settings that `keys` make of the defaults, if every key has an effect: in them, or in a view that changes them by keys of `views`.
+pub(super) fn general_settings<S: KeyEffects + Default>(keys: &S::Keys, views: &[&S::Keys]) -> Result<S, KeyError> {
+    let general = S::default().with_keys(keys);
+    match useless_keys(&general, keys, views).into_iter().next() {
+        None => Ok(general),
+        Some((key, obstacle)) => Err(KeyError::new(key, obstacle.to_string())),
+    }
+}
+
+/// The given keys that have an effect neither in the general settings nor in those of a view.
+pub(super) fn useless_keys<S: KeyEffects>(
+    general: &S,
+    keys: &S::Keys,
+    views: &[&S::Keys],
+) -> Vec<(&'static str, Obstacle)> {
+    let uses = |own: &S::Keys, key: &str| !own.given().contains(&key) && general.with_keys(own).obstacle(key).is_none();
+    let useless = |key| Some((key, general.obstacle(key).filter(|_| !views.iter().any(|own| uses(own, key)))?));
+    keys.given().into_iter().filter_map(useless).collect()
+}
+
 pub(super) fn check_glare(glare: &GlareSettings) -> Result<(), KeyError> {
     if glare.kernel == GlareKernelName::Psf && glare.psf_file.is_none() {
         let problem = "missing key: kernel = \"psf\" needs a file, CSV with the columns theta_deg,per_sr, EXR or FITS";
         return Err(KeyError::new("psf_file", problem));
     }
-    if glare.absolute {
-        if glare.kernel != GlareKernelName::Cie {
-            return Err(KeyError::new("absolute", "true needs kernel = \"cie\": the other kernels are relative"));
-        }
+    if glare.is_absolute() {
         let share = glare.fraction_scattered();
         if share > 1.0 {
             let (age, inner) = (glare.age_years, glare.inner_deg);

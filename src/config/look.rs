@@ -8,6 +8,20 @@ use super::error::finite;
 use crate::observer::{Frame, frame_from_camera};
 use crate::ranges::KeyError;
 
+/// Largest longitude and roll, degrees: a full turn in both directions.
+pub(crate) const MOST_TURN_DEG: f64 = 360.0;
+/// Largest angle above the middle of the picture, degrees.
+pub(crate) const MOST_ABOVE_DEG: f64 = 180.0;
+
+/// Returns the fault of an angle that is not finite or beyond `most` in either direction.
+fn check_angle(key: &str, value: f64, most: f64) -> Result<(), KeyError> {
+    finite(key, value)?;
+    if value.abs() > most {
+        return Err(KeyError::new(key, format!("{value}: must be between -{most} and {most}")));
+    }
+    Ok(())
+}
+
 /// Where a camera looks. The frame's pole is up.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -16,21 +30,28 @@ pub struct Look {
     /// it those of the direction's keys, or `icrs`.
     pub frame: Option<Frame>,
     /// Right ascension; frame `icrs`.
+    #[schemars(range(min = -360.0, max = 360.0))]
     pub ra_deg: Option<f64>,
-    /// Declination, -90 to 90; frame `icrs`.
+    /// Declination; frame `icrs`.
+    #[schemars(range(min = -90.0, max = 90.0), extend("x-unit" = "degrees"))]
     pub dec_deg: Option<f64>,
     /// Azimuth, from north through east; frame `horizon`.
+    #[schemars(range(min = -360.0, max = 360.0))]
     pub azimuth_deg: Option<f64>,
-    /// Altitude, -90 to 90; frame `horizon`.
+    /// Altitude; frame `horizon`.
+    #[schemars(range(min = -90.0, max = 90.0), extend("x-unit" = "degrees"))]
     pub altitude_deg: Option<f64>,
     /// Longitude; frames `galactic` and `ecliptic`, and those of bodies, east.
+    #[schemars(range(min = -360.0, max = 360.0))]
     pub longitude_deg: Option<f64>,
-    /// Latitude, -90 to 90; frames `galactic` and `ecliptic`, and those of bodies.
+    /// Latitude; frames `galactic` and `ecliptic`, and those of bodies.
+    #[schemars(range(min = -90.0, max = 90.0), extend("x-unit" = "degrees"))]
     pub latitude_deg: Option<f64>,
     /// Name of a body, of a star of `builtin:bright` (such as `Sirius`, `alf CMa` or `HR 2491`) or of a constellation, instead of a direction.
     pub at: Option<String>,
     /// By which the top of the picture is turned to the left: in frame `icrs` its position angle, from north through east.
     #[serde(default)]
+    #[schemars(range(min = -360.0, max = 360.0))]
     pub roll_deg: f64,
     /// Angle by which the direction is above the middle of the picture, towards its top: a dome master shows it so far above its front rim.
     #[serde(default)]
@@ -80,7 +101,7 @@ fn keys(frame: Frame) -> [&'static str; 2] {
 impl Look {
     /// The checked direction; a fault names the key within it.
     pub(super) fn aim(&self) -> Result<Aim, KeyError> {
-        finite("roll_deg", self.roll_deg)?;
+        check_angle("roll_deg", self.roll_deg, MOST_TURN_DEG)?;
         let given = [
             ("ra_deg", self.ra_deg, Frame::Icrs),
             ("dec_deg", self.dec_deg, Frame::Icrs),
@@ -104,10 +125,7 @@ impl Look {
             let problem = format!("not a key of this frame: it has {longitude} and {latitude}");
             return Err(KeyError::new(*key, problem));
         }
-        finite("above_deg", self.above_deg)?;
-        if self.above_deg.abs() > 180.0 {
-            return Err(KeyError::new("above_deg", format!("{}: must be between -180 and 180", self.above_deg)));
-        }
+        check_angle("above_deg", self.above_deg, MOST_ABOVE_DEG)?;
         let (roll_rad, above_rad) = (self.roll_deg.to_radians(), self.above_deg.to_radians());
         if let Some(body) = &self.at {
             return match given.first() {
@@ -123,9 +141,8 @@ impl Look {
             Ok::<f64, KeyError>(value)
         };
         let [longitude_deg, latitude_deg] = [needed(longitude)?, needed(latitude)?];
-        if latitude_deg.abs() > 90.0 {
-            return Err(KeyError::new(latitude, format!("{latitude_deg}: must be between -90 and 90")));
-        }
+        check_angle(longitude, longitude_deg, MOST_TURN_DEG)?;
+        check_angle(latitude, latitude_deg, 90.0)?;
         let towards = Towards::Direction([frame.longitude_rad(longitude_deg), latitude_deg.to_radians()]);
         Ok(Aim { frame, towards, roll_rad, above_rad })
     }
@@ -158,6 +175,9 @@ mod tests {
             ("ra_deg = 3", "dec_deg", "missing"),
             ("ra_deg = 3\ndec_deg = 91", "dec_deg", "between -90 and 90"),
             ("ra_deg = nan\ndec_deg = 9", "ra_deg", "finite"),
+            ("ra_deg = 1e300\ndec_deg = 9", "ra_deg", "between -360 and 360"),
+            ("ra_deg = 3\ndec_deg = 9\nroll_deg = -361", "roll_deg", "between -360 and 360"),
+            ("ra_deg = 3\ndec_deg = 9\nabove_deg = 181", "above_deg", "between -180 and 180"),
             ("longitude_deg = 3\nlatitude_deg = 9", "frame", "galactic"),
             ("frame = \"galactic\"\nra_deg = 3\ndec_deg = 9", "ra_deg", "longitude_deg and latitude_deg"),
             ("azimuth_deg = 3\ndec_deg = 9", "azimuth_deg", "not a key of this frame"),

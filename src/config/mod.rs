@@ -19,6 +19,7 @@ mod headset;
 mod keys;
 mod limits;
 mod look;
+mod names;
 mod observer;
 mod overlay;
 mod overrides;
@@ -44,14 +45,15 @@ pub use error::ConfigError;
 pub use film::{Easing, ExposureKey, FilmPath, FovKey, FrameValues, Keyframe};
 pub use keys::{with_keys_of, with_same_keys};
 pub use look::Look;
+pub(crate) use look::{MOST_ABOVE_DEG, MOST_TURN_DEG};
 pub use observer::ObserverConfig;
 pub use overlay::{LabelConfig, OverlayConfig};
 pub use projector::{BlendConfig, ProjectorConfig, ProjectorMethod, RowsConfig};
 pub use scene::{CameraConfig, CatalogueConfig, LightConfig, LightUnit, SceneConfig};
 use schemars::JsonSchema;
 use serde::Deserialize;
-pub(crate) use server::hidden_character;
 pub use server::{CertificateConfig, Role, ServerConfig, Sha256Hex, TlsConfig, TokenConfig, UNIX_PREFIX, parse_listen};
+pub(crate) use server::{check_holder, hidden_character};
 pub use surroundings::{AirConfig, GroundConfig, MOST_POINTS as MOST_HORIZON_POINTS};
 use toml::{Table, Value};
 pub use view_settings::{ViewSettingsError, resolve_views};
@@ -69,8 +71,8 @@ use crate::ephemeris::{Ephemeris, Kernels};
 use crate::files;
 use crate::observer::{Moment, Observer};
 use crate::plan::settings::{
-    AccuracySettings, AsteroidSettings, ExposureKeys, ExposureSettings, ExposureValues, GlareSettings, HeadsetSettings,
-    RenderSettings, StarSettings, ToneMapSettings,
+    AccuracySettings, AsteroidSettings, ExposureKeys, ExposureSettings, ExposureValues, GlareKeys, GlareSettings,
+    HeadsetSettings, RenderSettings, StarSettings, ToneMapKeys, ToneMapSettings,
 };
 use crate::plan::view_settings::{FrameGroup, ViewSettings, frame_groups};
 pub use crate::ranges::KeyError;
@@ -158,12 +160,14 @@ struct Sections {
     #[serde(default)]
     stars: StarSettings,
     #[serde(default)]
-    glare: GlareSettings,
+    #[schemars(with = "GlareSettings")]
+    glare: GlareKeys,
     #[serde(default)]
     #[schemars(with = "ExposureValues")]
     exposure: ExposureKeys,
     #[serde(default)]
-    tone_map: ToneMapSettings,
+    #[schemars(with = "ToneMapSettings")]
+    tone_map: ToneMapKeys,
     #[serde(default)]
     accuracy: AccuracySettings,
     #[serde(default)]
@@ -245,7 +249,8 @@ impl Config {
         }
         let loaded = Self::from_table(table, origin, folder);
         let written = |config| Self { pictured: pictured.to_string(), shared: shared.to_string(), ..config };
-        loaded.and_then(check_views).map(written).map_err(|fault| {
+        let loaded = loaded.and_then(check_views).map(written).inspect(effects::warn);
+        loaded.map_err(|fault| {
             // Name the last override that set the key; for an unknown table, the one that created it.
             let key = fault.key.split(" (").next().unwrap_or_default();
             let below = |inner: &str, outer: &str| {
@@ -318,7 +323,9 @@ impl Config {
         // The entries of lists are checked one by one, so that messages have their names.
         let mut unlisted = table;
         [VIEWS, BODIES, FIELDS, WINDOWS, NODES].iter().for_each(|named| drop(unlisted.remove(named.list)));
-        document::check_ranges::<Sections>(&Value::Table(unlisted))?;
+        let unlisted = Value::Table(unlisted);
+        document::check_ranges::<Sections>(&unlisted)?;
+        unlisted.as_table().map_or(Ok(()), effects::check_given)?;
         let views = each(&VIEWS, sections.views, ViewSpec::from_table)?;
         let mut bodies = each(&BODIES, sections.bodies, BodyConfig::from_table)?;
         if sections.scene.has_solar_system() {
@@ -333,8 +340,13 @@ impl Config {
         let nodes = each(&NODES, sections.nodes, |table| document::read(Value::Table(table)))?;
         let mut stars = sections.stars;
         stars.psf_texture.file = stars.psf_texture.file.map(|file| folder.join(file));
-        let mut glare = sections.glare;
+        let of_views: Vec<&GlareKeys> = views.iter().filter_map(|view| view.glare.as_ref()).collect();
+        let mut glare: GlareSettings =
+            limits::general_settings(&sections.glare, &of_views).map_err(|fault| fault.within("glare"))?;
         glare.psf_file = glare.psf_file.map(|file| folder.join(file));
+        let of_views: Vec<&ToneMapKeys> = views.iter().filter_map(|view| view.tone_map.as_ref()).collect();
+        let tone_map: ToneMapSettings =
+            limits::general_settings(&sections.tone_map, &of_views).map_err(|fault| fault.within("tone_map"))?;
         let exposure = limits::check_exposure(&sections.exposure, &ExposureSettings::default(), stars.method)
             .map_err(|fault| fault.within("exposure"))?;
         let config = Self {
@@ -352,7 +364,7 @@ impl Config {
             stars,
             glare,
             exposure,
-            tone_map: sections.tone_map,
+            tone_map,
             accuracy: sections.accuracy,
             headset: sections.headset,
             windows,

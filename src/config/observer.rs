@@ -32,11 +32,13 @@ pub struct ObserverConfig {
     #[schemars(range(min = -12_000.0, max = 1e6), extend("x-unit" = "m"))]
     pub height_m: f64,
     /// Azimuth of the direction that the camera looks to, from north through east; 180 (south) by default.
+    #[schemars(range(min = -360.0, max = 360.0))]
     pub azimuth_deg: Option<f64>,
     /// Altitude of that direction; 0 (the horizon) by default.
     #[schemars(range(min = -90.0, max = 90.0))]
     pub altitude_deg: Option<f64>,
     /// Angle by which the top of the picture is turned to the left; 0 by default.
+    #[schemars(range(min = -360.0, max = 360.0))]
     pub roll_deg: Option<f64>,
     /// A direction in another frame, or a body, instead of these keys. A body without a frame is followed in the horizon frame.
     pub look: Option<Look>,

@@ -41,6 +41,7 @@ pub struct LabelConfig {
     /// Text, one line of at most 64 characters; the name by default.
     pub text: Option<String>,
     /// Right ascension (ICRS) of a direction.
+    #[schemars(range(min = -360.0, max = 360.0), extend("x-unit" = "degrees"))]
     pub ra_deg: Option<f64>,
     /// Declination (ICRS) of a direction.
     #[schemars(range(min = -90.0, max = 90.0), extend("x-unit" = "degrees"))]
@@ -77,6 +78,7 @@ pub struct PictureConfig {
     /// A PNG of 8 bits per channel, with or without alpha. Relative paths start at the configuration's folder.
     pub file: PathBuf,
     /// Right ascension (ICRS) of its middle; north is up.
+    #[schemars(range(min = -360.0, max = 360.0), extend("x-unit" = "degrees"))]
     pub ra_deg: Option<f64>,
     /// Declination (ICRS) of its middle.
     #[schemars(range(min = -90.0, max = 90.0), extend("x-unit" = "degrees"))]

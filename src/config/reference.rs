@@ -216,7 +216,9 @@ const HEAD: &str = "# Configuration
 
 <!-- Generated from the types: `STERADIAN_WRITE_REFERENCE=1 cargo test --release --test program configuration_reference` -->
 
-Configurations are TOML. Unknown keys and values out of range are refused with file, key and what is allowed. All sections and,
+Configurations are TOML. Unknown keys and values out of range are refused with file, key and what is allowed. Keys that have no effect with the
+other keys are refused too, such as `tone_map.peak_cd_m2` with `operator = \"filmic\"`. Those that clients can put into effect at run time are kept, and
+a warning names them: the tables of star methods, `glare.psf_file`, `glare.weights`, and the keys of air and ground with `enabled = false`. All sections and,
 unless a dash stands in the column *default*, all keys may be left out. Paths of files are relative to the folder of the
 configuration. `--set key=value` overrides a key for one run; an element of a list is named by its index or, if it has one, its
 name: `--set views.dome.tilt_deg=15`, `--set scene.catalogues.0=my.csv`.

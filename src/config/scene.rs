@@ -31,7 +31,7 @@ pub struct SceneConfig {
     /// Star catalogues, concatenated: `"builtin:bright"`, files (CSV, TSV, ECSV, JSON, VOTable, FITS or Parquet, also compressed with gzip; or stores), `{ galaxy = { ... } }` for synthetic stars, or `{ light = { ... } }` for a map of light that does not come from single stars.
     pub catalogues: Vec<CatalogueConfig>,
     /// Time shown, with its offset from UTC, or `"now"`: spins and ephemerides follow it. Days have 86,400 s; a 60th second is the first of the next minute. Dates are of the Gregorian calendar, also before 1582.
-    /// Text may have a signed year from `"-6000-01-01T00:00:00Z"` (year 0 is 1 BC) to `"+10000-12-31T23:59:59Z"`, end with ` julian` for a date of the Julian calendar, or be a Julian date: `"JD 2451545.0"`.
+    /// Text may have a signed year from `"-6000-01-01T00:00:00Z"` (year 0 is 1 BC) to `"+10000-12-31T23:59:59Z"`, end with ` julian` for a date of the Julian calendar, or be a Julian date, `"JD 2451545.0"`, or a modified one, `"MJD 51544.5"`.
     #[schemars(schema_with = "super::reference::time")]
     pub time: WrittenTime,
     /// Seconds of the scene per real second in `serve`, `show` and `xr`; negative: backwards. The default is 1 with `time = "now"`, otherwise 0.

@@ -170,6 +170,15 @@ pub fn parse_listen(text: &str) -> Result<String, String> {
     Ok(text.to_owned())
 }
 
+/// Checks the name of a holder; the error states what is valid.
+pub(crate) fn check_holder(name: &str) -> Result<(), String> {
+    if !name.is_empty() && name.chars().count() <= MOST_NAME && hidden_character(name).is_none() {
+        return Ok(());
+    }
+    let name = name.escape_debug();
+    Err(format!("`{name}`: must have between 1 and {MOST_NAME} characters, without control and format characters"))
+}
+
 /// The log identifies holders by these names, so they must be unique.
 pub(super) fn check(server: &ServerConfig) -> Result<(), KeyError> {
     let tokens = server.tokens.iter().enumerate().map(|(index, token)| (format!("tokens[{index}].name"), &token.name));
@@ -178,15 +187,7 @@ pub(super) fn check(server: &ServerConfig) -> Result<(), KeyError> {
         certificates.map(|(index, certificate)| (format!("certificates[{index}].name"), &certificate.name));
     let mut known: Vec<&String> = Vec::new();
     for (key, name) in tokens.chain(certificates) {
-        if name.is_empty() || name.chars().count() > MOST_NAME || hidden_character(name).is_some() {
-            return Err(KeyError::new(
-                &key,
-                format!(
-                    "`{}`: must have between 1 and {MOST_NAME} characters, without control and format characters",
-                    name.escape_debug()
-                ),
-            ));
-        }
+        check_holder(name).map_err(|problem| KeyError::new(&key, problem))?;
         if known.contains(&name) {
             return Err(KeyError::new(&key, format!("`{name}` is the name of another one: names must be unique")));
         }

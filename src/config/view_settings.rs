@@ -8,7 +8,7 @@ use super::{limits, views::ViewSpec};
 use crate::plan::settings::RenderSettings;
 use crate::plan::view_settings::{ExposureGroup, ViewSettings};
 use crate::ranges;
-use crate::ranges::KeyError;
+use crate::ranges::{KeyEffects, KeyError};
 use crate::view::check_name;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -46,12 +46,14 @@ fn settings_alone(general: &RenderSettings, spec: &ViewSpec, folder: &Path) -> R
     }
     if let Some(own) = &spec.glare {
         check_numbers(own, "glare")?;
+        general.glare.check_effects(own).map_err(|fault| fault.within("glare"))?;
         let mut own = own.clone();
         own.psf_file = own.psf_file.map(|file| folder.join(file));
         settings.glare = general.glare.with(&own);
     }
     if let Some(own) = &spec.tone_map {
         check_numbers(own, "tone_map")?;
+        general.tone_map.check_effects(own).map_err(|fault| fault.within("tone_map"))?;
         settings.tone_map = general.tone_map.with(own);
     }
     limits::check_glare(&settings.glare).map_err(|fault| fault.within("glare"))?;

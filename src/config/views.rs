@@ -21,6 +21,9 @@ use crate::scene::{PoseError, finite_vector, unit_quaternion};
 use crate::view::projection::{Face, FisheyeMapping, MAX_EDGE_DEG, ProjectionError};
 use crate::view::{Fov, MAX_EYE_OFFSET_M, Packing, RigError, View, ViewKind};
 
+/// Greatest length of a view's name, which becomes the name of files.
+const MOST_NAME: usize = 64;
+
 /// Names of the types, the values of `type`.
 pub const VIEW_TYPES: [&str; 7] =
     ["perspective", "stereo", "cubemap", "fisheye", "dome_master", "equirectangular", "projector"];
@@ -30,7 +33,7 @@ pub const VIEW_TYPES: [&str; 7] =
 #[serde(default, deny_unknown_fields)]
 #[schemars(rename = "CommonKeysOfViews")]
 pub struct ViewSpec {
-    /// Unique name: letters, digits, `_` and `-`.
+    /// Unique name: at most 64 letters, digits, `_` and `-`.
     pub name: String,
     /// Type of the view, and its position and orientation.
     #[serde(skip)]
@@ -205,6 +208,7 @@ pub struct DomeMasterSpec {
     pub fov_deg: f64,
     /// Tilt of the dome towards the front.
     #[serde(default)]
+    #[schemars(range(min = -360.0, max = 360.0), extend("x-unit" = "degrees"))]
     pub tilt_deg: f64,
     /// Interpupillary distance: makes a picture for each eye, in omni-directional stereo.
     #[schemars(range(min = 0.0, max = 2.0 * MAX_EYE_OFFSET_M), extend("x-unit" = "m"))]
@@ -336,6 +340,10 @@ impl ViewSpec {
 
     /// The rig's view; a fault names the key within the view. `folder` is where relative paths start; without one no file is read.
     pub(super) fn view(&self, folder: Option<&Path>) -> Result<View, KeyError> {
+        if self.name.len() > MOST_NAME {
+            let problem = format!("{} characters: must have at most {MOST_NAME}", self.name.len());
+            return Err(KeyError::new("name", problem));
+        }
         let ViewGeometry { kind, orientation, position_m } = &self.geometry;
         let orientation = unit_quaternion(*orientation).map_err(|error| pose_fault(&error))?;
         let position_m = finite_vector("position_m", *position_m).map_err(|error| pose_fault(&error))?;

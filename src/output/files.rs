@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::encode::{EncodeError, Encoding, encode};
 use super::provenance::Provenance;
-use crate::files::write_whole;
+use crate::files::{self, write_whole};
 use crate::plan::FramePlan;
 use crate::render::{AsteroidCounts, Frame, FrameImage, FrameTimes, ViewStatistics};
 use crate::view::{Rig, View};
@@ -120,6 +120,15 @@ pub fn write_frame(
     written: &(dyn Fn(&Path) + Sync),
 ) -> Result<Vec<PathBuf>, OutputError> {
     write_frames(folder, rig, std::slice::from_ref(frame), provenance, written)
+}
+
+/// Checks that files can be written into a folder, before the work whose results they are. The folder is not created.
+///
+/// # Errors
+///
+/// The folder, or the one in which it would be created, is a file or cannot be written.
+pub fn check_folder(folder: &Path) -> Result<(), OutputError> {
+    files::check_folder(folder).map_err(|source| OutputError::Write { path: folder.to_owned(), source })
 }
 
 /// Writes every HDR image of the frames as EXR and every display image as PNG, the times and the manifest into

@@ -13,7 +13,7 @@ mod video;
 #[cfg(feature = "cli")]
 pub(crate) use encode::png_of;
 pub use encode::{EncodeError, Encoding, encode};
-pub use files::{OutputError, write_frame, write_frames};
+pub use files::{OutputError, check_folder, write_frame, write_frames};
 pub use packing::pack;
 pub use reduce::reduced;
 pub use video::VideoEncoder;

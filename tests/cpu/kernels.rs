@@ -102,12 +102,21 @@ fn an_observer_sees_a_satellite_from_their_position() {
 fn bodies_missing_from_kernels_are_refused() {
     let tilted = Segment { axes: 17, ..comet() };
     let adrift = Segment { target: -9, centre: -8, ..probe() };
+    let whole = kernel(&[probe()]);
+    let cut = |bytes: usize| whole[..bytes].to_vec();
+    let mut big_endian = whole.clone();
+    big_endian[88..96].copy_from_slice(b"BIG-IEEE");
+    let incomplete = "the kernel is damaged or incomplete";
     let folder = written(&[
         ("a.bsp", kernel(&[probe()])),
         ("tilted.bsp", kernel(&[tilted])),
         ("adrift.bsp", kernel(&[adrift])),
         ("none.bsp", b"DAF/SPK".to_vec()),
         ("text.bsp", b"KPL/LSK".to_vec()),
+        ("cut.bsp", cut(3 * 1024 + 80)),
+        ("cut-in-summaries.bsp", cut(1500)),
+        ("cut-in-head.bsp", cut(500)),
+        ("big-endian.bsp", big_endian),
     ]);
     let later = Segment { covered_s: [TDB_S + 1e6, 1000.0], ..comet() };
     fs::write(folder.path().join("later.bsp"), kernel(&[later])).unwrap();
@@ -118,7 +127,19 @@ fn bodies_missing_from_kernels_are_refused() {
         ("kernels = ['text.bsp']", body("x", -82), vec!["scene.kernels", "text.bsp", "DAF/SPK"]),
         ("kernels = ['none.bsp']", body("x", -82), vec!["scene.kernels", "none.bsp"]),
         ("kernels = ['tilted.bsp']", body("x", 1_000_012), vec!["scene.kernels", "1000012", "axes 17"]),
-        ("kernels = ['adrift.bsp']", body("x", -9), vec!["bodies[0].ephemeris", "spk:-9"]),
+        (
+            "kernels = ['adrift.bsp']",
+            body("x", -9),
+            vec!["bodies[0].ephemeris", "spk:-9", "relative to spk:-8: not in"],
+        ),
+        (
+            "kernels = ['cut.bsp']",
+            body("x", -82),
+            vec!["scene.kernels", "cut.bsp", incomplete, "385 to 396", "has 394"],
+        ),
+        ("kernels = ['cut-in-summaries.bsp']", body("x", -82), vec!["cut-in-summaries.bsp", incomplete]),
+        ("kernels = ['cut-in-head.bsp']", body("x", -82), vec!["cut-in-head.bsp", incomplete]),
+        ("kernels = ['big-endian.bsp']", body("x", -82), vec!["big-endian.bsp", "LTL-IEEE"]),
         ("kernels = ['later.bsp']", body("x", 1_000_012), vec!["bodies[0].ephemeris", "scene.time", "2026-12-05T"]),
         ("", body("x", -82).replace("-82", "Cassini"), vec!["bodies[0].ephemeris", "spk:Cassini", "NAIF"]),
         ("", body("x", -82).replace("spk:-82", "pluto"), vec!["bodies[0].ephemeris", "pluto", "neptune", "spk:"]),

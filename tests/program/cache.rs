@@ -158,3 +158,15 @@ fn tests_keep_their_caches_out_of_the_users_folder() {
     let folder = PathBuf::from(folder.expect(".cargo/config.toml sets it"));
     assert!(folder.starts_with(Path::new(env!("CARGO_MANIFEST_DIR")).join("target")), "{}", folder.display());
 }
+
+#[test]
+fn a_file_at_the_place_of_the_folder_is_reported_once_and_nothing_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("c.toml"), STARS).unwrap();
+    let cache = folder.path().join("cache");
+    fs::write(&cache, "a file").unwrap();
+    let log = render(folder.path(), &cache, &[]);
+    assert_eq!(log.matches("WARN").count(), 1, "{log}");
+    assert!(log.contains("cannot be used, and nothing is kept: it is a file"), "{log}");
+    assert_eq!(fs::read(&cache).unwrap(), b"a file");
+}

@@ -1,6 +1,7 @@
 //! The program as scripts see it: output streams and exit codes.
 
 mod deep_stores;
+mod refusals;
 mod serve;
 
 use std::path::Path;
@@ -352,8 +353,13 @@ fn render_exits_64_for_configuration_65_for_catalogues_69_for_adapters() {
     }
     assert!(!folder.path().join("out").exists());
     file("out", "a file at the path of the folder");
-    let (_, err) = run(folder.path(), &["render", "--out", "out", "--config", "sky.toml"], 1);
-    assert!(err.contains("cannot write out"), "{err}");
+    // A folder that cannot be written is found before anything is drawn: no star is loaded.
+    let no_folder = ["/proc/none"].into_iter().filter(|_| cfg!(target_os = "linux"));
+    for out in ["out", "out/inner"].into_iter().chain(no_folder) {
+        let (_, err) = run(folder.path(), &["render", "--out", out, "--config", "lost.toml"], 1);
+        assert!(err.contains(&format!("cannot write {out}")), "{err}");
+        assert_eq!(err.contains("is a file, and a folder is needed"), out.starts_with("out"), "{err}");
+    }
 }
 
 #[test]

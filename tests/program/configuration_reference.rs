@@ -123,13 +123,27 @@ fn ranges() -> Vec<(String, Range)> {
     let elsewhere = ["exposure", "glare", "tone_map", "source_scale", "gamma", "white_cd_m2", "black_cd_m2"];
     let is_here =
         |key: &str| key.strip_prefix("views[].").is_none_or(|key| !elsewhere.contains(&key.split('.').next().unwrap()));
+    // A camera without an observer has no horizon.
+    let has_no_frame = ["scene.camera.look.azimuth_deg", "scene.camera.look.altitude_deg"];
     let all = Ranges::of(&reference::schema());
-    all.iter().filter(|(key, _)| is_here(key)).map(|(key, range)| (key.to_owned(), range.clone())).collect()
+    all.iter()
+        .filter(|(key, _)| is_here(key) && !has_no_frame.contains(key))
+        .map(|(key, range)| (key.to_owned(), range.clone()))
+        .collect()
 }
 
 /// An overlay with an observer.
 fn on_earth(overlay: Value) -> Value {
     json!({ "overlay": overlay, "scene": { "observer": { "latitude_deg": 0.0, "longitude_deg": 0.0 } } })
+}
+
+/// A look in whose frame the key of a range is.
+fn look_with(key: &str) -> Value {
+    match key.rsplit('.').next().unwrap() {
+        "azimuth_deg" | "altitude_deg" => json!({ "azimuth_deg": 0.0, "altitude_deg": 0.0 }),
+        "longitude_deg" | "latitude_deg" => json!({ "frame": "galactic", "longitude_deg": 0.0, "latitude_deg": 0.0 }),
+        _ => json!({ "ra_deg": 0.0, "dec_deg": 0.0 }),
+    }
 }
 
 /// Returns complete documents that contain the key of a range, as JSON in which the key's value is to be replaced.
@@ -180,17 +194,25 @@ fn documents(range_key: &str) -> Vec<Value> {
         _ => {
             // Other keys that a bound requires.
             let others = match range_key {
-                "scene.camera.look.above_deg" => {
-                    json!({ "scene": { "camera": { "look": { "ra_deg": 0.0, "dec_deg": 0.0 } } } })
+                key if key.starts_with("scene.camera.look.") => {
+                    json!({ "scene": { "camera": { "look": look_with(key) } } })
                 }
-                "scene.observer.look.above_deg" => {
-                    let look = json!({ "azimuth_deg": 0.0, "altitude_deg": 0.0 });
+                key if key.starts_with("scene.observer.look.") => {
+                    let look = look_with(key);
                     json!({ "scene": { "observer": { "latitude_deg": 0.0, "longitude_deg": 0.0, "look": look } } })
+                }
+                "scene.observer.ground.landscape_azimuth_deg" => {
+                    let ground = json!({ "landscape": "hills.png" });
+                    json!({ "scene": { "observer": { "latitude_deg": 0.0, "longitude_deg": 0.0, "ground": ground } } })
                 }
                 key if key.starts_with("scene.observer.") => {
                     json!({ "scene": { "observer": { "latitude_deg": 0.0, "longitude_deg": 0.0 } } })
                 }
-                "tone_map.black_cd_m2" => json!({ "tone_map": { "peak_cd_m2": 1e6 } }),
+                "tone_map.white" => json!({ "tone_map": { "operator": "reinhard" } }),
+                "tone_map.peak_cd_m2" => json!({ "tone_map": { "operator": "calibrated" } }),
+                "tone_map.black_cd_m2" => json!({ "tone_map": { "operator": "calibrated", "peak_cd_m2": 1e6 } }),
+                "glare.age_years" => json!({ "glare": { "kernel": "cie" } }),
+                "accuracy.hdr_floor_cd_m2" => json!({ "accuracy": { "hdr": 0.01 } }),
                 "stars.psf_texture.diameter_mm" => json!({ "stars": { "psf_texture": { "file": "star.exr" } } }),
                 "stars.psf_texture.width_arcmin" => json!({ "stars": { "psf_texture": { "file": "star.exr" } } }),
                 "stars.billboard.brightest_magnitude" => {
@@ -221,6 +243,8 @@ fn documents(range_key: &str) -> Vec<Value> {
     let all = kinds.iter().map(|kind| listed(list, kind));
     let has = |table: &Map<String, Value>| match keys.as_slice() {
         ["emission", ..] => table.contains_key("emission"),
+        ["spin", ..] => table.contains_key("position_m"),
+        ["tilt_deg"] => table["type"] == "dome_master",
         ["position_m"] => true,
         ["fov_deg"] => table["type"] == "fisheye" || table["type"] == "dome_master",
         [key, ..] => table.contains_key(*key),

@@ -11,7 +11,10 @@ use std::{
     fs::{self, File, FileTimes, Metadata},
     io::{self, Write},
     path::{Path, PathBuf},
-    sync::{Arc, PoisonError, RwLock},
+    sync::{
+        Arc, PoisonError, RwLock,
+        atomic::{AtomicBool, Ordering::Relaxed},
+    },
     time::SystemTime,
 };
 
@@ -24,6 +27,9 @@ use crate::files;
 /// Last letters of the names of entries; other files of the folder are left alone.
 const SUFFIX: &str = ".kept";
 const MAGIC: [u8; 8] = *b"STERKEPT";
+
+/// Whether this process has warned that an entry cannot be kept.
+static WARNED: AtomicBool = AtomicBool::new(false);
 
 static OF_PROCESS: RwLock<Option<Arc<Cache>>> = RwLock::new(None);
 
@@ -165,7 +171,12 @@ impl Cache {
                 part.name
             );
         } else if let Err(problem) = self.keep(&path, &key, &bytes) {
-            tracing::warn!(file = %path.display(), %problem, "cannot keep the {} in the cache", part.name);
+            // Other entries will most likely fail for the same reason, so that one warning is enough.
+            if WARNED.swap(true, Relaxed) {
+                tracing::debug!(file = %path.display(), %problem, "cannot keep the {} in the cache", part.name);
+            } else {
+                tracing::warn!(file = %path.display(), %problem, "cannot keep the {} in the cache", part.name);
+            }
         }
         Ok(content)
     }

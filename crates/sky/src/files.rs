@@ -80,7 +80,17 @@ pub fn read_bounded(path: &Path, most_bytes: u64) -> io::Result<Vec<u8>> {
 /// The same for a text file.
 pub fn read_text_bounded(path: &Path, most_bytes: u64) -> io::Result<String> {
     let bytes = read_bounded(path, most_bytes)?;
-    String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
+    String::from_utf8(bytes).map_err(|error| {
+        let (valid, bytes) = (error.utf8_error().valid_up_to(), error.as_bytes());
+        // A file of UTF-16 begins with its mark of byte order.
+        let problem = if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
+            "it is UTF-16: save it as UTF-8".to_owned()
+        } else {
+            let line = bytes[..valid].iter().filter(|byte| **byte == b'\n').count() + 1;
+            format!("line {line} is not UTF-8: save the file as UTF-8")
+        };
+        io::Error::new(io::ErrorKind::InvalidData, problem)
+    })
 }
 
 /// Reads the first layer of an OpenEXR file, all channels at full resolution. The decoder allocates everything that
@@ -136,6 +146,29 @@ pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
+/// Whether two paths lead to one existing file: through links, too.
+pub fn is_same_file(first: &Path, second: &Path) -> bool {
+    let (Ok(first_metadata), Ok(second_metadata)) = (fs::metadata(first), fs::metadata(second)) else { return false };
+    match (platform::identity(&first_metadata), platform::identity(&second_metadata)) {
+        (Some(first), Some(second)) => first == second,
+        _ => matches!((fs::canonicalize(first), fs::canonicalize(second)), (Ok(first), Ok(second)) if first == second),
+    }
+}
+
+/// Checks that a folder exists or can be created, and that files can be written into it. Nothing is left behind.
+///
+/// # Errors
+///
+/// It, or the folder in which it would be created, is a file or cannot be written.
+pub fn check_folder(folder: &Path) -> io::Result<()> {
+    let existing = folder.ancestors().find(|path| path.exists()).unwrap_or(Path::new("."));
+    if !existing.is_dir() {
+        let which = if existing == folder { "it".to_owned() } else { existing.display().to_string() };
+        return Err(io::Error::new(io::ErrorKind::NotADirectory, format!("{which} is a file, and a folder is needed")));
+    }
+    beside(&existing.join("file")).map(drop)
+}
+
 /// Creates a temporary file in the folder of `path`, with the permissions of any new file (by default only its owner
 /// can read a temporary file).
 pub fn beside(path: &Path) -> io::Result<NamedTempFile> {
@@ -177,6 +210,19 @@ mod tests {
     use super::*;
 
     #[test]
+    fn folders_are_checked_without_being_created() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        write_whole(&path, b"x").unwrap();
+        let new = folder.path().join("new/inner");
+        assert!(check_folder(folder.path()).is_ok() && check_folder(&new).is_ok());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing was created");
+        let problem = |path: &Path| check_folder(path).unwrap_err().to_string();
+        assert_eq!(problem(&path), "it is a file, and a folder is needed");
+        assert!(problem(&path.join("inner")).ends_with("file is a file, and a folder is needed"));
+    }
+
+    #[test]
     fn only_regular_files_of_a_bounded_size_are_read() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
@@ -190,5 +236,12 @@ mod tests {
         assert_eq!((text[0].as_str(), opened), ("four", vec![path.clone()]));
         write_whole(&path, &[0xff]).unwrap();
         assert_eq!(read_text_bounded(&path, 5).unwrap_err().kind(), io::ErrorKind::InvalidData);
+        for (bytes, expected) in
+            [(&b"a\nb = '\xe4'"[..], "line 2 is not UTF-8: save the file"), (b"\xff\xfea\0", "it is UTF-16: save it")]
+        {
+            write_whole(&path, bytes).unwrap();
+            let problem = read_text_bounded(&path, 99).unwrap_err().to_string();
+            assert!(problem.starts_with(expected), "{problem}");
+        }
     }
 }

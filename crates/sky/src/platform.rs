@@ -1,6 +1,6 @@
-//! Code that depends on the operating system: permissions of new files, and reads at a position.
+//! Code that depends on the operating system: permissions of new files, reads at a position, and the identity of files.
 
-use std::fs::File;
+use std::fs::{File, Metadata};
 use std::io;
 
 /// Gives a temporary file the permissions of any new file: on Unix only its owner could read it otherwise. On Windows it inherits those of
@@ -41,5 +41,20 @@ pub(crate) fn read_exact_at(file: &File, buffer: &mut [u8], offset: u64) -> io::
             }
         }
         Ok(())
+    }
+}
+
+/// The numbers by which the system knows a file, whatever its names are: hard links have the same. `None` where the standard library does
+/// not have them.
+pub(crate) fn identity(metadata: &Metadata) -> Option<[u64; 2]> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        Some([metadata.dev(), metadata.ino()])
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = metadata;
+        None
     }
 }

@@ -310,6 +310,52 @@ pub trait PartialSettings: Clone + Default + PartialEq {
     }
 }
 
+/// Settings in which some keys have an effect only together with certain values of others.
+pub trait KeyEffects: Sized {
+    /// Their partial form.
+    type Keys: PartialSettings;
+
+    /// These settings, but those that `keys` gives.
+    #[must_use]
+    fn with_keys(&self, keys: &Self::Keys) -> Self;
+
+    /// For a key without effect in these settings: the present value that prevents it, and a value with which it has one. `None`: it has an effect.
+    fn obstacle(&self, key: &str) -> Option<Obstacle>;
+
+    /// Names of the given keys that have no effect in the settings that they make of these.
+    fn without_effect(&self, keys: &Self::Keys) -> Vec<&'static str> {
+        let all = self.with_keys(keys);
+        keys.given().into_iter().filter(|key| all.obstacle(key).is_some()).collect()
+    }
+
+    /// Refuses given keys that have no effect in the settings that they make of these.
+    ///
+    /// # Errors
+    ///
+    /// The first such key, and the value that it needs.
+    fn check_effects(&self, keys: &Self::Keys) -> Result<(), KeyError> {
+        let all = self.with_keys(keys);
+        let refused = |key: &'static str| Some(KeyError::new(key, all.obstacle(key)?.to_string()));
+        keys.given().into_iter().find_map(refused).map_or(Ok(()), Err)
+    }
+}
+
+/// Reason why a key has no effect. Both values are as a configuration writes them: `kernel = "cie"`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Obstacle {
+    /// The present value that prevents it.
+    pub present: String,
+    /// A value with which the key has an effect.
+    pub needed: &'static str,
+}
+
+/// `has no effect with method = "none": leave it out, or set method = "auto"`.
+impl fmt::Display for Obstacle {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "has no effect with {}: leave it out, or set {}", self.present, self.needed)
+    }
+}
+
 /// Declares settings together with their partial form, in which every key may be left out.
 ///
 /// Documentation, range and default of a key are written once. The settings have every key; the keys that are declared as `optional` may have no value.

@@ -377,6 +377,20 @@ fn mistakes_in_views() {
     );
     refused(&view("type = 'dome_master'\nsize = [4, 5]"), &["views[0].size", "square"]);
     refused(&view("type = 'dome_master'\nsize = [4, 4]\ntilt_deg = inf"), &["views[0].tilt_deg", "finite"]);
+    refused(
+        &view("type = 'dome_master'\nsize = [4, 4]\ntilt_deg = 1e300"),
+        &["views[0].tilt_deg", "between -360 and 360"],
+    );
+    refused(&view("type = 'dome_master'\nsize = [4, 4, 4]"), &["views[0].size", "must be [width, height]"]);
+    refused(
+        &view("type = 'fisheye'\nsize = [4, 4]\nfov_deg = 9\nmapping = false"),
+        &["views[0].mapping", "`equisolid`"],
+    );
+    let long = "a".repeat(65);
+    refused(
+        &format!("[[views]]\nname = '{long}'\ntype = 'equirectangular'\nsize = [4, 2]"),
+        &["views[0].name", "65 characters: must have at most 64"],
+    );
     refused(&view("type = 'equirectangular'\nsize = [5, 4]"), &["views[0].size[0]", "even"]);
     let map = "type = 'equirectangular'\nsize = [4, 2]";
     refused(&view(&format!("{map}\norientation = [0, 0, 0, 2]")), &["views[0].orientation", "unit quaternion"]);
@@ -452,7 +466,7 @@ fn an_enabled_headset_needs_a_unique_name() {
 #[test]
 fn syntax_errors_name_line_and_column() {
     refused("[scene]\n\ncatalogues = [\n'x' 'y']\n", &["test.toml:4:"]);
-    refused("[stars]\nmethod = 'auto'\nmethod = 'tent'\n", &["test.toml:3:1", "duplicate"]);
+    refused("[stars]\nmethod = 'auto'\nmethod = 'tent'\n", &["test.toml:3:1", "duplicate key `method`"]);
     refused("[stars]\nmethod = auto\n", &["test.toml:2:"]);
 }
 

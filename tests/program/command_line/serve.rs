@@ -24,6 +24,13 @@ fn token_is_printed_with_its_configuration_lines() {
     std::fs::write(&path, lines).unwrap();
     let tokens = steradian::config::Config::load(&path, &[]).unwrap().server.tokens;
     assert_eq!((tokens[0].name.as_str(), tokens[0].role), ("desk \"1\"", steradian::config::Role::Steer));
+    for (name, shown) in [("", "``"), ("a\nb\"", "`a\\nb\\\"`"), (&*"x".repeat(65), "64 characters")] {
+        let (out, err) = run(folder.path(), &["token", "--name", name, "--role", "steer"], 64);
+        assert!(
+            out.is_empty() && err.contains(shown) && err.contains("must have between 1 and 64 characters"),
+            "{err}"
+        );
+    }
     let (_, err) = run(folder.path(), &["token", "--name", "desk", "--role", "chief"], 64);
     assert!(err.contains("view, steer or admin"), "{err}");
 }
@@ -68,6 +75,37 @@ fn serve_prints_its_address_and_exits_0_on_sigterm_and_sigint() {
         out.read_to_string(&mut rest).unwrap();
         assert!(rest.is_empty(), "{rest}");
     }
+}
+
+/// Until the daemon serves, SIGHUP is remembered: its default action would end the process.
+#[cfg(unix)]
+#[test]
+fn sighup_during_the_start_is_remembered() {
+    use std::io::{BufRead, BufReader};
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("sky.toml"), SCENE).unwrap();
+    let child = Command::new(env!("CARGO_BIN_EXE_steradian"))
+        .args(["--log", "info", "serve", "--config", "sky.toml", "--listen", "127.0.0.1:0"])
+        .current_dir(folder.path())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut daemon = Daemon(child);
+    let mut log = BufReader::new(daemon.0.stderr.take().unwrap());
+    let mut wait_for = |text: &str| {
+        let mut line = String::new();
+        while !line.contains(text) {
+            line.clear();
+            assert!(log.read_line(&mut line).unwrap() > 0, "the log ends without `{text}`");
+        }
+    };
+    let signal = |name: &str| Command::new("kill").args(["-s", name, &daemon.0.id().to_string()]).status().unwrap();
+    wait_for("starting on");
+    assert!(signal("HUP").success());
+    wait_for("reloaded the access rules");
+    assert!(signal("TERM").success());
+    assert_eq!(daemon.0.wait().unwrap().code(), Some(0));
 }
 
 #[test]

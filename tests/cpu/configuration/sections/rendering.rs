@@ -5,25 +5,25 @@ use super::*;
 #[test]
 fn sections_of_rendering() {
     let config = parse(
-        "[stars]\nmethod = 'tent'\nmagnitude_limit = 8\n[glare]\nmethod = 'none'\nkernel = 'cie'\ninner_deg = 0.5\nfraction = 0.2\n\
+        "[stars]\nmethod = 'tent'\nmagnitude_limit = 8\n[glare]\nmethod = 'sky_cube'\nkernel = 'cie'\ninner_deg = 0.5\nfraction = 0.2\n\
          [exposure]\nmode = 'manual'\nev100 = 2\n[tone_map]\noperator = 'calibrated'\n\
-         peak_cd_m2 = 12\nblack_cd_m2 = 0.01\nwhite = 8\ndesaturation = 0.5\nscotopic = 0.25\ndither = false\n[accuracy]\nflux = 1e-2\ncentroid_px = 0.1\nflicker = 0.5\n\
+         peak_cd_m2 = 12\nblack_cd_m2 = 0.01\ndesaturation = 0.5\nscotopic = 0.25\ndither = false\n[accuracy]\nflux = 1e-2\ncentroid_px = 0.1\nflicker = 0.5\n\
          [server]\nlisten = '[::1]:99'\n",
     )
     .unwrap();
     let settings = config.render_settings();
     assert_eq!((settings.stars.method, settings.stars.magnitude_limit), (StarMethod::Tent, 8.0));
-    assert_eq!(settings.glare.method, GlareMethod::None);
+    assert_eq!(settings.glare.method, GlareMethod::SkyCube);
     assert_eq!((config.glare.kernel, config.glare.inner_deg, config.glare.fraction), (GlareKernelName::Cie, 0.5, 0.2));
     assert_eq!(settings.exposure, ExposureSettings::manual(2.0));
     let expected = ToneMapSettings {
         operator: ToneMapOperator::Calibrated,
-        white: 8.0,
         peak_cd_m2: 12.0,
         black_cd_m2: 0.01,
         desaturation: 0.5,
         scotopic: 0.25,
         dither: false,
+        ..ToneMapSettings::default()
     };
     assert_eq!(settings.tone_map, expected);
     for operator in ToneMapOperator::ALL {
@@ -84,6 +84,7 @@ fn mistakes_in_the_sections() {
         ("cell_sky", "radius_px", "0", "above 0 and at most 1024"),
         ("cell_sky", "radius_px", "inf", "finite"),
         ("cell_sky", "seed", "-1", "invalid value"),
+        ("cell_sky", "seed", "4294967296", "expected a whole number from 0 to 4294967295"),
     ] {
         refused(&format!("[stars.{table}]\n{key} = {wrong}"), &[&format!("stars.{table}.{key}"), expected]);
     }
@@ -99,6 +100,9 @@ fn mistakes_in_the_sections() {
     refused("[glare]\nfraction = 1.5", &["glare.fraction", "between 0 and 1"]);
     refused("[glare]\nfraction = nan", &["glare.fraction"]);
     refused("[glare]\nage_years = 121", &["glare.age_years", "between 0 and 120"]);
+    refused("[glare]\nage_years = 60", &["glare.age_years", "has no effect with kernel = \"inverse_square\""]);
+    refused("[glare]\nmethod = 'none'\nfraction = 0.2", &["glare.fraction", "has no effect with method = \"none\""]);
+    refused("[glare]\nkernel = false", &["glare.kernel", "false", "`inverse_square`, `gaussians`, `cie`, `psf`"]);
     refused("[glare]\nage_years = -1", &["glare.age_years", "between 0 and 120"]);
     refused("[glare]\nage_years = nan", &["glare.age_years", "finite"]);
     refused("[glare]\neye_colour = 'green'", &["glare.eye_colour", "green", "very_light"]);
@@ -135,7 +139,13 @@ fn mistakes_in_the_sections() {
         ("peak_cd_m2", "0", "above 0 and at most 1000000 cd/m^2"),
         ("peak_cd_m2", "1e7", "above 0 and at most 1000000 cd/m^2"),
         ("black_cd_m2", "-0.1", "between 0 and 500000 cd/m^2"),
-        ("black_cd_m2", "50.1", "half of peak_cd_m2 = 100"),
+        (
+            "black_cd_m2",
+            "0.1",
+            "has no effect with operator = \"filmic\": leave it out, or set operator = \"calibrated\"",
+        ),
+        ("peak_cd_m2", "12", "has no effect with operator = \"filmic\""),
+        ("white", "4", "has no effect with operator = \"filmic\": leave it out, or set operator = \"reinhard\""),
         ("black_cd_m2", "nan", "finite"),
         ("desaturation", "1.1", "between 0 and 1"),
         ("desaturation", "-0.1", "between 0 and 1"),
@@ -144,13 +154,23 @@ fn mistakes_in_the_sections() {
     ] {
         refused(&format!("[tone_map]\n{key} = {wrong}"), &[&format!("tone_map.{key}"), expected]);
     }
-    let widest =
-        "[tone_map]\nwhite = 1\npeak_cd_m2 = 1e6\nblack_cd_m2 = 5e5\ndesaturation = 1\nscotopic = 1\ndither = false";
-    assert!(parse(widest).is_ok());
+    let calibrated = "[tone_map]\noperator = 'calibrated'\n";
+    refused(&format!("{calibrated}black_cd_m2 = 50.1"), &["tone_map.black_cd_m2", "half of peak_cd_m2 = 100"]);
+    let widest = "peak_cd_m2 = 1e6\nblack_cd_m2 = 5e5\ndesaturation = 1\nscotopic = 1\ndither = false";
+    assert!(parse(&format!("{calibrated}{widest}")).is_ok());
+    assert!(parse("[tone_map]\noperator = 'reinhard'\nwhite = 1").is_ok());
+    let place = "[scene.observer]\nlatitude_deg = 50\nlongitude_deg = 8\n[scene.observer.ground]\n";
+    refused(
+        &format!("{place}landscape_azimuth_deg = 90"),
+        &["scene.observer.ground.landscape_azimuth_deg", "has no effect without a landscape"],
+    );
+    assert!(parse(&format!("{place}landscape_azimuth_deg = 90\nlandscape = 'hills.png'")).is_ok());
     for value in ["1e300", "30.1", "-31"] {
         refused(&format!("[exposure]\ncompensation_ev = {value}"), &["exposure.compensation_ev", "between -30 and 30"]);
     }
     refused("[accuracy]\nflux = 0", &["accuracy.flux", "above 0"]);
+    refused("[accuracy]\nhdr_floor_cd_m2 = 1e-3", &["accuracy.hdr_floor_cd_m2", "has no effect with hdr = 0"]);
+    assert!(parse("[accuracy]\nhdr = 0.01\nhdr_floor_cd_m2 = 1e-3").is_ok());
     for (key, most) in [("flux", "1"), ("centroid_px", "10"), ("flicker", "1")] {
         let allowed = format!("above 0 and at most {most}");
         for value in ["1e30", "-1", &format!("{most}.001")] {

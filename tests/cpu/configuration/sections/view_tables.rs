@@ -11,7 +11,7 @@ fn views_inherit_keys_missing_from_their_tables() {
     let general = "[exposure]\nlimiting_magnitude = 5\nadaptation_s = 2\n[glare]\nfraction = 0.2\ninner_deg = 0.3\n";
     let own =
         "exposure = { limiting_magnitude = 8 }\n[views.glare]\nfraction = 0.4\n[views.tone_map]\noperator = 'srgb'";
-    let text = format!("{general}{}{}{}", map("a", ""), map("b", own), map("c", "[views.tone_map]\nwhite = 4\n"));
+    let text = format!("{general}{}{}{}", map("a", ""), map("b", own), map("c", "[views.tone_map]\nscotopic = 0.5\n"));
     let config = parse(&text).unwrap();
     let views = config.view_settings().unwrap();
     assert_eq!(views[0], ViewSettings::general(&config.render_settings()));
@@ -20,7 +20,7 @@ fn views_inherit_keys_missing_from_their_tables() {
     assert_eq!((views[1].glare.fraction, views[1].glare.inner_deg), (0.4, 0.3));
     assert_eq!(views[1].tone_map.operator, ToneMapOperator::Srgb);
     assert_eq!(views[1].group, ExposureGroup::OfView("b".to_owned()));
-    assert_eq!((&views[2].group, views[2].tone_map.white), (&ExposureGroup::General, 4.0));
+    assert_eq!((&views[2].group, views[2].tone_map.scotopic), (&ExposureGroup::General, 0.5));
     let groups = config.frame_groups().unwrap();
     assert_eq!(groups.iter().map(|group| group.views.clone()).collect::<Vec<_>>(), [[0], [2], [1]]);
     // Views without tables form one frame with the general settings.
@@ -71,7 +71,16 @@ fn mistakes_in_the_tables_of_views_are_refused_like_general_ones() {
         ("exposure = 3", &["views[0].exposure", "invalid type"]),
         ("glare = { fraction = 2 }", &["views[0].glare.fraction", "between 0 and 1"]),
         ("glare = { kernel = 'psf' }", &["views[0].glare.psf_file", "missing key"]),
-        ("tone_map = { black_cd_m2 = 60 }", &["views[0].tone_map.black_cd_m2", "half of peak_cd_m2"]),
+        (
+            "tone_map = { operator = 'calibrated', black_cd_m2 = 60 }",
+            &["views[0].tone_map.black_cd_m2", "half of peak_cd_m2"],
+        ),
+        (
+            "tone_map = { white = 4 }",
+            &["views[0].tone_map.white (view `a`)", "has no effect with operator = \"filmic\""],
+        ),
+        ("glare = { method = 'none', fraction = 0.2 }", &["views[0].glare.fraction", "method = \"none\""]),
+        ("glare = { age_years = 20 }", &["views[0].glare.age_years", "set kernel = \"cie\""]),
         ("tone_map = { gamma = 2 }", &["views[0].tone_map.gamma", "unknown key"]),
         ("stars = { method = 'tent' }", &["views[0].stars", "unknown key"]),
     ] {
@@ -118,4 +127,43 @@ fn an_override_of_the_mode_drops_the_files_keys_for_the_other_mode() {
         assert!(parse_with(&text, &[set]).is_ok(), "{set}");
     }
     refused(&format!("[exposure]\nmode = 'manual'\n{text}"), &["views[0].exposure.limiting_magnitude", "no effect"]);
+}
+
+#[test]
+fn general_keys_have_an_effect_if_a_view_uses_them() {
+    let general = "[tone_map]\npeak_cd_m2 = 12\n[glare]\nmethod = 'none'\nfraction = 0.2\n";
+    let own = "[views.tone_map]\noperator = 'calibrated'\n[views.glare]\nmethod = 'auto'";
+    let views = parse(&format!("{general}{}{}", map("a", ""), map("b", own))).unwrap().view_settings().unwrap();
+    assert_eq!((views[1].tone_map.peak_cd_m2, views[1].glare.fraction), (12.0, 0.2));
+    refused(&format!("{general}{}", map("a", "")), &["glare.fraction", "has no effect"]);
+    // The only view that would use the key has its own.
+    let own = "[views.tone_map]\noperator = 'calibrated'\npeak_cd_m2 = 5";
+    refused(&format!("[tone_map]\npeak_cd_m2 = 12\n{}", map("a", own)), &["tone_map.peak_cd_m2", "has no effect"]);
+}
+
+#[test]
+fn an_override_of_operator_or_method_drops_the_files_keys_for_the_other_one() {
+    let general = "[tone_map]\noperator = 'calibrated'\npeak_cd_m2 = 12\n[glare]\nkernel = 'cie'\nage_years = 60\n";
+    let text = format!("{general}{}", map("a", "glare = { eye_colour = 'light' }\ntone_map = { black_cd_m2 = 1 }"));
+    parse(&text).unwrap();
+    for set in [
+        &["tone_map.operator=srgb"][..],
+        &["glare.method=none", "tone_map.operator=reinhard", "tone_map.white=4"],
+        &["glare.kernel=gaussians"],
+        &["views.a.glare.kernel=gaussians", "views.a.tone_map.operator=srgb"],
+    ] {
+        let views = parse_with(&text, set).unwrap_or_else(|error| panic!("{set:?}: {error}")).view_settings().unwrap();
+        assert_eq!(views.len(), 1);
+    }
+    for (set, parts) in [
+        (&["tone_map.operator=srgb", "tone_map.peak_cd_m2=5"][..], ["tone_map.peak_cd_m2: has no effect", "--set"]),
+        (&["glare.method=none", "glare.fraction=0.3"], ["glare.fraction: has no effect", "--set"]),
+        (&["tone_map.white=4"], ["tone_map.white: has no effect with operator = \"calibrated\"", "--set"]),
+    ] {
+        let message = parse_with(&text, set).unwrap_err().to_string();
+        assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+    }
+    // The peak that README sets has an effect in the example.
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/calibrated.toml");
+    assert_eq!(Config::load(&path, &["tone_map.peak_cd_m2=12.0".to_owned()]).unwrap().tone_map.peak_cd_m2, 12.0);
 }

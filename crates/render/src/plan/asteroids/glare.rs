@@ -147,6 +147,7 @@ mod tests {
             radius_m: 7e8,
             occluders: [].into(),
             reflectors: [].into(),
+            year: 2000.0,
         };
         let eye_m = field.position_m - DVec3::new(1e9, 2e8, 5e7);
         let clouds = field_clouds(&[&field], eye_m, std::slice::from_ref(&sun));

@@ -11,6 +11,7 @@ use crate::photometry::glare::{
     PsfTable,
 };
 use crate::plan::stars::method::{MethodSource, StarMethod};
+use crate::ranges::{KeyEffects, Obstacle};
 
 /// How glare is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
@@ -82,12 +83,36 @@ settings! {
         pub eye_colour: EyeColour = EyeColour::default(),
         /// `cie`: whether the formula determines the scattered fraction, instead of `fraction` (0.39 at 35 years); it must be at most 1.
         pub absolute: bool = false,
-        /// Weights of the levels of the pyramids.
+        /// Weights of the levels of the pyramids; with `auto` they apply to `cell_sky`.
         pub weights: PyramidWeights = PyramidWeights::Equal,
     }
     optional {
         /// `psf`: CSV file with the columns theta_deg,per_sr, or an EXR or FITS image; needed for this kernel.
         pub psf_file: PathBuf,
+    }
+}
+
+impl KeyEffects for GlareSettings {
+    type Keys = GlareKeys;
+
+    fn with_keys(&self, keys: &GlareKeys) -> Self {
+        self.with(keys)
+    }
+
+    /// `psf_file` never has an obstacle: only a configuration can give it, for views whose kernel becomes `psf` later.
+    fn obstacle(&self, key: &str) -> Option<Obstacle> {
+        let method = || format!("method = \"{}\"", self.method.name());
+        let (present, needed) = match key {
+            "method" | "psf_file" => return None,
+            _ if self.method == GlareMethod::None => (method(), "method = \"auto\""),
+            "age_years" | "eye_colour" | "absolute" if self.kernel != GlareKernelName::Cie => {
+                (format!("kernel = \"{}\"", self.kernel.name()), "kernel = \"cie\"")
+            }
+            "fraction" if self.is_absolute() => ("absolute = true".to_owned(), "absolute = false"),
+            "weights" if self.method == GlareMethod::SkyCube => (method(), "method = \"view_pyramid\""),
+            _ => return None,
+        };
+        Some(Obstacle { present, needed })
     }
 }
 
@@ -126,7 +151,7 @@ impl GlareSettings {
     }
 
     /// Whether the kernel itself determines the scattered fraction.
-    fn is_absolute(&self) -> bool {
+    pub fn is_absolute(&self) -> bool {
         self.absolute && self.kernel == GlareKernelName::Cie
     }
 
@@ -146,6 +171,8 @@ impl GlareSettings {
 #[cfg(test)]
 mod tests {
     use std::f64::consts::PI;
+
+    use serde_json::json;
 
     use super::*;
 
@@ -182,5 +209,34 @@ mod tests {
         assert!(light.fraction_scattered() > share);
         // The unused fraction has no effect.
         assert_eq!(GlareSettings { fraction: 0.0, ..absolute.clone() }.fraction_scattered(), share);
+    }
+
+    #[test]
+    fn keys_without_effect_name_the_value_that_they_need() {
+        let general = GlareSettings::default();
+        for (keys, expected) in [
+            (json!({ "kernel": "cie", "age_years": 60.0, "eye_colour": "light", "absolute": true }), ""),
+            (json!({ "method": "view_pyramid", "weights": "equal", "fraction": 0.2, "kernel": "gaussians" }), ""),
+            (json!({ "weights": "halved", "inner_deg": 0.2, "psf_file": "eye.csv" }), ""),
+            (
+                json!({ "age_years": 60.0 }),
+                "age_years: has no effect with kernel = \"inverse_square\": leave it out, or set kernel = \"cie\"",
+            ),
+            (json!({ "absolute": false }), "absolute: has no effect with kernel = \"inverse_square\""),
+            (
+                json!({ "kernel": "cie", "absolute": true, "fraction": 0.2 }),
+                "fraction: has no effect with absolute = true",
+            ),
+            (
+                json!({ "method": "none", "fraction": 0.2 }),
+                "fraction: has no effect with method = \"none\": leave it out",
+            ),
+            (json!({ "method": "none", "kernel": "psf" }), "kernel: has no effect with method = \"none\""),
+            (json!({ "method": "sky_cube", "weights": "equal" }), "weights: has no effect with method = \"sky_cube\""),
+        ] {
+            let keys: GlareKeys = serde_json::from_value(keys).unwrap();
+            let problem = general.check_effects(&keys).err().map(|error| error.to_string()).unwrap_or_default();
+            assert!(problem.starts_with(expected) && problem.is_empty() == expected.is_empty(), "{keys:?}: {problem}");
+        }
     }
 }

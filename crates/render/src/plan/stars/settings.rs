@@ -57,6 +57,27 @@ impl Default for StarSettings {
     }
 }
 
+impl StarSettings {
+    /// The methods that use a key of one of the tables; empty: there is no such key.
+    pub fn methods_with(table: &str, key: &str) -> &'static [StarMethod] {
+        use StarMethod::{
+            CellSky, Disc, GaussianPsf, GaussianPsfIntegrated, GlareDisc, PixelGaussian, PsfTexture, ScaledDisc,
+            ScreenBillboard, SmoothDisc, Sprite,
+        };
+        match (table, key) {
+            ("pixel_gaussian", _) => &[PixelGaussian],
+            ("billboard", "diameter_arcmin") => &[Disc, SmoothDisc, ScaledDisc, GlareDisc, Sprite],
+            ("billboard", "brightest_magnitude" | "faintest_magnitude") => &[ScaledDisc],
+            ("billboard", "screen_size_px") => &[ScreenBillboard],
+            ("gaussian_psf", "saturation_magnitude") => &[GaussianPsf, GaussianPsfIntegrated, ScreenBillboard],
+            ("gaussian_psf", _) => &[GaussianPsf, GaussianPsfIntegrated],
+            ("cell_sky", _) => &[CellSky],
+            ("psf_texture", _) => &[PsfTexture],
+            _ => &[],
+        }
+    }
+}
+
 /// Standard deviations of `pixel_gaussian`, pixels. A narrower kernel flickers more than the certificate of a frame states. With a
 /// wider one, every star covers much of the picture, and the time of a frame is unbounded.
 pub const SIGMAS_PX: [f64; 2] = [0.7, 64.0];

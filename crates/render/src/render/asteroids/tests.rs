@@ -236,6 +236,7 @@ impl Bench {
             intensity_cd: [3e27, 2.9e27, 2.8e27],
             occluders: [].into(),
             reflectors: [].into(),
+            year: 2000.0,
         }];
         self.plan_lit(objects, settings, viewports, camera_m, &suns)
     }

@@ -135,6 +135,7 @@ fn scene(direction: DVec3, size: f64, halvings: u32) -> (SceneObjects, DVec3, Su
         radius_m: 7e8,
         occluders: [].into(),
         reflectors: [].into(),
+        year: 2000.0,
     };
     let body = Body {
         name: "sphere".to_owned(),
