@@ -1,7 +1,7 @@
 //! `verify`: runs the failure tests on this machine's adapter.
 
-use std::fs;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 use clap::Args;
 use serde::Serialize;
@@ -10,6 +10,7 @@ use super::{CliError, results};
 use crate::config::Config;
 use crate::files;
 use crate::gpu::{Gpu, GpuOptions};
+use crate::output::OutputError;
 use crate::render::Renderer;
 use crate::verify::{self, CheckResult, Outcome};
 
@@ -49,8 +50,9 @@ pub fn run(arguments: VerifyArguments, options: &GpuOptions) -> Result<(), CliEr
     if let Some(path) = &arguments.json {
         let folder = files::folder_of(path);
         if !folder.is_dir() {
-            let (path, folder) = (path.display(), folder.display());
-            return Err(CliError::Usage(format!("--json {path}: the folder {folder} does not exist")));
+            let problem = format!("the folder {} does not exist", folder.display());
+            let source = io::Error::new(io::ErrorKind::NotFound, problem);
+            return Err(OutputError::Write { path: path.clone(), source }.into());
         }
     }
     let mut renderer = Renderer::new(Gpu::open(options)?);

@@ -66,7 +66,7 @@ REFUSED = {
     "1,2016.0,10,-1e300,1,0.1,,,15,1": ("dec is outside -90 to 90 degrees", 1),
     "1,2016.0,ten,20,1,0.1,,,15,1": ("ra is no angle", 2),
     "1,2016.0,10,20,1e12,0.1,,,15,1": ("parallax is too large", 2),
-    "1,2016.0,10,20,1,0.1,1e9,0,15,1": ("pmra is outside -100000 to 100000", 3),
+    "1,2016.0,10,20,1,0.1,1e9,0,15,1": ("pmra is outside -100000 to 100000 mas/yr", 3),
     "1,1e9,10,20,1,0.1,5,0,15,1": ("ref_epoch is outside 1800 to 2200", 2),
     "1,2016.0,10,20,1": ("5 fields instead of 10", 2),
     '1,2016.0,"10,20,1,0.1,,,15,1': ("a quotation mark is not closed on its line", 2),

@@ -146,7 +146,7 @@ assert (~at_2016 == ((v < 13) | (which < 5))).all()
 fast = which < 5
 assert fast.sum() == 5 and (angle_arcsec(found[fast], towards[nearest][fast]) > 20).all()
 
-# Units in the head are read: others are converted or refused.
-written("GaiaSource_wrong.csv.gz", rows[:5], parallax="arcsec")
+# Units in the head are read: those of another kind are refused.
+written("GaiaSource_wrong.csv.gz", rows[:5], parallax="pc")
 error = run(folder, "catalogue", "import", "GaiaSource_wrong.csv.gz", "--memory", "256MiB", "--out", "wrong", code=65)
-expect(error, "parallax is in arcsec; it must be in mas")
+expect(error, "parallax is in pc; it must be in mas")
