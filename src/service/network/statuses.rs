@@ -42,9 +42,8 @@ fn named(status: Status) -> Status {
 fn correct(headers: &mut HeaderMap) {
     let length = |name| headers.get(name).map_or(0, http::HeaderValue::len);
     let is_long = length(&Status::GRPC_MESSAGE) + length(&DETAILS) > refusals::MOST_ENCODED;
-    let is_of_codec = [Code::OutOfRange, Code::Internal].map(|code| (code as i32).to_string());
-    let code = headers.get(Status::GRPC_STATUS).map(http::HeaderValue::as_bytes);
-    if !is_long && !is_of_codec.iter().any(|known| code == Some(known.as_bytes())) {
+    let code = headers.get(Status::GRPC_STATUS).map(|code| Code::from_bytes(code.as_bytes()));
+    if !is_long && !matches!(code, Some(Code::OutOfRange | Code::Internal)) {
         return;
     }
     let Some(status) = Status::from_header_map(headers) else { return };

@@ -300,7 +300,7 @@ impl Distance {
         };
         let errors = ["parallax_error", "parallax_error_mas", "e_plx"];
         let parallax_error_mas = finder.quantity(Quantity::Parallax, &errors)?;
-        // Without a unit of its own it has that of the parallax.
+        // An error without a unit has the unit of the parallax.
         if let (Some(error), Some(parallax)) = (parallax_error_mas, parallax_mas)
             && finder.unit(error).is_none()
         {

@@ -15,7 +15,8 @@ impl Frame {
     /// Epoch of the positions, Julian years, if the frame states it.
     ///
     /// # Errors
-    /// If positions are neither in the ICRS nor in the FK5 of the equinox J2000, which agree to 0.03 arcseconds, or if the epoch is no year.
+    /// If positions are in another frame than the ICRS or the FK5 of the equinox J2000, or if the epoch is no year. These two frames agree to
+    /// 0.03 arcseconds.
     pub fn epoch(&self) -> Result<Option<f64>, String> {
         let system = self.system.to_lowercase();
         let is_known = ["", "icrs", "icrf", "fk5", "eq_fk5"].contains(&system.as_str());
@@ -52,8 +53,10 @@ fn year(text: &str) -> Option<f64> {
     let besselian = text.strip_prefix(['B', 'b']);
     let number: f64 = besselian.or(text.strip_prefix(['J', 'j'])).unwrap_or(text).trim().parse().ok()?;
     Some(match besselian {
-        // Lieske 1979, A&A 73, 282: the Besselian year 1900.0 is JD 2415020.31352, and a year has 365.242198781 days.
-        Some(_) => 2000.0 + (2_415_020.313_52 + 365.242_198_781 * (number - 1900.0) - 2_451_545.0) / 365.25,
+        Some(_) => {
+            let (day, fraction) = sofars::cal::epb2jd(number);
+            sofars::cal::epj(day, fraction)
+        }
         None => number,
     })
 }

@@ -317,7 +317,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
             return None;
         }
         let (_, designation) = self.text(self.columns.designation)?;
-        designation.to_lowercase().starts_with("gaia dr2 ").then_some(Source::Gaia2)
+        designation.get(..9).filter(|release| release.eq_ignore_ascii_case("gaia dr2 ")).map(|_| Source::Gaia2)
     }
 
     /// BP-RP, catalogued or from both magnitudes.
@@ -344,8 +344,8 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
     fn place(&self) -> Result<(DVec3, Option<f64>), Refusal> {
         let (direction, distance_pc) = match self.columns.direction {
             Direction::Equatorial { ra, dec, unit, other } => {
-                let is_missing = self.text(Some(ra)).is_none() && self.text(Some(dec)).is_none();
-                let (ra, dec, unit) = other.filter(|_| is_missing).unwrap_or((ra, dec, unit));
+                let is_missing = || self.text(Some(ra)).is_none() && self.text(Some(dec)).is_none();
+                let (ra, dec, unit) = other.filter(|_| is_missing()).unwrap_or((ra, dec, unit));
                 if let Some((column, text)) = self.text(self.columns.equinox)
                     && !frame::is_j2000(text)
                 {

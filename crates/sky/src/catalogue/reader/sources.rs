@@ -15,7 +15,7 @@ pub(super) const DEGREES: &[(&str, &str, Option<f64>)] = &[
     ("rarad", "derad", None),
 ];
 
-/// Columns that HYG and AT-HYG have beside `mag`, and few others.
+/// Columns that HYG and AT-HYG have beside `mag`. Few other tables have one of them.
 const HYG: [&str; 14] = [
     "absmag",
     "bayerflamsteed",

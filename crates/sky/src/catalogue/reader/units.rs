@@ -5,6 +5,11 @@
 //! VOUnits recommendation (IVOA 1.1), of FITS, and of the CDS standard for catalogues 2.0 (`10+3K`, `0.01mag`, `[K]` for a logarithm), and those that the
 //! Gaia archive had at first (`Angular Velocity[mas/year]`).
 
+use crate::units::{ASTRONOMICAL_UNIT_M, JULIAN_YEAR_S, LIGHT_M_S, PARSEC_M};
+
+/// A light-year, m: the way of light in a Julian year.
+const LIGHT_YEAR_M: f64 = LIGHT_M_S * JULIAN_YEAR_S;
+
 /// What a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Quantity {
@@ -51,13 +56,13 @@ const ANGLES: Spellings = &[
 /// Years.
 const TIMES: Spellings =
     &[(&["yr", "a", "year", "years", "julianyear", "julianyears", "jyr"], 1.0), (&["cy", "century"], 100.0)];
-/// Parsecs. The light-year is exact: 9,460,730,472,580,800 m; a parsec is 648000/pi astronomical units of 149,597,870,700 m.
+/// Parsecs.
 const LENGTHS: Spellings = &[
     (&["pc", "parsec", "parsecs"], 1.0),
     (&["kpc"], 1e3),
     (&["mpc"], 1e6),
-    (&["ly", "lyr", "lightyear", "lightyears", "light-year", "light-years"], 0.306_601_393_788_3),
-    (&["au"], 4.848_136_811_095_36e-6),
+    (&["ly", "lyr", "lightyear", "lightyears", "light-year", "light-years"], LIGHT_YEAR_M / PARSEC_M),
+    (&["au"], ASTRONOMICAL_UNIT_M / PARSEC_M),
 ];
 /// Kilometres per second.
 const SPEEDS: Spellings = &[(&["km/s"], 1.0), (&["m/s"], 1e-3)];
