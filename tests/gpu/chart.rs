@@ -72,13 +72,6 @@ fn no_daemons(_: &LiveRequest<'_>) -> Result<Box<dyn LiveDaemon>, String> {
     Err("this axis needs no daemon".to_owned())
 }
 
-/// An even smaller extent: every frame once, and one number of asteroids.
-fn least() -> Extent {
-    let tiny = tiny();
-    let asteroids = AsteroidExtent { instances: vec![200], ratio_instances: 200, rounds: 1, ..tiny.asteroids };
-    Extent { rounds: 1, asteroids, ..tiny }
-}
-
 fn tiny_scoring() -> ScoringSize {
     ScoringSize { image_px: 512, positions: 200, crowd: 400, heap: 1000, shuffles: 1 }
 }
@@ -221,18 +214,6 @@ fn a_tiny_run_of_projectors_shows_the_errors_of_resampling() {
     assert!(read("index.html").contains("<td>resampled_double</td>"));
 }
 
-#[test]
-#[ignore = "long: make test-all"]
-fn tiny_runs_of_views_and_scale_have_their_figures() {
-    assert_views_and_scale_have_their_figures(&least());
-}
-
-#[test]
-#[ignore = "long: make test-all"]
-fn views_and_scale_have_their_figures_over_several_rounds() {
-    assert_views_and_scale_have_their_figures(&tiny());
-}
-
 /// Makes a deep store of faint stars; those of the brightest ones are all resident.
 fn faint_store(folder: &Path) -> PathBuf {
     let out = folder.join("faint");
@@ -243,9 +224,11 @@ fn faint_store(folder: &Path) -> PathBuf {
 }
 
 /// Tests the axes of views and numbers of stars: times, one derived figure, and the figures of deep stores.
-fn assert_views_and_scale_have_their_figures(extent: &Extent) {
+#[test]
+#[ignore = "long: make test-all"]
+fn views_and_scale_have_their_figures_over_several_rounds() {
     let folder = tempfile::tempdir().unwrap();
-    let extent = &Extent { stores: vec![faint_store(folder.path())], ..extent.clone() };
+    let extent = &Extent { stores: vec![faint_store(folder.path())], ..tiny() };
     let mut renderer = crate::common::renderer();
     let rows = chart::run(&mut renderer, &[Axis::Views, Axis::Scale], extent, &mut no_daemons, &mut |_| {}).unwrap();
     for series in ["deep_store", "deep_store_dome"] {
@@ -370,21 +353,12 @@ fn a_tiny_run_of_glare_has_the_figures_of_every_method() {
     }
 }
 
-#[test]
-#[ignore = "long: make test-all"]
-fn a_tiny_run_of_asteroids_has_the_figures_of_every_method() {
-    assert_asteroids_have_the_figures_of_every_method(&least());
-}
-
+/// Every method is timed, our own methods stay within the accuracy limits, and published times are marked as measured
+/// on other hardware.
 #[test]
 #[ignore = "long: make test-all"]
 fn asteroid_fields_of_several_sizes_have_the_figures_of_every_method() {
-    assert_asteroids_have_the_figures_of_every_method(&tiny());
-}
-
-/// Every method is timed, our own methods stay within the accuracy limits, and published times are marked as measured
-/// on other hardware.
-fn assert_asteroids_have_the_figures_of_every_method(extent: &Extent) {
+    let extent = &tiny();
     let mut renderer = crate::common::renderer();
     let mut steps = Vec::new();
     let rows =

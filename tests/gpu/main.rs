@@ -17,7 +17,6 @@ mod hdr_budget;
 mod overlay;
 mod pool;
 mod prepare;
-mod quality;
 mod smooth_light;
 mod solid_angle;
 mod stars;

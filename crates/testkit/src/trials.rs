@@ -20,8 +20,8 @@ fn complete(run: fn() -> Result<(), String>, variable: &str) -> Result<Completio
     }
 }
 
-/// Runs the tests one after the other, because each draws with a software driver that uses all cores. The arguments are
-/// those of libtest. If `variable` is set and neither empty nor 0, a test that cannot run fails.
+/// Runs two tests at once: each waits for other processes half of its time, and draws with a software driver that uses all
+/// cores. The arguments are those of libtest. If `variable` is set and neither empty nor 0, a test that cannot run fails.
 pub fn main(variable: &'static str, tests: &[&[Test]]) -> ExitCode {
     let groups: Vec<(&'static str, &[Test])> = tests.iter().map(|tests| (variable, *tests)).collect();
     main_of(&groups)
@@ -30,7 +30,7 @@ pub fn main(variable: &'static str, tests: &[&[Test]]) -> ExitCode {
 /// The same with a variable for each group of tests.
 pub fn main_of(groups: &[(&'static str, &[Test])]) -> ExitCode {
     let mut arguments = Arguments::from_args();
-    arguments.test_threads = Some(1);
+    arguments.test_threads = arguments.test_threads.or(Some(2));
     let tests = groups.iter().flat_map(|(variable, tests)| tests.iter().map(|test| (*variable, *test)));
     let trials = tests.map(|(variable, (name, run))| {
         Trial::ignorable_test(name, move || complete(run, variable)).with_ignored_flag(name.contains(LONG))

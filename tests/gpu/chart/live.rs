@@ -8,7 +8,7 @@ use steradian::{
     gpu::GpuOptions,
 };
 
-use super::{AMPLE, about, least, well_formed};
+use super::{AMPLE, about, tiny, well_formed};
 
 /// A configuration of the real bright stars over a place on the Earth.
 const SMALL: &str = r#"
@@ -42,7 +42,7 @@ fn scene(name: &str, text: &str, views: &[&str], budgets_codes: &[f64]) -> LiveS
 /// Charts these configurations with short rounds.
 fn rows(scenes: Vec<LiveScene>) -> Vec<Row> {
     let live = LiveExtent { scenes, rounds: 2, round: Duration::from_millis(50), poses: 2, budget: AMPLE };
-    let extent = Extent { live, ..least() };
+    let extent = Extent { live, ..tiny() };
     let daemons = Daemons::new(PathBuf::from(env!("CARGO_BIN_EXE_steradian")), &GpuOptions::default(), false).unwrap();
     let mut start = |request: &LiveRequest<'_>| daemons.start(request);
     let mut steps = Vec::new();

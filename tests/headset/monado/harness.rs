@@ -27,8 +27,8 @@ pub enum Test {
 /// A function that runs in a separate process started through Monado's dynamic linker; its result is its output.
 pub type Inner = (&'static str, fn());
 
-/// Runs the inner function named in the environment, or the tests one at a time, because each starts a service and
-/// draws with a software driver that uses all cores.
+/// Runs the inner function named in the environment, or the tests, two at a time: each starts a service of its own, waits for
+/// it half of its time, and draws with a software driver that uses all cores.
 pub fn main(tests: &[Test], inners: &[Inner]) -> ExitCode {
     if let Some(wanted) = std::env::var_os(INNER_VARIABLE) {
         let (_, inner) = inners
@@ -39,7 +39,7 @@ pub fn main(tests: &[Test], inners: &[Inner]) -> ExitCode {
         return ExitCode::SUCCESS;
     }
     let mut arguments = Arguments::from_args();
-    arguments.test_threads = Some(1);
+    arguments.test_threads = arguments.test_threads.or(Some(2));
     let trials = tests.iter().map(|&test| match test {
         Test::WithMonado(name, run) => Trial::ignorable_test(name, move || with_monado(run)),
         Test::Long(name, run) => Trial::ignorable_test(name, move || with_monado(run)).with_ignored_flag(true),
