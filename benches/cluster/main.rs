@@ -43,6 +43,9 @@ struct Arguments {
     /// What happens at the deadline: together or apart.
     #[arg(long, global = true, default_value = "together")]
     at_deadline: String,
+    /// Late frames in a row after which a node is left out
+    #[arg(long, global = true, default_value_t = 3)]
+    misses: u8,
     /// Program of all processes.
     #[arg(long, global = true, default_value = env!("CARGO_BIN_EXE_steradian"))]
     program: String,
@@ -81,6 +84,9 @@ enum Run {
     Kills {
         #[arg(long, default_value_t = 50)]
         count: u32,
+        /// The next node is killed when all take part again, in place of as soon as one more than a majority does
+        #[arg(long)]
+        one_at_a_time: bool,
     },
     /// Nodes are stopped and resumed.
     Hangs {
@@ -148,6 +154,7 @@ async fn main() -> Result<(), Box<dyn Error>> {
         rate_hz: arguments.rate,
         size: arguments.size,
         at_deadline: arguments.at_deadline.clone(),
+        misses: arguments.misses,
     };
     if let Run::Report { folder, skip, frames } = &arguments.run {
         return runs::report_logs(folder, &form, *skip, *frames);

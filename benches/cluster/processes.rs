@@ -69,6 +69,7 @@ pub struct Form {
     pub rate_hz: f64,
     pub size: [u32; 2],
     pub at_deadline: String,
+    pub misses: u8,
 }
 
 /// A cluster of processes. Hosts are `d0`, `d1` and the names of the nodes.
@@ -97,10 +98,11 @@ fn configuration(form: &Form, nodes: &[String], network: &Network) -> String {
     };
     let mut text = format!(
         "[scene]\ncatalogues = ['{stars}']\ntime = 2026-01-01T00:00:00Z\n{glare}[cluster]\nendpoints = {:?}\n\
-         rate_hz = {}\nat_deadline = '{}'\ngather_s = 3\n{}\n",
+         rate_hz = {}\nat_deadline = '{}'\nmisses = {}\ngather_s = 3\n{}\n",
         network.endpoints(),
         form.rate_hz,
         form.at_deadline,
+        form.misses,
         network.keys()
     );
     for (index, node) in nodes.iter().enumerate() {

@@ -85,7 +85,7 @@ pub async fn run(
     let mut leader = "d0";
     let faults = match run {
         Run::Steady { frames } => steady(cluster, form, frames, desktop.as_ref()).await?,
-        Run::Kills { count } => kills(cluster, &mut random, count).await?,
+        Run::Kills { count, one_at_a_time } => kills(cluster, &mut random, count, one_at_a_time).await?,
         Run::Hangs { count } => hangs(cluster, &mut random, count).await?,
         Run::DirectorKills { count } => director_kills(cluster, &mut random, count).await?,
         Run::OldDirector { count } => {
@@ -148,12 +148,12 @@ async fn read_windows(cluster: &Cluster, desktop: Arc<Desktop>, length: Duration
     Ok(())
 }
 
-async fn kills(cluster: &mut Cluster, random: &mut Random, count: u32) -> Outcome<Vec<Fault>> {
+async fn kills(cluster: &mut Cluster, random: &mut Random, count: u32, one_at_a_time: bool) -> Outcome<Vec<Fault>> {
     let mut faults = Vec::new();
     for _ in 0..count {
         tokio::time::sleep(random.seconds(0.5, 3.0)).await;
         // Without this, a slow start of processes leaves no majority.
-        let least = cluster.nodes.len() / 2 + 2;
+        let least = if one_at_a_time { cluster.nodes.len() } else { cluster.nodes.len() / 2 + 2 };
         let is_in = |node: &&proto::ClusterNodeStats| node.state == "in";
         cluster.until("d0", "with a spare node", |stats| stats.nodes.iter().filter(is_in).count() >= least).await?;
         let host = random.node(cluster);
@@ -235,6 +235,10 @@ fn print_faults(cluster: &Cluster, events: &Events, faults: &[Fault], are_of_dir
     let gaps = report::gaps(events, &cluster.lives);
     let longest = faults.iter().filter_map(|fault| report::longest_after(&gaps, fault.at_ns, EFFECT_NS));
     row(&format!("longest gap of the other nodes after each of {} faults, ms", faults.len()), Spread::of_ns(longest));
+    // A process that starts again takes the cores of this machine from the others; in a theatre it has its own.
+    let before =
+        faults.iter().filter_map(|fault| report::longest_after(&gaps, fault.at_ns, fault.until_ns - fault.at_ns));
+    row("of these, gaps that began before the harmed process was started or resumed, ms", Spread::of_ns(before));
     // A director's end is over when all nodes have shown a frame of the next one.
     let back = faults.iter().map(|fault| {
         let next = |node: &str| {

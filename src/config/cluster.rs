@@ -42,6 +42,11 @@ pub struct ClusterConfig {
     /// What happens if a node is not ready in time.
     #[serde(default)]
     pub at_deadline: AtDeadline,
+    /// Frames in a row for which a node is not ready, after which it is left out. With 1, a node that hangs costs the others one frame, and a single late
+    /// frame leaves a node out for three.
+    #[serde(default = "misses")]
+    #[schemars(range(min = 1, max = 10))]
+    pub misses: u8,
     /// Time between the deadline of a frame and its presentation, in which a lost message is repeated.
     #[serde(default = "lead_ms")]
     #[schemars(range(min = 0.0, max = 1000.0), extend("x-unit" = "ms"))]
@@ -119,6 +124,10 @@ fn director_name() -> String {
 
 fn rate_hz() -> f64 {
     60.0
+}
+
+fn misses() -> u8 {
+    3
 }
 
 fn lead_ms() -> f64 {

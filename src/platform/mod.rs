@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | `clock`: monotonic time, International Atomic Time and whether it is disciplined | `clock_gettime`, `adjtimex` (Linux only) | monotonic time only |
 //! | `openxr_clock`: extension that reads the clock of a headset's runtime | `timespec` | performance counter |
-//! | `process`: priority of threads, resident and freed memory, open files | `nice` and `/proc` (Linux only), `malloc_trim` (glibc only), `getrlimit` | thread priority, working set, no limit |
+//! | `process`: priority of threads, resident and freed memory, open files, the same program again | `nice` and `/proc` (Linux only), `malloc_trim` (glibc only), `getrlimit`, `exec` | thread priority, working set, no limit, refused |
 //! | `signals`: end, and reload of the access rules | SIGINT, SIGTERM; SIGHUP | Ctrl-C, Ctrl-Break, console closed, logoff, shutdown; no reload |
 //! | `sockets`: local sockets with a path | Unix sockets | refused |
 //! | `supervisor`: readiness and end for the supervisor | systemd | none |

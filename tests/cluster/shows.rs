@@ -48,12 +48,17 @@ async fn nodes_show_the_same_frames_through_kills_and_restarts_of_nodes_and_dire
     let common = seen_left.keys().filter(|number| seen_right.contains_key(number)).count();
     assert!(common >= 6, "{:?} {:?}", seen_left.keys(), seen_right.keys());
 
-    // A node's picture is byte-equal to that of one daemon that is asked for the same view.
+    // A node's picture is byte-equal to that of one daemon that is asked for the same view; so are its light and exposure.
     let alone = Process::spawn(folder, "cluster.toml", &[]);
-    for (view, seen) in [("of_left", &seen_left), ("of_right", &seen_right)] {
+    for (view, seen, node) in [("of_left", &seen_left, &mut of_left), ("of_right", &seen_right, &mut of_right)] {
         let picture = alone.client().await.render_frame(view, Encoding::Rgba8).await.unwrap();
         assert!(seen.values().all(|frame| pixels(frame) == pixels(&picture)), "{view} differs");
         assert!(pixels(&picture).chunks(4).any(|pixel| pixel[..3] != [0; 3]), "{view} is empty");
+        let exposure = picture.exposure_ev100.to_bits();
+        assert!(seen.values().all(|frame| frame.exposure_ev100.to_bits() == exposure), "{view}: exposure");
+        let light = alone.client().await.render_frame(view, Encoding::Rgb32f).await.unwrap();
+        let of_node = node.render_frame(view, Encoding::Rgb32f).await.unwrap();
+        assert!(pixels(&of_node) == pixels(&light) && of_node.exposure_ev100.to_bits() == exposure, "{view}: light");
     }
     drop(alone);
 

@@ -330,6 +330,7 @@ fn disagreements(validator: &jsonschema::Validator, key: &str, range: &Range) ->
         "tile_px",
         "samples",
         "monitor",
+        "misses",
     ]
     .contains(&name);
     let angle = key.starts_with("views") && name.ends_with("_deg");

@@ -11,7 +11,7 @@
 //! |---|---|
 //! | absent | HELLO: to *out*, or to *refused* if its version or files differ |
 //! | out | READY for three frames in a row: to *in*, from the next frame on |
-//! | in | no READY for three frames in a row: to *out* |
+//! | in | no READY for `misses_until_out` frames in a row: to *out* |
 //! | any | connection lost: to *absent* |
 //!
 //! # Why two directors cannot both commit
@@ -42,7 +42,7 @@ use crate::{
         Commit, Cue, Epoch, FrameId, Hello, Identity, Mask, NodeId, Out, OutReason, Ready, Refusal, Skip, SkipReason,
         State, ToDirector, ToNode, Welcome,
     },
-    rules::{MISSES_UNTIL_OUT, Policy, READY_UNTIL_IN, Rules},
+    rules::{Policy, READY_UNTIL_IN, Rules},
 };
 
 /// Times that a COMMIT is sent again within its lead.
@@ -536,7 +536,7 @@ impl Director {
                 Place::In { misses } if is_ready => *misses = 0,
                 Place::In { misses } => {
                     *misses += 1;
-                    if *misses >= MISSES_UNTIL_OUT {
+                    if *misses >= self.rules.misses_until_out {
                         member.place = Place::Out { why: OutReason::Misses, ready: 0 };
                         self.leave_out(node, OutReason::Misses);
                     }

@@ -299,7 +299,7 @@ pub struct Out {
 pub enum OutReason {
     /// It has said HELLO and was not yet READY often enough in a row.
     Joining,
-    /// It was not READY [`crate::rules::MISSES_UNTIL_OUT`] times in a row.
+    /// It was not READY [`crate::rules::Rules::misses_until_out`] times in a row.
     Misses,
     /// Its connection ended.
     Lost,

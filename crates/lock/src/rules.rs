@@ -4,8 +4,6 @@ use std::{error::Error, fmt};
 
 use crate::messages::MAX_NODES;
 
-/// Frames in a row without READY after which a node is left out.
-pub const MISSES_UNTIL_OUT: u8 = 3;
 /// Frames in a row with READY after which a node takes part again, from the next frame on. The proof in [`crate::director`] needs at least 3.
 pub const READY_UNTIL_IN: u8 = 3;
 
@@ -31,6 +29,8 @@ pub struct Rules {
     pub lead_ns: u64,
     /// What happens at the deadline.
     pub policy: Policy,
+    /// Frames in a row without READY after which a node is left out, at least 1.
+    pub misses_until_out: u8,
     /// Time for which a director waits for all nodes before it starts with more than half of them.
     pub gather_ns: u64,
     /// Time for which a started director skips frames until all nodes are READY, before it starts with more than half of them. Nodes that bake
@@ -47,8 +47,8 @@ pub struct Rules {
 const MS: u64 = 1_000_000;
 
 impl Rules {
-    /// Rules for a number of nodes and a frame rate: `together`, a deadline of three quarters of a period, and 33 ms of lead, within which
-    /// all of 1,200 measured COMMITs arrived at 1 % loss.
+    /// Rules for a number of nodes and a frame rate: `together`, out after three misses, a deadline of three quarters of a period, and 33 ms of
+    /// lead, within which all of 1,200 measured COMMITs arrived at 1 % loss.
     ///
     /// # Errors
     ///
@@ -64,6 +64,7 @@ impl Rules {
             deadline_ns: period_ns / 4 * 3,
             lead_ns: 33 * MS,
             policy: Policy::Together,
+            misses_until_out: 3,
             gather_ns: 5_000 * MS,
             start_ns: 5_000 * MS,
             hello_ns: 100 * MS,
@@ -77,7 +78,8 @@ impl Rules {
     ///
     /// # Errors
     ///
-    /// A number of nodes outside 1 to [`MAX_NODES`], a deadline of 0 or longer than a period, a lead of more than a second, a time of 0.
+    /// A number of nodes outside 1 to [`MAX_NODES`], a deadline of 0 or longer than a period, a lead of more than a second, a time or a
+    /// number of misses of 0.
     pub fn checked(self) -> Result<Self, RulesError> {
         if self.nodes == 0 || self.nodes > MAX_NODES {
             return Err(RulesError::Nodes(self.nodes));
@@ -90,6 +92,9 @@ impl Rules {
         }
         if self.hello_ns == 0 || self.silence_ns == 0 || self.hold_ns == 0 {
             return Err(RulesError::Zero);
+        }
+        if self.misses_until_out == 0 {
+            return Err(RulesError::NoMisses);
         }
         Ok(self)
     }
@@ -124,6 +129,8 @@ pub enum RulesError {
     Lead(u64),
     /// A time that must not be 0.
     Zero,
+    /// A node would be left out although it is READY.
+    NoMisses,
 }
 
 impl fmt::Display for RulesError {
@@ -136,6 +143,7 @@ impl fmt::Display for RulesError {
             }
             Self::Lead(lead_ns) => write!(f, "a lead of {lead_ns} ns: must be at most a second"),
             Self::Zero => write!(f, "times of HELLO, silence and hold must be above 0"),
+            Self::NoMisses => write!(f, "0 misses until a node is left out: must be at least 1"),
         }
     }
 }
@@ -159,6 +167,7 @@ mod tests {
             Rules { hello_ns: 0, ..good },
             Rules { silence_ns: 0, ..good },
             Rules { hold_ns: 0, ..good },
+            Rules { misses_until_out: 0, ..good },
         ];
         for rules in wrong {
             let error = rules.checked().unwrap_err();

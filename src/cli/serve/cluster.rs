@@ -90,8 +90,28 @@ pub(super) fn part(config: &Config, arguments: &ServeArguments) -> Result<Option
             (Some((id, config.nodes[index].clone())), cluster.endpoints.clone())
         }
     };
+    #[cfg(feature = "cluster")]
+    if cluster.tls.is_some() {
+        set_threads_of_zenoh()?;
+    }
     let rules = rules(&cluster, config.nodes.len()).map_err(|error| usage(format!("cluster: {error}")))?;
     Ok(Some(Part { cluster, node, endpoints, rules }))
+}
+
+/// Sets the threads of Zenoh for encrypted connections. It reads them from the environment, so the program starts itself again with the variable.
+#[cfg(feature = "cluster")]
+fn set_threads_of_zenoh() -> Result<(), CliError> {
+    let (name, value) = cluster::zenoh::ZENOH_THREADS;
+    match env::var_os(name) {
+        Some(set) if set == value => Ok(()),
+        Some(set) => {
+            Err(usage(format!("{name} is `{}`: with [cluster.tls] it must be absent or `{value}`", set.display())))
+        }
+        None => {
+            let error = crate::platform::process::run_again_with(name, value);
+            Err(usage(format!("{name} cannot be set: {error}; set it to `{value}`")))
+        }
+    }
 }
 
 /// The rules of the lock.
@@ -104,6 +124,7 @@ fn rules(cluster: &ClusterConfig, nodes: usize) -> Result<Rules, steradian_lock:
             AtDeadline::Together => Policy::Together,
             AtDeadline::Apart => Policy::Apart,
         },
+        misses_until_out: cluster.misses,
         lead_ns: ns(cluster.lead_ms * 1e-3),
         gather_ns,
         start_ns: gather_ns,

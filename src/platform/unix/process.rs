@@ -43,6 +43,23 @@ pub(crate) fn real_time_thread_alone() -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::Unsupported, "this system has no real-time scheduling of a thread alone"))
 }
 
+/// Replaces this process by the same program with the same arguments, and a further variable in its environment. Returns only if the system
+/// refuses.
+#[cfg(feature = "cluster")]
+pub(crate) fn run_again_with(name: &str, value: &str) -> io::Error {
+    use std::os::unix::process::CommandExt as _;
+    let program = match std::env::current_exe() {
+        Ok(program) => program,
+        Err(error) => return error,
+    };
+    let mut arguments = std::env::args_os();
+    let mut command = std::process::Command::new(program);
+    if let Some(own) = arguments.next() {
+        command.arg0(own);
+    }
+    command.args(arguments).env(name, value).exec()
+}
+
 /// Gives the calling thread `SCHED_RR` with a priority and with flags of the policy.
 fn round_robin(priority: libc::c_int, flags: libc::c_int) -> io::Result<()> {
     // SAFETY: every field is a number or an array of bytes. Some systems have fields that cannot be named here.

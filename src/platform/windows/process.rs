@@ -8,6 +8,12 @@ use windows_sys::Win32::System::{
     Threading::{GetCurrentProcess, GetCurrentThread, SetThreadPriority, THREAD_PRIORITY_BELOW_NORMAL},
 };
 
+/// Returns an error: a process cannot be replaced.
+#[cfg(feature = "cluster")]
+pub(crate) fn run_again_with(_: &str, _: &str) -> io::Error {
+    io::Error::new(io::ErrorKind::Unsupported, "this system cannot replace a process")
+}
+
 /// Lowers the priority of the calling thread. Threads that it starts afterwards do not inherit it, so the threads of a software driver
 /// keep the normal one.
 ///

@@ -32,8 +32,14 @@ use super::wire::{Hear, Heard, OpenWire, To, Wire};
 
 /// Time after which a silent connection ends, ms. The deadline of READY is shorter; this frees what a process that hangs holds.
 const LEASE_MS: u32 = 1000;
+/// Messages that wait for a connection, of each priority but that of frames: the most that Zenoh allows.
+const MOST_QUEUED: u32 = 16;
 /// Time between two attempts to connect, ms.
 const RETRY_MS: u32 = 100;
+
+/// Variable for the threads of Zenoh, and its value under TLS: one thread reads and writes all connections. By default several do, also the same
+/// encrypted connection at the same time, which corrupts its memory and ends the process (eclipse-zenoh/zenoh, issue 2557).
+pub const ZENOH_THREADS: (&str, &str) = ("ZENOH_RUNTIME", "(rx: (worker_threads: 1), tx: (handover: rx))");
 
 /// A process's place in the network.
 #[derive(Clone, Debug)]
@@ -127,6 +133,11 @@ impl ZenohOptions {
             None => (self.endpoints.clone(), Vec::new()),
             Some(_) => (Vec::new(), self.endpoints.clone()),
         };
+        // Frames wait in no queue; declarations and answers may.
+        let queues = json!({
+            "control": MOST_QUEUED, "real_time": 2, "interactive_high": MOST_QUEUED, "interactive_low": MOST_QUEUED,
+            "data_high": MOST_QUEUED, "data": MOST_QUEUED, "data_low": MOST_QUEUED, "background": MOST_QUEUED,
+        });
         let mut values = vec![
             ("mode", json!("peer")),
             ("listen/endpoints", json!(listen)),
@@ -140,6 +151,8 @@ impl ZenohOptions {
             ("open/return_conditions", json!({ "connect_scouted": false, "declares": false })),
             ("transport/link/tx/lease", json!(LEASE_MS)),
             ("transport/link/tx/queue/batching/enabled", json!(false)),
+            // The thread that reads also writes: what it sends at once must fit, or it waits for itself.
+            ("transport/link/tx/queue/size", queues),
         ];
         if let Some(tls) = &self.tls {
             let [ca, certificate, key] = &tls.files;
@@ -195,6 +208,10 @@ fn last<'a>(key: &'a KeyExpr<'_>) -> &'a str {
 
 impl ZenohWire {
     fn open(options: &ZenohOptions, hear: &Hear) -> Opened<Self> {
+        let (name, value) = ZENOH_THREADS;
+        if options.tls.is_some() && std::env::var(name).as_deref() != Ok(value) {
+            return Err(format!("with TLS the variable {name} must be `{value}`").into());
+        }
         let session = zenoh::open(options.config()?).wait()?;
         let base = options.base();
         let publisher = |key: String| -> Opened<Publisher<'static>> {

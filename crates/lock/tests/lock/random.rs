@@ -24,6 +24,7 @@ fn random_setup(random: &mut ChaCha8Rng) -> Setup {
         Rules::at_hertz(random.random_range(1..=7), *[30.0, 60.0, 120.0].get(random.random_range(0..3)).unwrap());
     let mut rules = rules.unwrap();
     rules.policy = if random.random_bool(0.5) { Policy::Together } else { Policy::Apart };
+    rules.misses_until_out = random.random_range(1..=4);
     rules.lead_ns = random.random_range(1..=60) * MS;
     rules.deadline_ns = rules.period_ns * random.random_range(2..=4) / 4;
     let mut network = setup.network;

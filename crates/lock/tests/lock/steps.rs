@@ -252,6 +252,19 @@ fn three_misses_put_a_node_out_and_three_ready_take_it_back() {
 }
 
 #[test]
+fn with_one_miss_until_out_a_missing_node_costs_one_frame() {
+    let mut director = Director::new(Rules { misses_until_out: 1, ..rules(3) }, 9, Identity::default());
+    (0..3).for_each(|node| director.hear(at(0), NodeId(node), hello(1, Epoch::NONE)));
+    director.act(at(0));
+    for number in 1..=3 {
+        frame(&mut director, 10 * (number - 1), number, &[0, 1, 2]);
+    }
+    assert_eq!(skips(&frame(&mut director, 30, 4, &[0, 2])), [SkipReason::Deadline]);
+    let committed = commits(&frame(&mut director, 40, 5, &[0, 2]));
+    assert_eq!(committed.last().unwrap().mask, [0, 2].map(NodeId).into_iter().collect());
+}
+
+#[test]
 fn a_node_that_is_always_a_little_late_is_left_out() {
     let mut director = running();
     for number in 4..=6 {
