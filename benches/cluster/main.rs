@@ -43,7 +43,7 @@ struct Arguments {
     /// What happens at the deadline: together or apart.
     #[arg(long, global = true, default_value = "together")]
     at_deadline: String,
-    /// Late frames in a row after which a node is left out
+    /// Late frames in a row after which a node is left out.
     #[arg(long, global = true, default_value_t = 3)]
     misses: u8,
     /// Program of all processes.
@@ -84,7 +84,7 @@ enum Run {
     Kills {
         #[arg(long, default_value_t = 50)]
         count: u32,
-        /// The next node is killed when all take part again, in place of as soon as one more than a majority does
+        /// The next node is killed when all take part again, in place of as soon as one more than a majority does.
         #[arg(long)]
         one_at_a_time: bool,
     },

@@ -20,8 +20,15 @@ fn complete(run: fn() -> Result<(), String>, variable: &str) -> Result<Completio
     }
 }
 
-/// Runs two tests at once: each waits for other processes half of its time, and draws with a software driver that uses all
-/// cores. The arguments are those of libtest. If `variable` is set and neither empty nor 0, a test that cannot run fails.
+/// The arguments, which are those of libtest. Unless they say otherwise, two tests run at once: each draws with a software
+/// driver that uses all cores, and waits for other processes half of its time.
+pub fn arguments() -> Arguments {
+    let mut arguments = Arguments::from_args();
+    arguments.test_threads = arguments.test_threads.or(Some(2));
+    arguments
+}
+
+/// Runs the tests. If `variable` is set and neither empty nor 0, a test that cannot run fails.
 pub fn main(variable: &'static str, tests: &[&[Test]]) -> ExitCode {
     let groups: Vec<(&'static str, &[Test])> = tests.iter().map(|tests| (variable, *tests)).collect();
     main_of(&groups)
@@ -29,11 +36,9 @@ pub fn main(variable: &'static str, tests: &[&[Test]]) -> ExitCode {
 
 /// The same with a variable for each group of tests.
 pub fn main_of(groups: &[(&'static str, &[Test])]) -> ExitCode {
-    let mut arguments = Arguments::from_args();
-    arguments.test_threads = arguments.test_threads.or(Some(2));
     let tests = groups.iter().flat_map(|(variable, tests)| tests.iter().map(|test| (*variable, *test)));
     let trials = tests.map(|(variable, (name, run))| {
         Trial::ignorable_test(name, move || complete(run, variable)).with_ignored_flag(name.contains(LONG))
     });
-    libtest_mimic::run(&arguments, trials.collect()).exit_code()
+    libtest_mimic::run(&arguments(), trials.collect()).exit_code()
 }

@@ -32,7 +32,7 @@ use super::wire::{Hear, Heard, OpenWire, To, Wire};
 
 /// Time after which a silent connection ends, ms. The deadline of READY is shorter; this frees what a process that hangs holds.
 const LEASE_MS: u32 = 1000;
-/// Messages that wait for a connection, of each priority but that of frames: the most that Zenoh allows.
+/// Messages that wait for an encrypted connection, of each priority but that of frames: the most that Zenoh allows.
 const MOST_QUEUED: u32 = 16;
 /// Time between two attempts to connect, ms.
 const RETRY_MS: u32 = 100;
@@ -133,11 +133,6 @@ impl ZenohOptions {
             None => (self.endpoints.clone(), Vec::new()),
             Some(_) => (Vec::new(), self.endpoints.clone()),
         };
-        // Frames wait in no queue; declarations and answers may.
-        let queues = json!({
-            "control": MOST_QUEUED, "real_time": 2, "interactive_high": MOST_QUEUED, "interactive_low": MOST_QUEUED,
-            "data_high": MOST_QUEUED, "data": MOST_QUEUED, "data_low": MOST_QUEUED, "background": MOST_QUEUED,
-        });
         let mut values = vec![
             ("mode", json!("peer")),
             ("listen/endpoints", json!(listen)),
@@ -151,8 +146,6 @@ impl ZenohOptions {
             ("open/return_conditions", json!({ "connect_scouted": false, "declares": false })),
             ("transport/link/tx/lease", json!(LEASE_MS)),
             ("transport/link/tx/queue/batching/enabled", json!(false)),
-            // The thread that reads also writes: what it sends at once must fit, or it waits for itself.
-            ("transport/link/tx/queue/size", queues),
         ];
         if let Some(tls) = &self.tls {
             let [ca, certificate, key] = &tls.files;
@@ -168,6 +161,13 @@ impl ZenohOptions {
                     "verify_name_on_connect": true,
                 }),
             ));
+            // One thread reads and writes. If it fills a queue while it reads, it waits for its own writing, so queues are long.
+            // That of frames keeps Zenoh's own size: it has no backlog.
+            let queues = json!({
+                "control": MOST_QUEUED, "real_time": 2, "interactive_high": MOST_QUEUED, "interactive_low": MOST_QUEUED,
+                "data_high": MOST_QUEUED, "data": MOST_QUEUED, "data_low": MOST_QUEUED, "background": MOST_QUEUED,
+            });
+            values.push(("transport/link/tx/queue/size", queues));
             values.push(("access_control", self.access(tls)));
         }
         let mut config = Config::default();

@@ -4,7 +4,8 @@
 
 use std::process::ExitCode;
 
-use libtest_mimic::{Arguments, Completion, Failed, Trial};
+use libtest_mimic::{Completion, Failed, Trial};
+use testkit::trials;
 
 use super::Monado;
 
@@ -27,8 +28,7 @@ pub enum Test {
 /// A function that runs in a separate process started through Monado's dynamic linker; its result is its output.
 pub type Inner = (&'static str, fn());
 
-/// Runs the inner function named in the environment, or the tests, two at a time: each starts a service of its own, waits for
-/// it half of its time, and draws with a software driver that uses all cores.
+/// Runs the inner function named in the environment, or the tests.
 pub fn main(tests: &[Test], inners: &[Inner]) -> ExitCode {
     if let Some(wanted) = std::env::var_os(INNER_VARIABLE) {
         let (_, inner) = inners
@@ -38,9 +38,7 @@ pub fn main(tests: &[Test], inners: &[Inner]) -> ExitCode {
         inner();
         return ExitCode::SUCCESS;
     }
-    let mut arguments = Arguments::from_args();
-    arguments.test_threads = arguments.test_threads.or(Some(2));
-    let trials = tests.iter().map(|&test| match test {
+    let tests = tests.iter().map(|&test| match test {
         Test::WithMonado(name, run) => Trial::ignorable_test(name, move || with_monado(run)),
         Test::Long(name, run) => Trial::ignorable_test(name, move || with_monado(run)).with_ignored_flag(true),
         Test::Anywhere(name, run) => Trial::test(name, move || {
@@ -48,7 +46,7 @@ pub fn main(tests: &[Test], inners: &[Inner]) -> ExitCode {
             Ok::<(), Failed>(())
         }),
     });
-    libtest_mimic::run(&arguments, trials.collect()).exit_code()
+    libtest_mimic::run(&trials::arguments(), tests.collect()).exit_code()
 }
 
 fn with_monado(run: fn(&'static Monado)) -> Result<Completion, Failed> {
