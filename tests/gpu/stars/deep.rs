@@ -240,6 +240,54 @@ fn the_residual_bounds_the_error_until_all_pages_are_read() {
     assert!(largest > 0.0);
 }
 
+/// A view that turns finds the pages in memory that it comes to; one that jumps does not.
+#[test]
+fn pages_are_read_ahead_of_a_turning_view() {
+    const TURN_RAD: f64 = 0.02;
+    let rig = window(9.0);
+    let settings = settings();
+    let missing_after = |turns: bool| -> u64 {
+        let mut scene = deep_scene();
+        let deep = Arc::clone(scene.stars.deep.as_ref().unwrap());
+        let mut renderer = renderer();
+        let from = scene.camera.world_from_camera;
+        let mut at = |angle_rad: f64| {
+            scene.camera.world_from_camera = DQuat::from_rotation_x(angle_rad) * from;
+            let request = FrameRequest::new(&scene, &rig).settings(&settings).wanted(Wanted::hdr());
+            let request = request.sky_map(SkyMapUse::InTurn).drawn_for(Output::Hdr);
+            renderer.render(request).unwrap().plan.deep.clone().unwrap().missing
+        };
+        let read_all = || {
+            let (mut read, mut rested) = (0, 0);
+            while rested < 10 {
+                thread::sleep(Duration::from_millis(20));
+                let now = deep.statistics().pages_read;
+                rested = if now == read { rested + 1 } else { 0 };
+                read = now;
+            }
+        };
+        while at(0.0) > 0 {
+            thread::sleep(Duration::from_millis(20));
+        }
+        // Frames that are far apart are no turn. A slow machine needs more than two frames that are near to each other.
+        let mut angle_rad = 0.0;
+        loop {
+            let start = Instant::now();
+            at(angle_rad);
+            thread::sleep(Duration::from_millis(if turns { 100 } else { 600 }));
+            angle_rad += TURN_RAD;
+            at(angle_rad);
+            let apart = start.elapsed();
+            read_all();
+            if !turns || apart < Duration::from_millis(500) {
+                return at(angle_rad + TURN_RAD);
+            }
+        }
+    };
+    assert!(missing_after(false) > 0, "nothing new is seen, so this test shows nothing");
+    assert_eq!(missing_after(true), 0);
+}
+
 #[test]
 fn what_cannot_be_drawn_is_refused_with_its_reason() {
     let mut renderer = renderer();

@@ -4,9 +4,13 @@
 //! and [`MAP_CELL_TEXELS`] texels in the map of faint light. Where no plane is fine enough, all stars are drawn. Pages that have not been read yet
 //! are replaced by coarser ones; [`Residual`] bounds the error of that.
 
-use std::sync::{Arc, LazyLock};
+use std::{
+    collections::HashSet,
+    sync::{Arc, LazyLock},
+    time::{Duration, Instant},
+};
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
 use super::cull::{CullSettings, Field};
@@ -39,6 +43,17 @@ static BRIGHTEST_LX: LazyLock<[f64; LAYERS.len()]> =
     LazyLock::new(|| LAYERS.map(|layer| illuminance_lx_from_magnitude(layer.brightest_mag())));
 /// Share of the memory for pages that the pages of one plan may take: the rest is for those of other views, and for what comes next.
 const SHARE_OF_A_PLAN: f64 = 0.9;
+
+/// Pages are asked for that views will need within this time if they go on turning as they do. Reading the pages of a view takes about half of it on a disk.
+const AHEAD: Duration = Duration::from_millis(500);
+/// Urgency of such pages: less than any error.
+const AFTER_ALL_ELSE: f64 = -1.0;
+/// Frames farther apart say nothing about the turn of the views.
+const LONGEST_FRAME: Duration = Duration::from_millis(500);
+/// A greater turn within [`AHEAD`] is a jump, rad.
+const MOST_TURN_RAD: f64 = 1.0;
+/// A smaller one needs no new pages, as a part of a view's radius.
+const LEAST_TURN: f64 = 1e-3;
 
 /// Parameters of the selection.
 #[derive(Clone, Copy, Debug)]
@@ -136,7 +151,7 @@ pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
     // The detail of each part of the sky, coarser if that is necessary for the memory.
     let mut parts: Vec<Part> =
         (0..BUCKETS).into_par_iter().flat_map_iter(|bucket| parts_of(inputs, &fields, bucket)).collect();
-    let most_bytes = (SHARE_OF_A_PLAN * inputs.memory_bytes as f64 / 2.0) as u64;
+    let most_bytes = most_bytes_of_a_plan(inputs);
     let mut finest = Detail::Stars;
     let pages = loop {
         let pages: Vec<PartPages> = parts.par_iter().map(|part| visible_pages(inputs, &fields, *part)).collect();
@@ -168,6 +183,60 @@ pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
         sky.ask(&wants);
     }
     Ok(plan)
+}
+
+/// Memory on the host that the pages of a plan may take, bytes.
+fn most_bytes_of_a_plan(inputs: &DeepInputs<'_>) -> u64 {
+    (SHARE_OF_A_PLAN * inputs.memory_bytes as f64 / 2.0) as u64
+}
+
+/// How views turn: the orientations of the last frame, and its time.
+#[derive(Debug, Default)]
+pub(super) struct Turning {
+    last: Option<(Vec<DQuat>, Instant)>,
+}
+
+impl Turning {
+    /// Notes the views of a frame, and returns them as they will be after [`AHEAD`] if they go on turning; `None`: they rest, or have jumped.
+    pub(super) fn ahead(&mut self, viewports: &[Viewport], now: Instant) -> Option<Vec<Viewport>> {
+        let orientations: Vec<DQuat> = viewports.iter().map(|viewport| viewport.world_from_view).collect();
+        let (last, then) = self.last.replace((orientations, now))?;
+        let passed = now.saturating_duration_since(then);
+        if last.len() != viewports.len() || passed.is_zero() || passed > LONGEST_FRAME {
+            return None;
+        }
+        let frames = AHEAD.as_secs_f64() / passed.as_secs_f64();
+        let mut turns = false;
+        let turned = viewports.iter().zip(last).map(|(viewport, last)| {
+            let turn = (viewport.world_from_view * last.conjugate()).to_scaled_axis() * frames;
+            let radius_rad = viewport.projection.mapping().bounding_cone(0.0).half_angle_rad;
+            turns |= turn.length() > LEAST_TURN * radius_rad;
+            let world_from_view = DQuat::from_scaled_axis(turn) * viewport.world_from_view;
+            (turn.length() < MOST_TURN_RAD).then(|| Viewport { world_from_view, ..viewport.clone() })
+        });
+        let turned = turned.collect::<Option<Vec<_>>>()?;
+        turns.then_some(turned)
+    }
+}
+
+/// Asks for the pages that turned views need besides those of a plan, after all that the plan itself misses, if there is memory for both.
+pub(super) fn ask_ahead(inputs: &DeepInputs<'_>, turned: &[Viewport], plan: &DeepPlan) {
+    let ahead = DeepInputs { viewports: turned, ..*inputs };
+    let fields: Vec<Field> = turned.iter().map(|viewport| Field::new(viewport, &inputs.cull)).collect();
+    let parts = (0..BUCKETS).into_par_iter().flat_map_iter(|bucket| parts_of(&ahead, &fields, bucket));
+    let pages: Vec<PartPages> = parts.map(|part| visible_pages(&ahead, &fields, part)).collect();
+    let drawn: u64 = plan.visible.iter().map(|visible| visible.page.bytes()).sum();
+    if drawn + bytes_of(inputs.sky, &pages) > most_bytes_of_a_plan(inputs) {
+        return;
+    }
+    let keys: Vec<PageKey> = pages.iter().flat_map(|part| part.pages.iter().map(|(key, _)| *key)).collect();
+    let missing: HashSet<PageKey> = plan.missing.iter().copied().collect();
+    let held = inputs.sky.pages_of(&keys);
+    let absent = keys.into_iter().zip(held).filter(|(key, held)| held.is_none() && !missing.contains(key));
+    let wants: Vec<(PageKey, f64)> = absent.map(|(key, _)| (key, AFTER_ALL_ELSE)).collect();
+    if !wants.is_empty() {
+        inputs.sky.ask(&wants);
+    }
 }
 
 /// Whether composite stars may be drawn.
@@ -343,4 +412,37 @@ fn most_of_leaf_lx(sky: &DeepSky, key: PageKey) -> f64 {
     let cell = (key.cell() >> (2 * (LAYERS[layer].order - SUM_ORDER))) as usize;
     let sum = sky.store().index().sums[layer].get(cell).map_or(0.0, |light| luminance(*light));
     sum.min(BRIGHTEST_LX[layer] * f64::from(key.stars(sky.store())))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+    use crate::view::{Rig, View, ViewKind};
+
+    fn viewports(yaw_rad: f64) -> Vec<Viewport> {
+        let kind = ViewKind::Perspective { size: [64; 2], fov_y_rad: 0.1 };
+        let view = View::new("view", kind, DQuat::IDENTITY, DVec3::ZERO).unwrap();
+        Rig::new(vec![view]).unwrap().viewports(DQuat::from_rotation_y(yaw_rad))
+    }
+
+    #[test]
+    fn a_turn_goes_on_and_a_jump_does_not() {
+        let start = Instant::now();
+        let after = |ms: u64| start + Duration::from_millis(ms);
+        let mut turning = Turning::default();
+        let yaw = |turned: Option<Vec<Viewport>>| {
+            let towards = turned?[0].world_from_view * DVec3::NEG_Z;
+            Some((-towards.x).atan2(-towards.z))
+        };
+        assert_eq!(yaw(turning.ahead(&viewports(0.0), after(0))), None, "one frame has no turn");
+        // 0.01 rad in 50 ms: 0.1 rad in half a second.
+        let ahead = yaw(turning.ahead(&viewports(0.01), after(50))).unwrap();
+        assert!((ahead - 0.11).abs() < 1e-9, "{ahead}");
+        assert_eq!(yaw(turning.ahead(&viewports(0.01), after(100))), None, "at rest");
+        assert_eq!(yaw(turning.ahead(&viewports(0.5), after(150))), None, "a jump");
+        assert_eq!(yaw(turning.ahead(&viewports(0.51), after(800))), None, "frames too far apart");
+        let two = [viewports(0.52), viewports(0.52)].concat();
+        assert_eq!(yaw(turning.ahead(&two, after(850))), None, "other views");
+    }
 }

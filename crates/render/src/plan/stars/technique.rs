@@ -9,7 +9,7 @@ use super::{
     cell_sky::CellSkyPlan,
     certificate::{certificate, reported_method},
     cull::{CullSettings, VisibleChunk, distinct_eyes_pc, visible_chunks},
-    deep::{self, DIRECT_CELL_PX, DeepInputs, DeepPlan, MAP_CELL_TEXELS, Residual},
+    deep::{self, DIRECT_CELL_PX, DeepInputs, DeepPlan, MAP_CELL_TEXELS, Residual, Turning},
     kernels::{GaussianWidth, KernelPlan, kernels_of},
     method::{Accumulator, StarMethod},
     range::{self, OtherLight, Ranges},
@@ -56,10 +56,11 @@ pub struct StarsPlan {
     pub cull_ms: f64,
 }
 
-/// Plans [`StarsPlan`], and keeps the point-spread function of the last settings.
+/// Plans [`StarsPlan`], and keeps the point-spread function of the last settings and how views turn.
 #[derive(Default)]
 pub(in crate::plan) struct Stars {
     psf: Option<(PsfTextureSettings, Arc<DrawnPsf>)>,
+    turning: Turning,
 }
 
 impl Stars {
@@ -85,8 +86,8 @@ impl Stars {
         visible
     }
 
-    /// Selects the pages of the scene's deep store. A map of faint light has the light of all of them.
-    fn select_deep(inputs: &PlanInputs<'_>, plan: &mut Plan) -> Result<(), PlanError> {
+    /// Selects the pages of the scene's deep store, and asks for those that turning views need next. A map of faint light has the light of all of them.
+    fn select_deep(&mut self, inputs: &PlanInputs<'_>, plan: &mut Plan) -> Result<(), PlanError> {
         let Some(sky) = inputs.scene.stars.deep.as_ref().filter(|_| plan.smooth_light.map.is_none()) else {
             return Ok(());
         };
@@ -107,6 +108,9 @@ impl Stars {
             memory_bytes: settings.memory.bytes,
         };
         plan.stars.deep = deep::select(&deep)?;
+        if !in_map && let Some(turned) = self.turning.ahead(deep.viewports, start) {
+            deep::ask_ahead(&deep, &turned, &plan.stars.deep);
+        }
         plan.stars.cull_ms += start.elapsed().as_secs_f64() * 1e3;
         Ok(())
     }
@@ -167,7 +171,7 @@ impl Stars {
     }
 
     /// Plans the light of the stars: all of them, or those that are not part of the map of faint light.
-    fn plan_light(&self, inputs: &PlanInputs<'_>, plan: &mut Plan) -> Result<(), PlanError> {
+    fn plan_light(&mut self, inputs: &PlanInputs<'_>, plan: &mut Plan) -> Result<(), PlanError> {
         let PlanInputs { settings, methods, scene, limits, .. } = *inputs;
         // Visible stars. Without a known exposure they have been selected already, to estimate it.
         let others = plan.smooth_light.map.as_ref().map(|sky| (Arc::clone(&sky.others), sky.map.others_from_lx()));
@@ -175,7 +179,7 @@ impl Stars {
         if plan.exposure.known_white_ev100.is_some() {
             plan.stars.visible = Self::cull(inputs, plan, &stars, drawn_from_lx);
         }
-        Self::select_deep(inputs, plan)?;
+        self.select_deep(inputs, plan)?;
         // Units, kernels and the certificate.
         plan.stars.ranges = Self::ranges(inputs, plan, &stars, drawn_from_lx);
         let viewports = &plan.views.viewports;
