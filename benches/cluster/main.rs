@@ -11,18 +11,21 @@ mod certificates;
 #[path = "../../tests/windows/desktop.rs"]
 mod desktop;
 mod events;
+mod machine_clock;
 mod network;
 mod processes;
 mod report;
 mod runs;
 #[path = "../../tests/windows/stamps.rs"]
 mod stamps;
+mod wire;
 
 use std::{error::Error, fs, path::PathBuf};
 
 use clap::{Parser, Subcommand};
 
 use desktop::Desktop;
+use machine_clock::Disciplined;
 use network::Network;
 use processes::{Cluster, Form};
 
@@ -64,6 +67,10 @@ struct Arguments {
     /// Nodes have windows on an Xvfb, and show one star that is in another column in every frame. The columns are read during a steady run.
     #[arg(long, global = true)]
     windows: bool,
+    /// Frames have a time of presentation: the kernel is told that its clock is synchronised. Needs root, and no time service. `wire` passes the
+    /// monotonic clock to the lock in its place, and needs neither.
+    #[arg(long, global = true)]
+    disciplined: bool,
     /// Keeps configuration and logs, and prints their folder.
     #[arg(long, global = true)]
     keep: bool,
@@ -98,6 +105,11 @@ enum Run {
         #[arg(long, default_value_t = 20)]
         count: u32,
     },
+    /// The clock of the machine is set forward or back by up to half a second, and then as it was. With --disciplined.
+    ClockSteps {
+        #[arg(long, default_value_t = 20)]
+        count: u32,
+    },
     /// The director is stopped, another one is started, the first one is resumed.
     OldDirector {
         #[arg(long, default_value_t = 5)]
@@ -109,6 +121,11 @@ enum Run {
         #[arg(long, default_value_t = 15.0)]
         seconds: f64,
     },
+    /// The lock, its messages and the network alone: processes that draw nothing.
+    Wire(wire::Options),
+    /// A process of `wire`.
+    #[command(hide = true)]
+    WireProcess(wire::Place),
     /// Prints the figures of logs that another run has kept (--keep), without those of faults.
     Report {
         folder: PathBuf,
@@ -155,15 +172,20 @@ async fn main() -> Result<(), Box<dyn Error>> {
         size: arguments.size,
         at_deadline: arguments.at_deadline.clone(),
         misses: arguments.misses,
+        has_clock: arguments.disciplined,
     };
-    if let Run::Report { folder, skip, frames } = &arguments.run {
-        return runs::report_logs(folder, &form, *skip, *frames);
+    match &arguments.run {
+        Run::Report { folder, skip, frames } => return runs::report_logs(folder, &form, *skip, *frames),
+        Run::WireProcess(place) => return wire::take_part(&form, place),
+        _ => {}
     }
+    let is_wire = matches!(arguments.run, Run::Wire(_));
     let is_namespaced = arguments.namespaces;
     if !is_namespaced && (arguments.loss.is_some() || arguments.rto_min_us.is_some()) {
         return Err("--loss and --rto-min-us need --namespaces".into());
     }
     let timeout_us = arguments.rto_min_us;
+    let clock = (arguments.disciplined && !is_wire).then(Disciplined::begin).transpose()?;
     let mut cluster = Cluster::new(&form, move |folder, nodes| {
         if is_namespaced {
             Network::namespaces(folder, directors, nodes, timeout_us)
@@ -187,8 +209,19 @@ async fn main() -> Result<(), Box<dyn Error>> {
         arguments.seed,
         load()
     );
-    let outcome =
-        runs::run(&mut cluster, &form, arguments.run.clone(), (desktop, arguments.loss), arguments.seed).await;
+    if let Run::Wire(options) = &arguments.run {
+        let outcome = wire::run(&cluster, &form, *options, arguments.loss);
+        println!("load at the end {}", load());
+        return outcome;
+    }
+    let outcome = runs::run(
+        &mut cluster,
+        &form,
+        arguments.run.clone(),
+        (desktop, clock.as_ref(), arguments.loss),
+        arguments.seed,
+    )
+    .await;
     println!("load at the end {}", load());
     cluster.end();
     if arguments.keep {

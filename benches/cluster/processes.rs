@@ -23,6 +23,8 @@ type Outcome<T> = Result<T, Box<dyn Error>>;
 pub const PATIENCE: Duration = Duration::from_secs(180);
 /// Interval between two looks at a process.
 const LOOK: Duration = Duration::from_millis(20);
+/// Time from the deadline of a frame to its presentation, ns.
+const LEAD_NS: f64 = 33e6;
 /// Frames of directors and nodes in their logs.
 const LOG: &str = "info,zenoh=error,wgpu=warn,wgpu_core=warn,wgpu_hal=warn,naga=warn,steradian::cluster::frames=trace";
 
@@ -70,6 +72,18 @@ pub struct Form {
     pub size: [u32; 2],
     pub at_deadline: String,
     pub misses: u8,
+    /// Whether frames are shown at a time of presentation.
+    pub has_clock: bool,
+}
+
+impl Form {
+    /// Time from COMMIT after which a frame that is shown belongs to a backlog, ns: a period; with a clock, after the time of presentation of a frame
+    /// that is committed at once.
+    pub fn backlog_ns(&self) -> u64 {
+        let period_ns = 1e9 / self.rate_hz;
+        let ahead_ns = if self.has_clock { 0.75 * period_ns + LEAD_NS } else { 0.0 };
+        (period_ns + ahead_ns) as u64
+    }
 }
 
 /// A cluster of processes. Hosts are `d0`, `d1` and the names of the nodes.

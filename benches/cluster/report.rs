@@ -92,8 +92,8 @@ pub fn longest_after(gaps: &[Gap], fault_ns: u64, within_ns: u64) -> Option<u64>
     gaps.iter().filter(meets).map(Gap::ns).max()
 }
 
-/// Prints the figures that every run has.
-pub fn print(events: &Events, lives: &[Life], nodes: usize, period_ns: u64) {
+/// Prints the figures that every run has. A frame that is shown later than `backlog_ns` after its COMMIT belongs to a backlog.
+pub fn print(events: &Events, lives: &[Life], nodes: usize, backlog_ns: u64) {
     let mut skipped: BTreeMap<&str, usize> = BTreeMap::new();
     let mut without_verdict = 0_usize;
     for frame in events.frames.values() {
@@ -147,9 +147,9 @@ pub fn print(events: &Events, lives: &[Life], nodes: usize, period_ns: u64) {
         .iter()
         .filter_map(|shown| Some(shown.at_ns.saturating_sub(*verdicts.get(&shown.frame)?)))
         .collect();
-    let backlog = behind.iter().filter(|ns| **ns > period_ns).count();
+    let backlog = behind.iter().filter(|ns| **ns > backlog_ns).count();
     row("COMMIT to shown, ms", Spread::of_ns(behind));
-    row("shown more than a period after COMMIT (backlog)", backlog);
+    row(&format!("shown more than {:.1} ms after COMMIT (backlog)", backlog_ns as f64 * 1e-6), backlog);
     let backwards: usize = by_life(events)
         .values()
         .map(|shown| shown.windows(2).filter(|pair| pair[1].frame <= pair[0].frame).count())

@@ -10,6 +10,7 @@ use crate::{
     Run,
     desktop::Desktop,
     events::Events,
+    machine_clock::Disciplined,
     processes::{self, Cluster, Form, SKY_WIDTH, now_ns},
     report::{self, Spread, row},
     stamps::{self, Line, Verdict},
@@ -26,7 +27,7 @@ const EFFECT_NS: u64 = 2_000_000_000;
 /// A stopped director is given up after this time: longer than the lease of a connection.
 const STOPPED: Duration = Duration::from_millis(2_500);
 
-/// A fault: the host, and when it was harmed and could go on.
+/// A fault: the host (empty: all), and when it was harmed and could go on.
 struct Fault {
     host: String,
     at_ns: u64,
@@ -70,7 +71,7 @@ pub async fn run(
     cluster: &mut Cluster,
     form: &Form,
     run: Run,
-    (desktop, loss): (Option<Desktop>, Option<u32>),
+    (desktop, clock, loss): (Option<Desktop>, Option<&Disciplined>, Option<u32>),
     seed: u64,
 ) -> Outcome<()> {
     // The windows need their display until the end.
@@ -87,13 +88,16 @@ pub async fn run(
         Run::Steady { frames } => steady(cluster, form, frames, desktop.as_ref()).await?,
         Run::Kills { count, one_at_a_time } => kills(cluster, &mut random, count, one_at_a_time).await?,
         Run::Hangs { count } => hangs(cluster, &mut random, count).await?,
+        Run::ClockSteps { count } => {
+            clock_steps(cluster, &mut random, clock.ok_or("clock-steps needs --disciplined")?, count).await?
+        }
         Run::DirectorKills { count } => director_kills(cluster, &mut random, count).await?,
         Run::OldDirector { count } => {
             let faults = old_directors(cluster, &mut random, count).await?;
             leader = if count % 2 == 0 { "d0" } else { "d1" };
             faults
         }
-        Run::Report { .. } => return Ok(()),
+        Run::Report { .. } | Run::Wire(_) | Run::WireProcess(_) => return Ok(()),
         Run::Partition { seconds } => return partition(cluster, Duration::from_secs_f64(seconds)).await,
     };
     let until_ns = now_ns();
@@ -101,10 +105,10 @@ pub async fn run(
     let stats = cluster.all_in(leader).await?;
     cluster.end();
     let events = Events::read(&cluster.lives)?.within(from_ns, until_ns);
-    let period_ns = (1e9 / form.rate_hz) as u64;
-    report::print(&events, &cluster.lives, form.nodes, period_ns);
+    report::print(&events, &cluster.lives, form.nodes, form.backlog_ns());
     row("nodes with the scene of the director at the end", format!("{} of {}", stats.nodes.len(), form.nodes));
     row("threads of the network in real time", stats.real_time);
+    row("frames have a time of presentation in the end", stats.locked);
     print_faults(cluster, &events, &faults, matches!(run, Run::DirectorKills { .. } | Run::OldDirector { .. }));
     if let Run::OldDirector { .. } = run {
         print_epochs(&events, &faults);
@@ -181,6 +185,42 @@ async fn hangs(cluster: &mut Cluster, random: &mut Random, count: u32) -> Outcom
     Ok(faults)
 }
 
+/// Sets the machine's clock, waits, and sets it back; all processes have the same clock.
+async fn clock_steps(cluster: &Cluster, random: &mut Random, clock: &Disciplined, count: u32) -> Outcome<Vec<Fault>> {
+    let mut hosts = vec!["d0".to_owned()];
+    hosts.extend(cluster.nodes.clone());
+    let noticed = async |name: &str| -> Outcome<Vec<u64>> {
+        let mut counts = Vec::new();
+        for host in &hosts {
+            counts.push(*cluster.stats(host).await?.counts.get(name).unwrap_or(&0));
+        }
+        Ok(counts)
+    };
+    cluster.until("d0", "locked", |stats| stats.locked).await?;
+    let (before, receipt) = (noticed("clock_steps").await?, noticed("committed_on_receipt").await?[0]);
+    let (mut faults, mut green_ns) = (Vec::new(), Vec::new());
+    for _ in 0..count {
+        tokio::time::sleep(random.seconds(0.5, 2.0)).await;
+        let size_ns = i64::try_from(random.seconds(0.05, 0.5).as_nanos())?;
+        let size_ns = if random.0.random::<bool>() { size_ns } else { -size_ns };
+        let at_ns = now_ns();
+        clock.step(size_ns)?;
+        tokio::time::sleep(random.seconds(0.5, 3.0)).await;
+        let until_ns = now_ns();
+        clock.step(-size_ns)?;
+        cluster.until("d0", "not locked", |stats| !stats.locked).await?;
+        cluster.until("d0", "locked again", |stats| stats.locked).await?;
+        green_ns.push(now_ns() - until_ns);
+        faults.push(Fault { host: String::new(), at_ns, until_ns });
+    }
+    let (after, on_receipt) = (noticed("clock_steps").await?, noticed("committed_on_receipt").await?[0]);
+    let least = after.iter().zip(&before).map(|(after, before)| after - before).min().unwrap_or(0);
+    row("steps made, and the fewest that a process has noticed", format!("{}, {least}", 2 * count));
+    row("frames committed without a time of presentation", on_receipt - receipt);
+    row("from the last step until the cluster is locked again, ms", Spread::of_ns(green_ns));
+    Ok(faults)
+}
+
 async fn director_kills(cluster: &mut Cluster, random: &mut Random, count: u32) -> Outcome<Vec<Fault>> {
     let mut faults = Vec::new();
     for _ in 0..count {
@@ -224,7 +264,7 @@ pub fn report_logs(folder: &Path, form: &Form, skip_s: f64, frames: u64) -> Outc
     let times: Vec<u64> = times.collect();
     let first_ns = times.iter().min().ok_or("no frame in the logs")?;
     let events = events.within(first_ns + (skip_s * 1e9) as u64, *times.iter().max().unwrap_or(first_ns));
-    report::print(&events, &lives, form.nodes, (1e9 / form.rate_hz) as u64);
+    report::print(&events, &lives, form.nodes, form.backlog_ns());
     Ok(())
 }
 
@@ -239,6 +279,9 @@ fn print_faults(cluster: &Cluster, events: &Events, faults: &[Fault], are_of_dir
     let before =
         faults.iter().filter_map(|fault| report::longest_after(&gaps, fault.at_ns, fault.until_ns - fault.at_ns));
     row("of these, gaps that began before the harmed process was started or resumed, ms", Spread::of_ns(before));
+    if faults.iter().all(|fault| fault.host.is_empty()) {
+        return;
+    }
     // A director's end is over when all nodes have shown a frame of the next one.
     let back = faults.iter().map(|fault| {
         let next = |node: &str| {

@@ -10,7 +10,7 @@ use steradian_lock::messages::{
 /// A message that cannot be read: damaged, or of another version.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("a message of the cluster cannot be read: {0}")]
-pub(crate) struct Unreadable(String);
+pub struct Unreadable(String);
 
 impl From<prost::DecodeError> for Unreadable {
     fn from(error: prost::DecodeError) -> Self {
@@ -289,7 +289,7 @@ fn body_of(bytes: &[u8]) -> Result<Body, Unreadable> {
 }
 
 /// Encodes a message of a node.
-pub(crate) fn encode_to_director(message: &ToDirector) -> Vec<u8> {
+pub fn encode_to_director(message: &ToDirector) -> Vec<u8> {
     encoded(match message {
         ToDirector::Hello(hello) => Body::Hello(hello_to_pb(hello)),
         ToDirector::Ready(Ready { id, drawn_ns, has_clock, report }) => Body::Ready(ReadyPb {
@@ -302,7 +302,11 @@ pub(crate) fn encode_to_director(message: &ToDirector) -> Vec<u8> {
 }
 
 /// Decodes a message of a node.
-pub(crate) fn decode_to_director(bytes: &[u8]) -> Result<ToDirector, Unreadable> {
+///
+/// # Errors
+///
+/// It is damaged, of another version, or of the other side.
+pub fn decode_to_director(bytes: &[u8]) -> Result<ToDirector, Unreadable> {
     match body_of(bytes)? {
         Body::Hello(hello) => Ok(ToDirector::Hello(hello_from_pb(hello)?)),
         Body::Ready(ReadyPb { id, drawn_ns, has_clock, report }) => {
@@ -314,7 +318,7 @@ pub(crate) fn decode_to_director(bytes: &[u8]) -> Result<ToDirector, Unreadable>
 }
 
 /// Encodes a message of a director.
-pub(crate) fn encode_to_node(message: &ToNode) -> Vec<u8> {
+pub fn encode_to_node(message: &ToNode) -> Vec<u8> {
     encoded(match message {
         ToNode::Welcome(Welcome { epoch, run, newest }) => {
             Body::Welcome(WelcomePb { epoch: epoch_to_pb(*epoch), run: *run, newest: *newest })
@@ -337,7 +341,11 @@ pub(crate) fn encode_to_node(message: &ToNode) -> Vec<u8> {
 }
 
 /// Decodes a message of a director.
-pub(crate) fn decode_to_node(bytes: &[u8]) -> Result<ToNode, Unreadable> {
+///
+/// # Errors
+///
+/// It is damaged, of another version, or of the other side.
+pub fn decode_to_node(bytes: &[u8]) -> Result<ToNode, Unreadable> {
     Ok(match body_of(bytes)? {
         Body::Welcome(WelcomePb { epoch, run, newest }) => {
             ToNode::Welcome(Welcome { epoch: epoch_from_pb(epoch)?, run, newest })
