@@ -10,12 +10,14 @@ use clap::{Args, Subcommand};
 use sha2::{Digest, Sha256};
 
 use super::{
-    CliError, results,
+    CliError,
+    daemon_access::{DaemonAccess, address, uri},
+    results,
     serve::cluster::{files, version},
 };
 use crate::{
-    config::{ClusterConfig, Config, DIRECTOR},
-    service::ask_director,
+    config::{ClusterConfig, Config, DIRECTOR, UNIX_PREFIX},
+    service::{ask_director, cluster::distrusted_clock},
 };
 
 /// Connections that are opened to measure the network.
@@ -40,15 +42,17 @@ enum ClusterCommand {
         /// Override a key of the configuration; can be repeated.
         #[arg(long, value_name = "KEY=VALUE")]
         set: Vec<String>,
-        /// Address of the director's daemon. Default: `server.listen`.
-        #[arg(long, value_name = "ADDR")]
+        /// Address of the director's daemon: HOST:PORT, http://HOST:PORT, https://HOST:PORT or unix:PATH. Default: `server.listen`.
+        #[arg(long, value_name = "ADDR", value_parser = address)]
         connect: Option<String>,
+        #[command(flatten)]
+        access: DaemonAccess,
     },
 }
 
 /// Runs the command. Exit code 1: something is not in order.
 pub fn run(ClusterArguments { command }: &ClusterArguments) -> Result<(), CliError> {
-    let ClusterCommand::Check { config, set, connect } = command;
+    let ClusterCommand::Check { config, set, connect, access } = command;
     let config = Config::load(config, set)?;
     let Some(cluster) = &config.cluster else {
         return Err(CliError::Usage(format!("{} has no [cluster]", config.origin)));
@@ -78,11 +82,26 @@ pub fn run(ClusterArguments { command }: &ClusterArguments) -> Result<(), CliErr
         let (is_fine, text) = reached(endpoint);
         told(is_fine, text)?;
     }
-    told(true, "clocks are not used: frames are shown when COMMIT arrives".to_owned())?;
-    // The running director.
-    let address = connect.as_ref().unwrap_or(&config.server.listen);
-    match ask_director(address, PATIENCE) {
-        Err(problem) => told(true, format!("director at {address}: not asked ({problem})"))?,
+    // Without it, frames are shown when COMMIT arrives.
+    told(
+        true,
+        match distrusted_clock() {
+            None => {
+                "clock of this machine: frames have times of presentation if all machines have such a clock".to_owned()
+            }
+            Some(reason) => {
+                format!("clock of this machine is not used, frames are shown when COMMIT arrives: {reason}")
+            }
+        },
+    )?;
+    // The running director. An address that the daemon listens on has no scheme.
+    let address = connect.clone().unwrap_or_else(|| {
+        let listen = &config.server.listen;
+        let is_encrypted = config.server.tls.is_some() && !listen.starts_with(UNIX_PREFIX);
+        if is_encrypted { format!("https://{listen}") } else { listen.clone() }
+    });
+    match ask_director(&uri(&address), &access.credentials(&address)?, PATIENCE) {
+        Err(problem) => told(false, format!("director at {address}: {problem}"))?,
         Ok(found) => {
             let is_same = found.configuration == configuration;
             told(is_same, format!("director at {address}: {}, configuration {}", found.state, found.configuration))?;

@@ -8,6 +8,7 @@ mod cache;
 mod catalogue;
 mod chart;
 mod cluster;
+mod daemon_access;
 mod dome;
 mod ending;
 mod error;

@@ -135,6 +135,12 @@ pub fn run(arguments: &ProjectorsArguments) -> Result<(), CliError> {
 
 /// Refuses to replace a file, which may have been edited, unless asked to.
 fn check_out(arguments: &ImportArguments) -> Result<(), CliError> {
+    if arguments.out.is_dir() {
+        return Err(CliError::Usage(format!(
+            "--out {}: it is a folder: must be the name of a file",
+            arguments.out.display()
+        )));
+    }
     refuse_own_input(&arguments.out, arguments.files.iter().map(PathBuf::as_path))?;
     if !arguments.overwrite && fs::symlink_metadata(&arguments.out).is_ok() {
         return Err(CliError::Usage(format!(

@@ -58,6 +58,12 @@ pub fn run(arguments: &PsfArguments) -> Result<(), CliError> {
     if let Some(pixel_arcsec) = arguments.pixel_arcsec.filter(|pixel| !(*pixel > 0.0 && pixel.is_finite())) {
         return Err(CliError::Usage(format!("--pixel-arcsec {pixel_arcsec}: must be above 0")));
     }
+    if !arguments.out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) {
+        return Err(CliError::Usage(format!(
+            "--out {}: the name must end with .exr: the file is OpenEXR",
+            arguments.out.display()
+        )));
+    }
     let psf = match (&arguments.from, &arguments.aperture) {
         (Some(file), _) => convert(file, arguments.pixel_arcsec)?,
         (None, name) => diffract(name.as_deref().unwrap_or_default(), arguments)?,

@@ -233,6 +233,11 @@ fn idle_keys_of_observer(config: &Config, document: &Table) -> Vec<(String, Stri
             idle.extend(keys.map(|key| (format!("scene.observer.{table}.{key}"), reason.to_owned())));
         }
     }
+    if observer.air.enabled {
+        let idle_in_air = |key: &str| observer.air.why_idle(key, observer.height_m);
+        let keys = given(document, &["scene", "observer", "air"]);
+        idle.extend(keys.filter_map(|key| Some((format!("scene.observer.air.{key}"), idle_in_air(key)?))));
+    }
     idle
 }
 
@@ -267,6 +272,18 @@ mod tests {
                 "observer.air.night_sky_mag",
             ),
             (&format!("{place}[scene.observer.ground]\nenabled = false\nalbedo = 0.2"), "observer.ground.albedo with"),
+            (
+                &format!("{place}[scene.observer.air]\nextinction_mag = 0\nnight_sky_mag = 18"),
+                "air.night_sky_mag with extinction_mag = 0",
+            ),
+            (
+                &format!("{place}[scene.observer.air]\npressure_hpa = 0\ntemperature_c = 9"),
+                "air.temperature_c with pressure_hpa = 0",
+            ),
+            (
+                &format!("{place}height_m = 60000\n[scene.observer.air]\npressure_hpa = 1000"),
+                "air.pressure_hpa at a height of 60000 m",
+            ),
         ] {
             let idle = idle(text);
             assert!(idle.len() == 1 && idle[0].contains(expected), "{text}: {idle:?}");

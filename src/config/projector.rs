@@ -14,7 +14,7 @@ use crate::{
     theatre::{Axes, Calibration, Mask, ReadOptions, Region, RowOrder, ScreenSums, read, read_lut},
     view::{
         ViewKind,
-        projection::{TabulatedMapping, TabulationError, Warp},
+        projection::{TabulatedMapping, TabulationError},
         projector::{Blend, Lut, ProjectorOutput, Resampling, Response},
     },
 };
@@ -223,16 +223,16 @@ impl ProjectorConfig {
     }
 
     fn view_of(&self, region: &Region, lut: Option<Lut>) -> Result<ViewKind, String> {
-        let warp = Warp::new(region.size_px, &region.grid).map_err(|error| error.to_string())?;
-        let mapping =
-            TabulatedMapping::kept(warp, &region.grid.identity(region.size_px)).map_err(|error| match error {
-                TabulationError::Folded { .. }
-                | TabulationError::NotInverse { .. }
-                | TabulationError::Junction { .. } => {
-                    format!("{FOLDS}: {error}")
-                }
-                _ => error.to_string(),
-            });
+        let warp = region.warp().map_err(|error| error.to_string())?;
+        let mapping = TabulatedMapping::kept(warp, &region.identity()).map_err(|error| match error {
+            TabulationError::Folded { .. } | TabulationError::NotInverse { .. } | TabulationError::Junction { .. } => {
+                format!("{FOLDS}: {error}")
+            }
+            TabulationError::Coarse { .. } => {
+                format!("{error}; a mesh with more nodes may help, and around the antipode of a fisheye a smaller field of view")
+            }
+            _ => error.to_string(),
+        });
         let mapping = Arc::new(mapping?);
         let [alpha, beta] = [&region.alpha, &region.beta]
             .map(|mask| mask.as_ref().filter(|_| self.blend == BlendConfig::File).map(Mask::weights));

@@ -2,7 +2,7 @@
 
 mod plain_text;
 
-use std::{fmt, path::PathBuf, str::FromStr};
+use std::{fmt, net::IpAddr, path::PathBuf, str::FromStr};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
@@ -179,8 +179,38 @@ pub(crate) fn check_holder(name: &str) -> Result<(), String> {
     Err(format!("`{name}`: must have between 1 and {MOST_NAME} characters, without control and format characters"))
 }
 
-/// The log identifies holders by these names, so they must be unique.
+/// Why no client can call the daemon by this name; `None`: some can. Clients write names of other scripts in the form `xn--...`.
+fn host_fault(host: &str) -> Option<&'static str> {
+    let is_label = |label: &str| {
+        let is_known = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        !label.is_empty() && label.len() <= 63 && label.chars().all(is_known)
+    };
+    if host.is_empty() {
+        Some("it is empty")
+    } else if host.contains("://") || host.contains('/') {
+        Some("it is an address of a page: write the name alone")
+    } else if host.parse::<IpAddr>().is_ok() || host.starts_with('[') {
+        Some("it is an address: addresses need no entry")
+    } else if host.contains(':') {
+        Some("it has a port: names are without ports")
+    } else if host.contains('*') {
+        Some("it has a wildcard: write each name")
+    } else if !host.is_ascii() {
+        Some("clients write it in the form xn--...: write that")
+    } else if host.len() > 253 || !host.split('.').all(is_label) {
+        Some("must have letters, digits and hyphens between dots")
+    } else {
+        None
+    }
+}
+
+/// Checks the names by which clients call the daemon. The log identifies holders by their names, so they must be unique.
 pub(super) fn check(server: &ServerConfig) -> Result<(), KeyError> {
+    for (index, host) in server.hosts.iter().enumerate() {
+        if let Some(problem) = host_fault(host) {
+            return Err(KeyError::new(format!("hosts[{index}]"), format!("`{}`: {problem}", host.escape_debug())));
+        }
+    }
     let tokens = server.tokens.iter().enumerate().map(|(index, token)| (format!("tokens[{index}].name"), &token.name));
     let certificates = server.certificates.iter().enumerate();
     let certificates =
@@ -203,4 +233,35 @@ pub(super) fn check(server: &ServerConfig) -> Result<(), KeyError> {
         ));
     }
     Ok(())
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hosts_that_no_client_can_name_are_refused() {
+        let checked = |host: &str| {
+            let server = ServerConfig { hosts: vec!["dome.local".to_owned(), host.to_owned()], ..Default::default() };
+            check(&server).map_err(|error| error.to_string())
+        };
+        for host in ["desk", "dome-2.example.org", "xn--bcher-kva.example", "_dome.lan"] {
+            assert_eq!(checked(host), Ok(()), "{host}");
+        }
+        for (host, part) in [
+            ("dome.local:17200", "it has a port"),
+            ("http://dome.local", "it is an address of a page"),
+            ("*.example.org", "it has a wildcard"),
+            ("dome.local.", "letters, digits and hyphens"),
+            ("b\u{fc}cher.example", "xn--"),
+            ("10.0.0.7", "addresses need no entry"),
+            ("[::1]", "addresses need no entry"),
+            ("a b", "letters, digits and hyphens"),
+            ("", "it is empty"),
+        ] {
+            let problem = checked(host).unwrap_err();
+            assert!(problem.starts_with("hosts[1]") && problem.contains(part), "{host}: {problem}");
+        }
+    }
 }

@@ -88,6 +88,19 @@ impl AirConfig {
         Ok(())
     }
 
+    /// Why a key has no effect at a height, m, although the air is turned on; `None` if it has one.
+    pub(super) fn why_idle(&self, key: &str, height_m: f64) -> Option<String> {
+        let is_of_air = ["night_sky_mag", "pressure_hpa", "temperature_c"].contains(&key);
+        if is_of_air && height_m > HIGHEST_M {
+            return Some(format!("at a height of {height_m} m: no air is drawn above {HIGHEST_M} m"));
+        }
+        if is_of_air && self.extinction_mag == Some(0.0) {
+            return Some("with extinction_mag = 0: there is no air, which would glow and refract".to_owned());
+        }
+        let is_unrefracted = key == "temperature_c" && self.pressure_hpa == Some(0.0);
+        is_unrefracted.then(|| "with pressure_hpa = 0: there is no refraction".to_owned())
+    }
+
     /// The air at a height, m; `None` if it is turned off, or above [`HIGHEST_M`], which is logged.
     pub(super) fn air(&self, height_m: f64) -> Option<Air> {
         if self.enabled && height_m > HIGHEST_M {

@@ -3,6 +3,7 @@
 //! | subject | Unix | Windows |
 //! |---|---|---|
 //! | `clock`: monotonic time, International Atomic Time and whether it is disciplined | `clock_gettime`, `adjtimex` (Linux only) | monotonic time only |
+//! | `files`: identity of a file | device and number | none: an open file keeps its name |
 //! | `openxr_clock`: extension that reads the clock of a headset's runtime | `timespec` | performance counter |
 //! | `process`: priority of threads, resident and freed memory, open files, the same program again | `nice` and `/proc` (Linux only), `malloc_trim` (glibc only), `getrlimit`, `exec` | thread priority, working set, no limit, refused |
 //! | `signals`: end, and reload of the access rules | SIGINT, SIGTERM; SIGHUP | Ctrl-C, Ctrl-Break, console closed, logoff, shutdown; no reload |
@@ -30,7 +31,7 @@ pub(crate) use self::system::openxr_clock;
 #[cfg(feature = "cli")]
 pub(crate) use self::system::supervisor;
 #[cfg(feature = "service")]
-pub(crate) use self::system::{clock, process, signals, sockets};
+pub(crate) use self::system::{clock, files, process, signals, sockets};
 
 /// How well the system clock is disciplined.
 #[cfg(feature = "service")]

@@ -1,12 +1,16 @@
 //! The picture that the coordinates of a warp refer to, and the direction of each of its points. Coordinates: u from 0
 //! (left) to 1 (right), v from 0 (bottom) to 1 (top).
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 
 use super::fault::{Fault, rounded, shown};
+use crate::view::projection::ContentShape;
 
 /// Tolerance at the edge of a picture, for the rounding of f32 and of decimal numbers.
 pub(super) const SLACK: f64 = 1e-5;
+
+/// Largest deviation of the corner of a projection plane from a right angle, degrees.
+const RECTANGLE_WITHIN_DEG: f64 = 0.1;
 
 /// A picture in dome axes.
 #[derive(Clone, Debug, PartialEq)]
@@ -76,6 +80,15 @@ impl Content {
                 "must be three corners of a rectangle whose plane does not contain the eye",
             ));
         }
+        let off_deg = (right.angle_between(up).to_degrees() - 90.0).abs();
+        if off_deg > RECTANGLE_WITHIN_DEG {
+            let angle_deg = rounded(right.angle_between(up).to_degrees());
+            return Err(Fault::new(
+                "projection plane",
+                format!("its sides meet at {angle_deg} degrees in the upper left corner"),
+                format!("must be three corners of a rectangle: 90 degrees within {RECTANGLE_WITHIN_DEG}"),
+            ));
+        }
         Ok(Self::Plane { lower_left, right, up })
     }
 
@@ -104,26 +117,27 @@ impl Content {
         self
     }
 
-    /// The direction of a point of the picture; `None` beyond its edge.
-    pub fn direction(&self, u: f64, v: f64) -> Option<DVec3> {
-        let inside = -SLACK..=1.0 + SLACK;
-        if !(inside.contains(&u) && inside.contains(&v)) || self.distance_from_centre(u, v) > 1.0 + SLACK {
-            return None;
+    /// The part of its coordinates that the picture fills.
+    pub fn shape(&self) -> ContentShape {
+        let (mut low, mut high, mut ellipse) = (DVec2::ZERO, DVec2::ONE, None);
+        if let Self::Fisheye { radius, edge, middle, .. } = self {
+            let [radius, edge, middle] = [*radius, *edge, *middle].map(DVec2::from);
+            low = low.max((1.0 - edge) / 2.0);
+            high = high.min((1.0 + edge) / 2.0);
+            ellipse = Some([(1.0 - middle * radius) / 2.0, radius * (0.5 * (1.0 + SLACK))]);
         }
-        self.direction_beyond(u, v)
+        ContentShape { low: low - SLACK, high: high + SLACK, ellipse }
     }
 
-    /// The same, also beyond the edge, as far as the mapping continues.
-    pub fn direction_beyond(&self, u: f64, v: f64) -> Option<DVec3> {
+    /// The direction of a point of the picture, also beyond its edge, as far as the mapping continues.
+    pub fn direction(&self, u: f64, v: f64) -> Option<DVec3> {
         match self {
             Self::Plane { lower_left, right, up } => (*lower_left + *right * u + *up * v).try_normalize(),
             Self::Fisheye { half_fov_rad, dome_from_picture, radius, middle, eye, .. } => {
                 let (x, y) = ((2.0 * u - 1.0) / radius[0] + middle[0], (2.0 * v - 1.0) / radius[1] + middle[1]);
                 let rho = x.hypot(y);
+                // Beyond the antipode it continues on the other side: splines need a smooth map there too.
                 let theta = rho * half_fov_rad;
-                if theta > std::f64::consts::PI {
-                    return None;
-                }
                 // sin(theta) / rho is finite at 0.
                 let across = if rho > 1e-12 { theta.sin() / rho } else { *half_fov_rad };
                 (*dome_from_picture * (DVec3::new(across * x, across * y, theta.cos()) - *eye)).try_normalize()
@@ -135,18 +149,6 @@ impl Content {
             }
         }
     }
-
-    /// In a fisheye, 1 at the rim or at the edge where it is cut; 0 in other pictures.
-    pub fn distance_from_centre(&self, u: f64, v: f64) -> f64 {
-        match self {
-            Self::Fisheye { radius, edge, middle, .. } => {
-                let (x, y) = (2.0 * u - 1.0, 2.0 * v - 1.0);
-                let round = (x / radius[0] + middle[0]).hypot(y / radius[1] + middle[1]);
-                round.max((x / edge[0]).abs()).max((y / edge[1]).abs())
-            }
-            Self::Plane { .. } | Self::Equirectangular => 0.0,
-        }
-    }
 }
 
 #[cfg(test)]
@@ -155,6 +157,11 @@ mod tests {
     use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
     use super::*;
+
+    /// The direction of a point, if the picture fills it.
+    fn within(content: &Content, u: f64, v: f64) -> Option<DVec3> {
+        if content.shape().holds(DVec2::new(u, v)) { content.direction(u, v) } else { None }
+    }
 
     fn near(found: Option<DVec3>, expected: DVec3) {
         assert!(found.unwrap().abs_diff_eq(expected.normalize(), 1e-12), "{found:?}, not {expected}");
@@ -167,7 +174,8 @@ mod tests {
         near(level.direction(0.5, 0.0), DVec3::NEG_Z);
         near(level.direction(1.0, 0.5), DVec3::X);
         near(level.direction(0.5, 0.25), DVec3::new(0.0, 1.0, -1.0));
-        assert_eq!(level.direction(0.0, 0.0), None);
+        assert_eq!(within(&level, 0.0, 0.0), None);
+        near(within(&level, 0.5, 1.0), DVec3::Z);
         let tilted = Content::fisheye(PI, FRAC_PI_4, [1.0, 1.0]).unwrap();
         near(tilted.direction(0.5, 0.5), DVec3::new(0.0, 1.0, -1.0));
         near(tilted.direction(0.5, 0.0), DVec3::new(0.0, -1.0, -1.0));
@@ -190,6 +198,12 @@ mod tests {
         let plane = Content::corners(corner(-1.0, -1.0), corner(-1.0, 2.0), corner(1.0, 2.0), DVec3::Z).unwrap();
         near(plane.direction(0.5, 0.0), DVec3::new(0.0, -1.0, -4.0));
         near(plane.direction(1.0, 1.0), DVec3::new(1.0, 2.0, -4.0));
+        // Corners of a parallelogram.
+        let leaning =
+            |by: f64| Content::corners(corner(-1.0, -1.0), corner(-1.0 + by, 2.0), corner(1.0, 2.0), DVec3::Z);
+        assert!(leaning(0.005).is_ok());
+        let Err(Fault::Content { problem, .. }) = leaning(0.3) else { panic!("no rectangle") };
+        assert!(problem.contains("its sides meet at 84.28"), "{problem}");
         assert!(Content::corners(corner(0.0, 0.0), corner(1.0, 1.0), corner(2.0, 2.0), DVec3::Z).is_err());
         assert!(Content::corners(corner(-1.0, -1.0), corner(-1.0, 2.0), corner(1.0, 2.0), corner(5.0, 5.0)).is_err());
     }

@@ -7,8 +7,9 @@
 use glam::DVec2;
 
 use super::{
-    Grid, Interpolation, Mask, Placement, Reader,
+    Border, Grid, Interpolation, Mask, Placement, Reader,
     content::Content,
+    edge::{Placed, placed},
     fault::{Fault, rounded, shown},
 };
 use crate::view::projector::DISPLAY_GAMMA;
@@ -43,12 +44,23 @@ pub(super) struct Mesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
+/// A mesh or a content on a raster.
+pub(super) struct Warped {
+    pub grid: Grid,
+    /// Where the content ends.
+    pub border: Option<Border>,
+    /// Factor on the display codes.
+    pub intensities: Option<Mask>,
+}
+
 /// The grid of a content that fills the raster.
-pub(super) fn sampled(content: &Content, [columns, rows]: [usize; 2]) -> Grid {
+pub(super) fn sampled(content: &Content, [columns, rows]: [usize; 2]) -> Warped {
     let share = |i: usize, count: usize| i as f64 / (count - 1) as f64;
-    let places = (0..rows).flat_map(|j| (0..columns).map(move |i| (i, j)));
-    let samples = places.map(|(i, j)| content.direction_beyond(share(i, columns), 1.0 - share(j, rows))).collect();
-    Grid { columns, rows, samples, placement: Placement::Corners, interpolation: Interpolation::Smooth }
+    let nodes = (0..rows).flat_map(|j| (0..columns).map(move |i| (i, j)));
+    let places = nodes.map(|(i, j)| Some(DVec2::new(share(i, columns), 1.0 - share(j, rows)))).collect();
+    let Placed { samples, border, .. } = placed(content, places, columns, false);
+    let grid = Grid { columns, rows, samples, placement: Placement::Corners, interpolation: Interpolation::Smooth };
+    Warped { grid, border, intensities: None }
 }
 
 impl Mesh {
@@ -208,36 +220,27 @@ impl Mesh {
 }
 
 impl Reader<'_> {
-    /// The grid of a mesh, and the mask of its intensities if there are any.
+    /// The grid of a mesh, where its content ends, and the mask of its intensities if there are any.
     pub(super) fn warped(
         &mut self,
         mesh: &Mesh,
         content: &Content,
         size_px: [u32; 2],
         place: &str,
-    ) -> Result<(Grid, Option<Mask>), Fault> {
+    ) -> Result<Warped, Fault> {
         mesh.check(place)?;
-        let inside =
-            mesh.nodes.iter().filter(|node| content.direction(node.content.x, node.content.y).is_some()).count();
-        if inside < mesh.nodes.len() {
-            let outside = mesh.nodes.len() - inside;
-            self.note(format!(
-                "{place}: {outside} of {} nodes refer to positions outside of the content: no light is sent there",
-                mesh.nodes.len()
-            ));
-        }
         let [width, height] = size_px.map(|side| side as usize);
-        let grid = if let Some((columns, rows, order)) = mesh.lattice() {
+        let (grid, found) = if let Some((columns, rows, order)) = mesh.lattice() {
             self.take_grid(columns, rows, place)?;
-            let direction = |node: &Node| {
-                let drawn = node.intensity >= 0.0;
-                drawn.then(|| content.direction(node.content.x, node.content.y)).flatten()
-            };
-            let samples = order.iter().map(|i| direction(&mesh.nodes[*i as usize])).collect();
             self.note(format!(
                 "{place}: a regular lattice of {columns} x {rows} nodes from edge to edge of the raster"
             ));
-            Grid { columns, rows, samples, placement: Placement::Corners, interpolation: Interpolation::Smooth }
+            let node_place = |node: &Node| (node.intensity >= 0.0).then_some(node.content);
+            let places = order.iter().map(|i| node_place(&mesh.nodes[*i as usize])).collect();
+            let found = placed(content, places, columns, true);
+            self.note_edge(place, "nodes", order.len(), &found);
+            let (placement, interpolation) = (Placement::Corners, Interpolation::Smooth);
+            (Grid { columns, rows, samples: Vec::new(), placement, interpolation }, found)
         } else {
             let shrink = (MOST_DRAWN as f64 / width.max(height) as f64).min(1.0);
             let [columns, rows] = [width, height].map(|side| ((side as f64 * shrink).round() as usize).max(2));
@@ -246,14 +249,21 @@ impl Reader<'_> {
                 "{place}: not a regular lattice, drawn linearly within each triangle at {columns} x {rows} cell centres"
             ));
             let cells = mesh.drawn(columns, rows, place)?;
-            let samples = cells.into_iter().map(|cell| cell.and_then(|[u, v, _]| content.direction(u, v))).collect();
-            Grid { columns, rows, samples, placement: Placement::Centres, interpolation: Interpolation::Linear }
+            let places = cells.into_iter().map(|cell| cell.map(|[u, v, _]| DVec2::new(u, v))).collect();
+            let found = placed(content, places, columns, false);
+            self.note_edge(place, "cell centres", columns * rows, &found);
+            let (placement, interpolation) = (Placement::Centres, Interpolation::Linear);
+            (Grid { columns, rows, samples: Vec::new(), placement, interpolation }, found)
         };
-        if grid.samples.iter().all(Option::is_none) {
+        if !found.is_reached(grid.columns) {
+            let shape = content.shape();
+            let inside = mesh.nodes.iter().filter(|node| shape.holds(node.content)).count();
             return Err(mesh.without_directions(inside, place));
         }
+        let Placed { samples, border, .. } = found;
+        let grid = Grid { samples, ..grid };
         if mesh.nodes.iter().all(|node| node.intensity == 1.0) {
-            return Ok((grid, None));
+            return Ok(Warped { grid, border, intensities: None });
         }
         let [columns, rows] = [width, height].map(|side| side.min(MOST_MASK_SIDE));
         self.take_mask(columns as u32, rows as u32, place)?;
@@ -266,7 +276,8 @@ impl Reader<'_> {
             cell.map_or(0.0, |[_, _, intensity]| intensity.clamp(0.0, 1.0).powf(DISPLAY_GAMMA))
         };
         let values = cells.into_iter().map(|cell| light(cell) as f32).collect();
-        Ok((grid, Some(Mask { width: columns, height: rows, values, levels: 65535 })))
+        let intensities = Some(Mask { width: columns, height: rows, values, levels: 65535 });
+        Ok(Warped { grid, border, intensities })
     }
 }
 

@@ -15,7 +15,7 @@ use super::{
     MOST_SIDE, Reader, Region,
     content::Content,
     fault::Fault,
-    mesh::{MOST_NODES, MOST_TRIANGLES, Mesh, Node},
+    mesh::{MOST_NODES, MOST_TRIANGLES, Mesh, Node, Warped},
     mesh_text::{open_mesh, sim_cad, sky_skan},
     unlit,
 };
@@ -52,6 +52,8 @@ pub(super) struct Loaded {
     pub mapping: Option<u32>,
     /// The frustum of a file that has one (`.sgc`, OPENMESH, Sky-Skan).
     pub content: Option<Content>,
+    /// Width and height of the raster, pixels, if the file has them (OPENMESH).
+    pub size_px: Option<[u32; 2]>,
     /// What was assumed.
     pub notes: Vec<String>,
 }
@@ -166,7 +168,7 @@ fn bourke(text: &str, aspect: f64) -> Result<Loaded, Fault> {
         Vec::new()
     };
     mesh.join_lattice(columns, rows);
-    Ok(Loaded { mesh, mapping: Some(mapping), content: None, notes })
+    Ok(Loaded { mesh, mapping: Some(mapping), content: None, size_px: None, notes })
 }
 
 fn csv(text: &str) -> Result<Loaded, Fault> {
@@ -210,7 +212,7 @@ fn csv(text: &str) -> Result<Loaded, Fault> {
     let order = (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)));
     mesh.nodes.extend(order.filter_map(|place| nodes.get(&place).copied()));
     mesh.join_lattice(columns, rows);
-    Ok(Loaded { mesh, mapping: None, content: None, notes: Vec::new() })
+    Ok(Loaded { mesh, mapping: None, content: None, size_px: None, notes: Vec::new() })
 }
 
 fn obj(text: &str) -> Result<Loaded, Fault> {
@@ -290,7 +292,7 @@ fn obj(text: &str) -> Result<Loaded, Fault> {
             return bad("too much", &format!("must have at most {MOST_NODES} vertices and {MOST_TRIANGLES} triangles"));
         }
     }
-    Ok(Loaded { mesh, mapping: None, content: None, notes: Vec::new() })
+    Ok(Loaded { mesh, mapping: None, content: None, size_px: None, notes: Vec::new() })
 }
 
 /// Little-endian words of a binary file.
@@ -378,7 +380,7 @@ fn sciss(bytes: &[u8]) -> Result<Loaded, Fault> {
         // A triangle strip; where it turns back, a node occurs twice in a triangle, which is degenerate.
         list.windows(3).map(|three| [three[0], three[1], three[2]]).collect()
     };
-    Ok(Loaded { mesh, mapping: None, content: Some(content), notes: Vec::new() })
+    Ok(Loaded { mesh, mapping: None, content: Some(content), size_px: None, notes: Vec::new() })
 }
 
 impl Reader<'_> {
@@ -401,8 +403,18 @@ impl Reader<'_> {
 
     /// A mesh file without a configuration around it.
     pub(super) fn plain_mesh(&mut self, kind: Kind, bytes: &[u8]) -> Result<Region, Fault> {
-        let size_px = self.size_px(None, kind.name())?;
-        let loaded = load(kind, bytes, f64::from(size_px[0]) / f64::from(size_px[1]))?;
+        // Only Paul Bourke's meshes depend on the shape of the raster, and they have no size.
+        let of_file = if kind == Kind::Bourke { None } else { Some(load(kind, bytes, 1.0)?) };
+        let own_size = of_file.as_ref().and_then(|loaded| loaded.size_px);
+        let size_px = self.size_px(self.options.size_px.or(own_size), kind.name())?;
+        if let Some([width, height]) = own_size {
+            let source = if size_px == [width, height] { "is" } else { "is from the options and not" };
+            self.note(format!("{}: the raster {source} that of the file, {width} x {height} pixels", kind.name()));
+        }
+        let loaded = match of_file {
+            Some(loaded) => loaded,
+            None => load(kind, bytes, f64::from(size_px[0]) / f64::from(size_px[1]))?,
+        };
         for note in &loaded.notes {
             self.note(note);
         }
@@ -419,8 +431,9 @@ impl Reader<'_> {
             (None, None) => self.fisheye()?,
         };
         self.note_reach(&loaded.mesh);
-        let (grid, alpha) = self.warped(&loaded.mesh, &content, size_px, kind.name())?;
-        Ok(Region { alpha, multiplies_codes: true, ..Region::of_grid(self.stem(), size_px, grid) })
+        let Warped { grid, border, intensities } = self.warped(&loaded.mesh, &content, size_px, kind.name())?;
+        let region = Region::of_grid(self.stem(), size_px, grid);
+        Ok(Region { border, alpha: intensities, multiplies_codes: true, ..region })
     }
 
     /// Adds a note if a mesh does not fill the raster: its file is often made for another one.

@@ -29,6 +29,39 @@ const SKY_SKAN_HEIGHT: f64 = 1200.0 / 2048.0;
 /// Keys of an OPENMESH that change the geometry in a way that is documented nowhere.
 const UNKNOWN_GEOMETRY: [&str; 2] = ["USE_SPHERE_SAMPLE_COORDINATE_SYSTEM", "FRUSTUM_EULER_ANGLES"];
 
+/// The other keys of an OPENMESH that are read, or that describe the file only.
+const OPEN_KEYS: [&str; 27] = [
+    "OPENMESH",
+    "SUBVERSION",
+    "VERTICES",
+    "FACES",
+    "MAPPING",
+    "SAMPLING",
+    "PROJECTION",
+    "ORTHO_TOP",
+    "ORTHO_BOTTOM",
+    "ORTHO_LEFT",
+    "ORTHO_RIGHT",
+    "PERSPECTIVE_XOFFSET",
+    "PERSPECTIVE_YOFFSET",
+    "PERSPECTIVE_ZOFFSET",
+    "PERSPECTIVE_ROLL",
+    "PERSPECTIVE_PITCH",
+    "PERSPECTIVE_YAW",
+    "PERSPECTIVE_LEFT",
+    "PERSPECTIVE_RIGHT",
+    "PERSPECTIVE_TOP",
+    "PERSPECTIVE_BOTTOM",
+    "NATIVEXRES",
+    "NATIVEYRES",
+    "GAMMA",
+    "APPLY_MASK",
+    "APPLY_BLACK_LEVEL",
+    "APPLY_COLOR",
+];
+/// Maximum number of notes on unknown keys.
+const MOST_NOTES: usize = 20;
+
 pub(super) fn open_mesh(text: &str) -> Result<Loaded, Fault> {
     let mut mesh = Mesh::default();
     let mut keys: HashMap<&str, (usize, &str)> = HashMap::new();
@@ -125,7 +158,27 @@ pub(super) fn open_mesh(text: &str) -> Result<Loaded, Fault> {
             notes.push(format!("OPENMESH: {key} names pictures that are not in the file: they are not applied"));
         }
     }
-    Ok(Loaded { mesh, mapping: None, content: Some(content), notes })
+    if let Some((_, gamma)) = keys.get("GAMMA") {
+        let gamma = gamma.escape_debug();
+        notes
+            .push(format!("OPENMESH: GAMMA {gamma} is not applied; `gamma` of the view sets the projector's response"));
+    }
+    notes.extend(unknown_keys(&keys));
+    let is_whole = native.fract() == DVec2::ZERO && native.max_element() <= 65536.0;
+    let size_px = is_whole.then(|| native.to_array().map(|side| side as u32));
+    Ok(Loaded { mesh, mapping: None, content: Some(content), size_px, notes })
+}
+
+/// Notes on keys of an OPENMESH that nothing reads.
+fn unknown_keys(keys: &HashMap<&str, (usize, &str)>) -> Vec<String> {
+    let is_known = |key: &str| OPEN_KEYS.contains(&key) || UNKNOWN_GEOMETRY.contains(&key);
+    let mut unknown: Vec<(usize, &str)> =
+        keys.iter().filter(|(key, _)| !is_known(key)).map(|(key, (line, _))| (*line, *key)).collect();
+    unknown.sort_unstable();
+    let note = |(line, key): &(usize, &str)| {
+        format!("OPENMESH: line {line}: the key {} is not known, it has no effect", key.escape_debug())
+    };
+    unknown.iter().take(MOST_NOTES).map(note).collect()
 }
 
 pub(super) fn sky_skan(text: &str) -> Result<Loaded, Fault> {
@@ -194,7 +247,7 @@ pub(super) fn sky_skan(text: &str) -> Result<Loaded, Fault> {
     let rotation = yaw_pitch_roll(azimuth.to_radians(), elevation.to_radians(), 0.0);
     let content = Content::frustum(-wide, wide, -high, high, rotation)?;
     mesh.join_lattice(columns, rows);
-    Ok(Loaded { mesh, mapping: None, content: Some(content), notes: Vec::new() })
+    Ok(Loaded { mesh, mapping: None, content: Some(content), size_px: None, notes: Vec::new() })
 }
 
 pub(super) fn sim_cad(bytes: &[u8]) -> Result<Loaded, Fault> {
@@ -223,5 +276,5 @@ pub(super) fn sim_cad(bytes: &[u8]) -> Result<Loaded, Fault> {
         mesh.nodes.push(Node { place: content + DVec2::new(*x, -*y), content, intensity: 1.0 });
     }
     mesh.join_lattice(side, side);
-    Ok(Loaded { mesh, mapping: None, content: None, notes: Vec::new() })
+    Ok(Loaded { mesh, mapping: None, content: None, size_px: None, notes: Vec::new() })
 }

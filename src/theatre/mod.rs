@@ -12,6 +12,7 @@
 mod archive;
 pub mod check;
 mod content;
+mod edge;
 mod exr_file;
 mod fault;
 mod json;
@@ -23,6 +24,7 @@ mod mesh_text;
 mod mpcdi;
 mod mpcdi_files;
 mod mpcdi_names;
+mod names;
 mod options;
 mod pfm;
 mod screen;
@@ -47,10 +49,13 @@ pub use self::{
     options::{Axes, ReadOptions, RowOrder, Uses},
     screen::{ScreenSums, Sphere},
 };
-use crate::files;
 /// Directions in dome axes: +x right, +y up (zenith side of the screen), -z forward.
 pub use crate::view::projection::DirectionGrid as Grid;
-pub use crate::view::projection::{Interpolation, Placement};
+pub use crate::view::projection::{Border, Interpolation, Placement};
+use crate::{
+    files,
+    view::projection::{Warp, WarpError},
+};
 
 /// Maximum size of a file, bytes.
 const MOST_BYTES: u64 = 1 << 30;
@@ -71,12 +76,15 @@ pub struct Region {
     /// `buffer/region` in MPCDI, `node/window/viewport` in SGCT (counted from 0), else the file name without its
     /// extension.
     pub name: String,
-    /// The name that the file gives to its window, if it does.
+    /// The name that the file gives to its window, if it does; a part of the name, or another one, if the view of a
+    /// configuration cannot have it.
     pub title: Option<String>,
     /// Width and height of its raster, pixels.
     pub size_px: [u32; 2],
     /// Directions of its pixels.
     pub grid: Grid,
+    /// Where the content ends; `None` if it fills the grid. Beyond it, pixels are dark.
+    pub border: Option<Border>,
     /// Factor on the light.
     pub alpha: Option<Mask>,
     /// Whether the programs that the file is made for multiply display codes: alpha is then their factor to the power of
@@ -100,6 +108,7 @@ impl Region {
             title: None,
             size_px,
             grid,
+            border: None,
             alpha: None,
             multiplies_codes: false,
             beta: None,
@@ -107,6 +116,22 @@ impl Region {
             screen: None,
             uses: Uses::default(),
         }
+    }
+
+    /// The projection of its raster.
+    ///
+    /// # Errors
+    ///
+    /// The grid or its border is invalid.
+    pub fn warp(&self) -> Result<Warp, WarpError> {
+        Warp::within(self.size_px, &self.grid, self.border.as_ref())
+    }
+
+    /// Bytes that determine the projection of its raster, and differ from those of any other.
+    pub fn identity(&self) -> Vec<u8> {
+        let mut bytes = self.grid.identity(self.size_px);
+        bytes.extend(self.border.iter().flat_map(Border::identity));
+        bytes
     }
 }
 
@@ -287,8 +312,13 @@ impl<'a> Reader<'a> {
     }
 
     /// Adds a note if the directions of a grid are mirrored, which indicates a wrong order of rows or a wrong axis.
-    fn note_orientation(&mut self, name: &str, grid: &Grid) {
-        let [right_way, mirrored] = upright_and_mirrored_cells(grid);
+    fn note_orientation(&mut self, region: &Region) {
+        let name = &region.name;
+        let is_shown = |sample: usize| {
+            let holds = |border: &Border| border.places[sample].is_some_and(|place| border.shape.holds(place));
+            region.border.as_ref().is_none_or(holds)
+        };
+        let [right_way, mirrored] = cells_by_side(&region.grid, is_shown);
         if mirrored > right_way {
             self.note(format!(
                 "region {name}: as seen from the eye the raster is mirrored in {mirrored} of {} cells: the rows or an axis may be reversed",
@@ -300,6 +330,11 @@ impl<'a> Reader<'a> {
 
 /// Numbers of cells that are seen upright from the eye (rows to the right, columns down), and of mirrored cells.
 pub fn upright_and_mirrored_cells(grid: &Grid) -> [usize; 2] {
+    cells_by_side(grid, |_| true)
+}
+
+/// The same numbers, of cells whose upper left sample is counted.
+fn cells_by_side(grid: &Grid, is_counted: impl Fn(usize) -> bool) -> [usize; 2] {
     let mut counts = [0; 2];
     for row in 1..grid.rows {
         for column in 1..grid.columns {
@@ -310,7 +345,7 @@ pub fn upright_and_mirrored_cells(grid: &Grid) -> [usize; 2] {
                 continue;
             };
             let turn = (right - here).cross(low - here).dot(here);
-            if turn != 0.0 {
+            if turn != 0.0 && is_counted((row - 1) * grid.columns + column - 1) {
                 counts[usize::from(turn < 0.0)] += 1;
             }
         }
@@ -329,16 +364,17 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Calibration, TheatreEr
     let bytes =
         files::read_bounded(path, MOST_BYTES).map_err(|source| TheatreError::Read { path: path.to_owned(), source })?;
     let mut reader = Reader::new(path, options);
-    let (format, regions) = reader.regions(&bytes).map_err(named)?;
+    let (format, mut regions) = reader.regions(&bytes).map_err(named)?;
     for region in &regions {
         if region.grid.samples.iter().all(Option::is_none) {
             let fault =
                 Fault::new(&region.name, "no point of the raster has a direction", "at least one must be known");
             return Err(named(fault));
         }
-        reader.note_orientation(&region.name, &region.grid);
+        reader.note_orientation(region);
     }
     reader.refuse_idle_options(format, &regions).map_err(named)?;
+    reader.title(&mut regions);
     Ok(Calibration { format, regions, notes: reader.notes })
 }
 
@@ -406,6 +442,10 @@ fn other_text(bytes: &[u8]) -> Option<Fault> {
 impl Reader<'_> {
     fn regions(&mut self, bytes: &[u8]) -> Result<(&'static str, Vec<Region>), Fault> {
         let text_start = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
+        if text_start.is_empty() {
+            let problem = if bytes.is_empty() { "the file is empty" } else { "the file has only blanks" };
+            return Err(Fault::new("content", problem, KNOWN));
+        }
         if bytes.starts_with(b"PK") {
             return Ok(("MPCDI", self.mpcdi(bytes)?));
         }

@@ -8,14 +8,15 @@
 
 use std::collections::HashSet;
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 
 use super::{
-    Axes, Grid, Interpolation, MOST_REGIONS, Placement, Reader, Region, RowOrder,
+    Axes, Border, Grid, Interpolation, MOST_REGIONS, Placement, Reader, Region, RowOrder,
     archive::Archive,
     content::{Content, yaw_pitch_roll},
+    edge::{Placed, placed},
     fault::{Fault, shown},
-    mesh::sampled,
+    mesh::{Warped, sampled},
     mpcdi_files::named_file,
     mpcdi_names::unknown_names,
     pfm,
@@ -240,7 +241,7 @@ impl Reader<'_> {
                 "the extension gives the lens of the projector by coefficients whose unit differs between programs, and the region has no points of the screen; export a warp map of the profile a3 or sl",
             ));
         }
-        let (grid, screen) = match (profile, &warp) {
+        let (grid, border, screen) = match (profile, &warp) {
             (Profile::Points(_), None) if !has_frustum => {
                 let problem = "<geometryWarpFile> is missing";
                 let allowed = "profiles a3 and sl must have their points there, or the region a frustum";
@@ -251,7 +252,8 @@ impl Reader<'_> {
                 let content = frustum_with_axes(&region.needed("frustum")?, self)?;
                 let columns_rows = [65, 65];
                 self.take_grid(columns_rows[0], columns_rows[1], &region.place)?;
-                (sampled(&content, columns_rows), None)
+                let Warped { grid, border, .. } = sampled(&content, columns_rows);
+                (grid, border, None)
             }
             (_, Some(warp)) => {
                 let geometry = match profile {
@@ -285,13 +287,13 @@ impl Reader<'_> {
                 self.table(&name, fileset, archive)?,
             ),
         };
-        Ok(Region { alpha, beta, lut, screen, ..Region::of_grid(name, size_px, grid) })
+        Ok(Region { border, alpha, beta, lut, screen, ..Region::of_grid(name, size_px, grid) })
     }
 
     /// Eye point, origin and axes of the points of `a3` and `sl`.
     fn points(&mut self, region: &Element, warp: &Element) -> Result<Geometry, Fault> {
         // Unit of the points, and the eye in this unit.
-        let unit = warp.child_word("geometricUnit")?;
+        let unit = word(warp, "geometricUnit")?;
         let metres = match unit.as_deref() {
             Some("mm") => Some(1e-3),
             Some("cm") => Some(1e-2),
@@ -324,7 +326,7 @@ impl Reader<'_> {
         };
         // Origin of the points: the eye is relative to it.
         let origin = warp.child_text("originOf3DData")?;
-        match origin.as_deref().map(str::to_ascii_lowercase).as_deref() {
+        match word(warp, "originOf3DData")?.as_deref() {
             Some("idealeyepoint") => {}
             Some("centerofmass" | "floorcenter" | "unknown") | None => self.note(format!(
                 "the origin of the points is {}: the eye is at {} m from it (right, up, backwards), from the options",
@@ -375,9 +377,9 @@ impl Reader<'_> {
         geometry: &Geometry,
         warp: &Element,
         archive: &mut Archive,
-    ) -> Result<(Grid, Option<ScreenSums>), Fault> {
+    ) -> Result<(Grid, Option<Border>, Option<ScreenSums>), Fault> {
         // Interpolation between samples.
-        let interpolation = match warp.child_word("interpolation")?.as_deref() {
+        let interpolation = match word(warp, "interpolation")?.as_deref() {
             Some("linear") => Interpolation::Linear,
             Some("smooth" | "unknown" | "") | None => Interpolation::Smooth,
             Some("keystone") => {
@@ -401,7 +403,7 @@ impl Reader<'_> {
         self.note("samples of the warp map are at the centres of cells that fill the raster");
         // Convert each sample to a direction.
         let mut samples = Vec::with_capacity(columns * rows);
-        let (mut known, mut outside) = (0_usize, 0_usize);
+        let mut places = Vec::new();
         let mut screen = ScreenSums::default();
         // A map shows each point once: zeros in several samples are the mark of unknown ones.
         let zeros = plane.top_down(order).filter(|(_, _, value)| no_value(value)).count();
@@ -417,30 +419,30 @@ impl Reader<'_> {
                 ))
             };
             if zeros > 1 && no_value(&value) {
-                samples.push(None);
+                match geometry {
+                    Geometry::Picture(_) => places.push(None),
+                    Geometry::Points { .. } => samples.push(None),
+                }
                 continue;
             }
             let coordinates = value.map(f64::from);
-            samples.push(match geometry {
-                Geometry::Picture(content) => {
+            match geometry {
+                Geometry::Picture(_) => {
                     let [u, v, error] = coordinates;
                     if u.is_nan() || v.is_nan() || error == 1.0 {
-                        None
+                        places.push(None);
                     } else if !(u.is_finite() && v.is_finite()) || !(error.is_nan() || (0.0..=1.0).contains(&error)) {
                         let allowed =
                             "must be finite coordinates and an error from 0 to 1 (or NaN); NaN for unknown samples";
                         return here(format!("[{u}, {v}, {error}]"), allowed);
                     } else {
-                        known += 1;
-                        let direction = content.direction(u, v);
-                        outside += usize::from(direction.is_none());
-                        direction
+                        places.push(Some(DVec2::new(u, v)));
                     }
                 }
                 Geometry::Points { dome_from_file, origin, eye, metres } => {
                     let point = DVec3::from_array(coordinates);
                     if point.is_nan() {
-                        None
+                        samples.push(None);
                     } else if !point.is_finite() {
                         return here(format!("{point}"), "must be finite points; NaN for unknown samples");
                     } else {
@@ -449,26 +451,26 @@ impl Reader<'_> {
                             return here(format!("{point} is the eye point"), "must be points of the screen");
                         };
                         screen.add(from_eye * *metres);
-                        Some(direction)
+                        samples.push(Some(direction));
                     }
                 }
-            });
-        }
-        // Refuse maps whose coordinates lie mostly outside of the picture: offsets or pixels.
-        if outside > 0 {
-            if outside * 2 > known {
-                return Err(Fault::new(
-                    place,
-                    format!("{outside} of {known} coordinates lie outside of 0 to 1"),
-                    "must be absolute coordinates in the picture, not offsets or pixels",
-                ));
             }
-            self.note(format!(
-                "{place}: {outside} of {known} coordinates lie outside of 0 to 1: no light is sent there"
+        }
+        let grid = |samples| Grid { columns, rows, samples, placement: Placement::Centres, interpolation };
+        let Geometry::Picture(content) = geometry else { return Ok((grid(samples), None, Some(screen))) };
+        // Refuse maps whose coordinates lie mostly outside of the picture: offsets or pixels.
+        let known = places.iter().flatten().count();
+        let found = placed(content, places, columns, interpolation == Interpolation::Smooth);
+        if found.outside * 2 > known {
+            return Err(Fault::new(
+                place,
+                format!("{} of {known} coordinates lie outside of 0 to 1", found.outside),
+                "must be absolute coordinates in the picture, not offsets or pixels",
             ));
         }
-        let screen = matches!(geometry, Geometry::Points { .. }).then_some(screen);
-        Ok((Grid { columns, rows, samples, placement: Placement::Centres, interpolation }, screen))
+        self.note_edge(&place, "coordinates", known, &found);
+        let Placed { samples, border, .. } = found;
+        Ok((grid(samples), border, None))
     }
 }
 
@@ -488,6 +490,11 @@ fn lenses<'a, 'input>(root: &Element<'a, 'input>) -> Result<Vec<(&'a str, &'a st
         }
     }
     Ok(found)
+}
+
+/// One of several words, in small letters. Scalable's library misspells one of them.
+fn word(element: &Element, name: &str) -> Result<Option<String>, Fault> {
+    Ok(element.child_word(name)?.map(|word| if word == "unkown" { "unknown".to_owned() } else { word }))
 }
 
 /// Whether a sample has zeros instead of a position.

@@ -11,10 +11,11 @@ use serde_json::Value;
 
 use super::{
     Grid, Interpolation, MOST_BYTES, MOST_REGIONS, Mask, Placement, Reader, Region, RowOrder,
+    edge::{Placed, placed},
     fault::{Fault, shown},
     json::Field,
     mask,
-    mesh::sampled,
+    mesh::{Warped, sampled},
     mesh_files::{self, Kind, load},
     pfm, refused,
     sgct_keys::unknown_keys,
@@ -26,6 +27,8 @@ use crate::{files, view::projector::DISPLAY_GAMMA};
 const MOST_TEXT: usize = 16 << 20;
 /// Columns and rows of the grid of a viewport without a mesh.
 const PLAIN: [usize; 2] = [65, 65];
+/// The same for fisheyes that reach near the antipode of their centre, where small errors are many pixels.
+const WIDE: [usize; 2] = [257, 257];
 
 impl Reader<'_> {
     pub(super) fn sgct(&mut self, bytes: &[u8]) -> Result<Vec<Region>, Fault> {
@@ -160,12 +163,12 @@ impl Reader<'_> {
         let projection = viewport.needed("projection")?;
         let eye = self.eye(viewport, users)?;
         let drawn = self.projection(&projection, &area, eye, is_bourke)?;
-        let (grid, intensities) = match &mesh {
+        let Warped { grid, border, intensities } = match &mesh {
             None => {
-                let place = &projection.place;
-                self.take_grid(PLAIN[0], PLAIN[1], place)?;
+                let nodes = if drawn.is_wide() { WIDE } else { PLAIN };
+                self.take_grid(nodes[0], nodes[1], &projection.place)?;
                 self.uses.eye |= drawn.has_eye;
-                (sampled(&drawn.content, PLAIN), self.circle(&drawn, &area, place)?)
+                sampled(&drawn.content, nodes)
             }
             Some((place, bytes)) => self.mesh_grid(&drawn, &area, place, bytes).map_err(|fault| fault.within(place))?,
         };
@@ -177,7 +180,7 @@ impl Reader<'_> {
         }
         let alpha =
             [blend, black, intensities].into_iter().flatten().reduce(|first, second| mask::product(&first, &second));
-        Ok(Region { alpha, multiplies_codes: true, ..Region::of_grid(name, area.size_px, grid) })
+        Ok(Region { border, alpha, multiplies_codes: true, ..Region::of_grid(name, area.size_px, grid) })
     }
 
     fn area(&self, window: &Field, viewport: &Field) -> Result<Area, Fault> {
@@ -208,31 +211,9 @@ impl Reader<'_> {
         Ok(Area { position, size, size_px, aspect })
     }
 
-    /// A mask that ends a fisheye at its rim.
-    fn circle(&mut self, drawn: &Drawn, area: &Area, place: &str) -> Result<Option<Mask>, Fault> {
-        if !drawn.round {
-            return Ok(None);
-        }
-        let [width, height] = area.size_px;
-        self.take_mask(width, height, place)?;
-        let middle = |i: u32, count: u32| (f64::from(i) + 0.5) / f64::from(count);
-        let pixels = (0..height).flat_map(|j| (0..width).map(move |i| (i, j)));
-        let inside = pixels.map(|(i, j)| {
-            let distance = drawn.content.distance_from_centre(middle(i, width), 1.0 - middle(j, height));
-            if distance <= 1.0 { 1.0 } else { 0.0 }
-        });
-        Ok(Some(Mask { width: width as usize, height: height as usize, values: inside.collect(), levels: 65535 }))
-    }
-
-    fn mesh_grid(
-        &mut self,
-        drawn: &Drawn,
-        area: &Area,
-        place: &str,
-        bytes: &[u8],
-    ) -> Result<(Grid, Option<Mask>), Fault> {
+    fn mesh_grid(&mut self, drawn: &Drawn, area: &Area, place: &str, bytes: &[u8]) -> Result<Warped, Fault> {
         if pfm::is_pfm(bytes) {
-            return Ok((self.pfm_grid(drawn, bytes)?, None));
+            return self.pfm_grid(drawn, bytes);
         }
         if let Some((what, reason)) = refused(Path::new(place), bytes) {
             return Err(Fault::refused(what, reason));
@@ -278,7 +259,7 @@ impl Reader<'_> {
     }
 
     /// A PFM of positions in the picture, at nodes from edge to edge.
-    fn pfm_grid(&mut self, drawn: &Drawn, bytes: &[u8]) -> Result<Grid, Fault> {
+    fn pfm_grid(&mut self, drawn: &Drawn, bytes: &[u8]) -> Result<Warped, Fault> {
         if !drawn.texture_mapped {
             let reason = "for projections other than texturemapped it contains positions on the raster for two eyes";
             return Err(Fault::refused("a PFM as mesh", reason));
@@ -289,8 +270,7 @@ impl Reader<'_> {
         self.take_grid(columns, rows, "PFM")?;
         let order = self.rows(RowOrder::TopFirst, "a PFM as mesh of SGCT, which reads them in the order of the file");
         self.note("nodes of a PFM mesh extend from edge to edge of the raster; u to the right, v upwards, the third value is ignored");
-        let mut samples = Vec::with_capacity(columns * rows);
-        let (mut known, mut outside) = (0_usize, 0_usize);
+        let mut places = Vec::with_capacity(columns * rows);
         for (column, row, [u, v, _]) in plane.top_down(order) {
             let (u, v) = (f64::from(u), f64::from(v));
             if u.is_infinite() || v.is_infinite() {
@@ -301,11 +281,11 @@ impl Reader<'_> {
                     "must be finite coordinates; NaN for unknown samples",
                 ));
             }
-            let direction = if u.is_nan() || v.is_nan() { None } else { drawn.content.direction(u, v) };
-            known += usize::from(!(u.is_nan() || v.is_nan()));
-            outside += usize::from(!(u.is_nan() || v.is_nan()) && direction.is_none());
-            samples.push(direction);
+            places.push((!(u.is_nan() || v.is_nan())).then_some(DVec2::new(u, v)));
         }
+        let known = places.iter().flatten().count();
+        let found = placed(&drawn.content, places, columns, true);
+        let outside = found.outside;
         if outside * 2 > known {
             let problem = format!("{outside} of {known} coordinates lie outside of 0 to 1");
             return Err(Fault::new(
@@ -314,10 +294,10 @@ impl Reader<'_> {
                 "must be absolute coordinates in the picture, not offsets or pixels",
             ));
         }
-        if outside > 0 {
-            self.note(format!("PFM: {outside} of {known} coordinates lie outside of 0 to 1: no light is sent there"));
-        }
-        Ok(Grid { columns, rows, samples, placement: Placement::Corners, interpolation: Interpolation::Smooth })
+        self.note_edge("PFM", "coordinates", known, &found);
+        let Placed { samples, border, .. } = found;
+        let grid = Grid { columns, rows, samples, placement: Placement::Corners, interpolation: Interpolation::Smooth };
+        Ok(Warped { grid, border, intensities: None })
     }
 
     fn masked(&mut self, field: Option<Field>, size_px: [u32; 2]) -> Result<Option<Mask>, Fault> {

@@ -22,12 +22,22 @@ pub(super) struct Area {
 /// The picture of a viewport.
 pub(super) struct Drawn {
     pub content: Content,
-    /// Whether it is a fisheye, which may need a mask around its circle.
+    /// Whether it is a fisheye.
     pub round: bool,
     /// Whether the values of the mesh are positions in the picture, also in a PFM.
     pub texture_mapped: bool,
     /// Whether its directions depend on the position of the eye.
     pub has_eye: bool,
+}
+
+/// Field of view above which a fisheye needs more samples, rad: 300 degrees.
+const WIDE_RAD: f64 = 300.0 * std::f64::consts::PI / 180.0;
+
+impl Drawn {
+    /// Whether it is a fisheye that reaches near the antipode of its centre.
+    pub fn is_wide(&self) -> bool {
+        matches!(self.content, Content::Fisheye { half_fov_rad, .. } if 2.0 * half_fov_rad > WIDE_RAD)
+    }
 }
 
 impl Reader<'_> {
@@ -193,6 +203,14 @@ fn planar(field: &Field, eye: DVec3) -> Result<Content, Fault> {
     let fov = field.needed("fov")?;
     let [left, right] = edges(&fov, ["left", "right"], "hfov")?;
     let [down, up] = edges(&fov, ["down", "up"], "vfov")?;
+    let within = |angle: f64| angle.abs() < 89.99f64.to_radians();
+    if ![left, right, down, up].into_iter().all(within) || left + right <= 0.0 || down + up <= 0.0 {
+        let degrees = [left, right, down, up].map(f64::to_degrees);
+        let problem = format!("left, right, down and up are {} degrees", shown(degrees));
+        let allowed = "must be between -89.99 and 89.99 degrees, left plus right and down plus up more than 0: SGCT counts each outwards \
+                       from the middle, so all four are positive in an ordinary frustum";
+        return Err(Fault::new(&fov.place, problem, allowed));
+    }
     let (left, down) = (-left, -down);
     let rotation = field.get("orientation")?.map_or(Ok(DMat3::IDENTITY), |orientation| orientation.rotation())?;
     let distance = plane_distance(field, &fov)?;

@@ -16,14 +16,14 @@ const STEPS: [[isize; 2]; 8] = [[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1
 /// Largest deviation of coordinates that continue those of their neighbours, in the distance of these.
 const CONTINUES_WITHIN: f64 = 0.5;
 
-/// The nodes of a lattice, row by row.
-struct Lattice<'a> {
-    mesh: &'a Mesh,
+/// The places of a lattice's nodes, row by row.
+struct Lattice {
+    contents: Vec<DVec2>,
     columns: usize,
     rows: usize,
 }
 
-impl Lattice<'_> {
+impl Lattice {
     fn stepped(&self, node: usize, [across, down]: [isize; 2], times: isize) -> Option<usize> {
         let column = (node % self.columns).checked_add_signed(across * times).filter(|at| *at < self.columns)?;
         let row = (node / self.columns).checked_add_signed(down * times).filter(|at| *at < self.rows)?;
@@ -34,7 +34,7 @@ impl Lattice<'_> {
     fn continued(&self, node: usize, step: [isize; 2], trusted: &[bool]) -> Option<(usize, DVec2, f64)> {
         let content = |times: isize| {
             let at = self.stepped(node, step, times).filter(|at| trusted[*at])?;
-            Some(self.mesh.nodes[at].content)
+            Some(self.contents[at])
         };
         let (first, second) = (content(1)?, content(2)?);
         let within = CONTINUES_WITHIN * first.distance(second) + 1e-9;
@@ -52,12 +52,12 @@ impl Lattice<'_> {
         Some(best.iter().sum::<DVec2>() / best.len() as f64)
     }
 
-    /// The nodes whose coordinates count: lit ones, and unlit ones that continue them.
-    fn trusted(&self, lit: &[bool]) -> Vec<bool> {
+    /// The nodes whose coordinates count: lit ones, and others with coordinates that continue them.
+    fn trusted(&self, lit: &[bool], has_own: impl Fn(usize) -> bool) -> Vec<bool> {
         let mut trusted = lit.to_vec();
-        let mut waiting: VecDeque<usize> = (0..lit.len()).filter(|node| !lit[*node]).collect();
+        let mut waiting: VecDeque<usize> = (0..lit.len()).filter(|node| !lit[*node] && has_own(*node)).collect();
         while let Some(node) = waiting.pop_front() {
-            let own = self.mesh.nodes[node].content;
+            let own = self.contents[node];
             let continues = |step: &[isize; 2]| {
                 self.continued(node, *step, &trusted).is_some_and(|(_, at, within)| own.distance(at) <= within)
             };
@@ -66,7 +66,8 @@ impl Lattice<'_> {
             }
             trusted[node] = true;
             for step in STEPS {
-                waiting.extend((1..=3).filter_map(|times| self.stepped(node, step, times)).filter(|at| !trusted[*at]));
+                let near = (1..=3).filter_map(|times| self.stepped(node, step, times));
+                waiting.extend(near.filter(|at| !trusted[*at] && has_own(*at)));
             }
         }
         trusted
@@ -79,10 +80,10 @@ pub(super) fn settle(mesh: &mut Mesh, columns: usize, rows: usize) -> usize {
     if !lit.contains(&true) || mesh.nodes.iter().all(|node| node.intensity != 0.0) {
         return 0;
     }
-    let lattice = Lattice { mesh, columns, rows };
-    let trusted = lattice.trusted(&lit);
+    let lattice = Lattice { contents: mesh.nodes.iter().map(|node| node.content).collect(), columns, rows };
+    let trusted = lattice.trusted(&lit, |_| true);
     let unknown: Vec<usize> =
-        (0..lit.len()).filter(|node| !trusted[*node] && lattice.mesh.nodes[*node].intensity == 0.0).collect();
+        (0..lit.len()).filter(|node| !trusted[*node] && mesh.nodes[*node].intensity == 0.0).collect();
     let settled: Vec<Option<DVec2>> = unknown
         .iter()
         .map(|node| {
@@ -97,6 +98,26 @@ pub(super) fn settle(mesh: &mut Mesh, columns: usize, rows: usize) -> usize {
         }
     }
     unknown.len()
+}
+
+/// Which places outside of a picture are strays: marks of nodes without a place, which do not continue those of their
+/// neighbours. `places`: those of the lattice's nodes, row by row, if they have one; `inside`: those in the picture.
+pub(super) fn strays(places: &[Option<DVec2>], columns: usize, inside: &[bool]) -> Vec<bool> {
+    let contents = places.iter().map(|place| place.unwrap_or_default()).collect();
+    let lattice = Lattice { contents, columns, rows: places.len() / columns };
+    let trusted = lattice.trusted(inside, |node| places[node].is_some());
+    let is_open = |node: &usize| places[*node].is_some() && !trusted[*node];
+    // A place is a stray if it contradicts its neighbours. Next to strays, places that no neighbour tests are strays too.
+    let contradicts = |node: &usize| STEPS.iter().any(|step| lattice.continued(*node, *step, &trusted).is_some());
+    let mut waiting: Vec<usize> = (0..places.len()).filter(is_open).filter(contradicts).collect();
+    let mut strays = vec![false; places.len()];
+    while let Some(node) = waiting.pop() {
+        if !std::mem::replace(&mut strays[node], true) {
+            let beside = STEPS.iter().filter_map(|step| lattice.stepped(node, *step, 1));
+            waiting.extend(beside.filter(|at| is_open(at) && !strays[*at]));
+        }
+    }
+    strays
 }
 
 #[cfg(test)]
@@ -136,6 +157,34 @@ mod tests {
             let mut found = right.clone();
             assert_eq!(settle(&mut found, 8, 6), 0);
             assert_eq!(found.nodes, right.nodes);
+        }
+    }
+
+    /// Strays among places outside of the unit square, in a lattice of 8 x 6.
+    fn strays_of(place: impl Fn(usize, usize) -> Option<DVec2>) -> Vec<bool> {
+        let places: Vec<Option<DVec2>> = (0..48).map(|i| place(i % 8, i / 8)).collect();
+        let holds = |at: &DVec2| at.min_element() >= 0.0 && at.max_element() <= 1.0;
+        let inside: Vec<bool> = places.iter().map(|place| place.is_some_and(|at| holds(&at))).collect();
+        strays(&places, 8, &inside)
+    }
+
+    #[test]
+    fn places_that_continue_beyond_a_picture_are_no_strays() {
+        let regular = |column: usize, row: usize| DVec2::new(column as f64, row as f64) * 0.2 - 0.25;
+        assert!(!strays_of(|column, row| Some(regular(column, row))).contains(&true));
+        // Nothing tests them.
+        assert!(!strays_of(|column, row| Some(regular(column, row) * 9.0 - 1.0)).contains(&true));
+        assert!(!strays_of(|_, _| None).contains(&true));
+    }
+
+    #[test]
+    fn marks_of_nodes_without_a_place_are_strays() {
+        let regular = |column: usize, row: usize| DVec2::new(column as f64, row as f64) * 0.15;
+        let marked = |column: usize, _: usize| column > 3;
+        let mark = DVec2::splat(-1.0);
+        let found = strays_of(|column, row| Some(if marked(column, row) { mark } else { regular(column, row) }));
+        for (node, stray) in found.into_iter().enumerate() {
+            assert_eq!(stray, marked(node % 8, node / 8), "{node}");
         }
     }
 }

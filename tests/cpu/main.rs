@@ -22,4 +22,5 @@ mod shaders;
 mod sky;
 mod stars;
 mod theatre;
+mod theatre_edges;
 mod theatre_formats;

@@ -5,6 +5,7 @@ use std::io::Write as _;
 use steradian::{
     glam::{DMat3, DVec3},
     theatre::{Axes, Calibration, ReadOptions, Region, RowOrder, TheatreError, read},
+    view::projection::PlaneMapping as _,
 };
 
 use crate::common::theatre::{png_grey, sgct};
@@ -93,6 +94,57 @@ fn openmesh_and_sky_skan_have_their_own_frustum() {
     for (from, to) in [("3 3\n", "3 4\n"), ("Dome Azimuth=30", "Dome Azimuth=x"), ("Dome Elevation=20\n", "")] {
         assert!(read_files(&[("mesh", sky_skan().replacen(from, to, 1).as_bytes())], &sized()).is_err(), "{to}");
     }
+}
+
+#[test]
+fn openmesh_has_the_size_of_its_raster_and_unknown_keys_are_noted() {
+    let text = open_mesh();
+    let without_size = ReadOptions::default();
+    let found = read_files(&[("p1.ol", text.as_bytes())], &without_size).unwrap();
+    assert_planar(&found.regions[0], 30.0, 20.0);
+    assert!(!found.notes.iter().any(|note| note.contains("not known")), "{:?}", found.notes);
+    let other = ReadOptions { size_px: Some([48, 27]), ..ReadOptions::default() };
+    let found = read_files(&[("p1.ol", text.as_bytes())], &other).unwrap();
+    assert_eq!(found.regions[0].size_px, [48, 27]);
+    assert!(found.notes.iter().any(|note| note.contains("from the options and not that of the file, 96 x 54")));
+    let more = text.replacen("NATIVEXRES", "FANCY 3\nDO_NO_WARP 1\nGAMMA 2.2\nNATIVEXRES", 1);
+    let notes = read_files(&[("p1.ol", more.as_bytes())], &without_size).unwrap().notes;
+    for part in ["the key FANCY is not known", "the key DO_NO_WARP is not known", "GAMMA 2.2 is not applied"] {
+        assert!(notes.iter().any(|note| note.contains(part)), "{part}: {notes:?}");
+    }
+    // No whole number of pixels.
+    let half = text.replacen("NATIVEXRES 96", "NATIVEXRES 96.5", 1);
+    assert!(read_files(&[("p1.ol", half.as_bytes())], &without_size).is_err());
+}
+
+#[test]
+fn names_that_no_view_can_have_are_replaced_with_a_note() {
+    let named =
+        |name: &str| sgct(SIZE, PLANAR, "").replace(r#""viewports""#, &format!(r#""name":"{name}","viewports""#));
+    let found = |name: &str| read_files(&[("set", named(name).as_bytes())], &ReadOptions::default()).unwrap();
+    let long = found(&"projector-".repeat(8));
+    let title = long.regions[0].title.clone().unwrap();
+    assert!(title.len() <= 64 && title.starts_with("projector-projector-"), "{title}");
+    assert!(long.notes.iter().any(|note| note.contains("stands for `projector-")), "{:?}", long.notes);
+    let other = found("\u{5de6}");
+    assert_eq!(other.regions[0].title.as_deref(), Some("0_0_0"));
+    assert!(other.notes.iter().any(|note| note.contains("the view 0_0_0 stands for `\u{5de6}`")), "{:?}", other.notes);
+    assert!(!found("Left one").notes.iter().any(|note| note.contains("stands for")));
+}
+
+#[test]
+fn a_projection_plane_must_be_a_rectangle() {
+    let plane = |x: f64| {
+        let corner = |x: f64, y: f64| format!(r#"{{"x":{x},"y":{y},"z":-3}}"#);
+        let (lower_left, upper_left, upper_right) = (corner(-1.0, -1.0), corner(x, 1.0), corner(1.0, 1.0));
+        let projection = format!(
+            r#"{{"type":"ProjectionPlane","lowerleft":{lower_left},"upperleft":{upper_left},"upperright":{upper_right}}}"#
+        );
+        read_files(&[("set", sgct(SIZE, &projection, "").as_bytes())], &ReadOptions::default())
+    };
+    assert!(plane(-1.0).is_ok() && plane(-1.003).is_ok());
+    let error = plane(-0.8).unwrap_err().to_string();
+    assert!(error.contains("84.28") && error.contains("a rectangle: 90 degrees within 0.1"), "{error}");
 }
 
 #[test]
@@ -279,7 +331,8 @@ fn a_cropped_fisheye_fills_the_raster_with_the_rest_of_its_square() {
         let expected = at(0.1 + 0.7 * s);
         assert!(sample(32, y).unwrap().abs_diff_eq(expected, 1e-6), "{y}: {:?}, not {expected}", sample(32, y));
     }
-    let rows: Vec<bool> = region.alpha.unwrap().values.chunks(64).map(|row| row[32] > 0.0).collect();
+    let warp = region.warp().unwrap();
+    let rows: Vec<bool> = (0..64).map(|row| warp.contains(32, row)).collect();
     assert_eq!((rows[9], rows[10], rows[53], rows[54]), (false, true, true, false));
     let offset = read(&fisheye(r#","offset":{"x":0.5,"y":0,"z":0}"#)).unwrap().grid;
     let centre = offset.samples[32 * offset.columns + 32].unwrap();
@@ -446,7 +499,12 @@ fn messages_say_what_is_wrong_with_other_content() {
     assert!(refused(br#"{"nodes":[{"address":"a"}]}"#).contains("no node has a window"));
     let inverted = PLANAR.replace(r#""right":30"#, r#""right":-40"#);
     let text = refused(sgct(SIZE, &inverted, "").as_bytes());
-    assert!(text.contains("left, right, down and up are [-30, -40, -20, 20] degrees"), "{text}");
+    assert!(text.contains("left, right, down and up are [30, -40, 20, 20] degrees"), "{text}");
+    let negative = PLANAR.replace(r#""left":30"#, r#""left":-30"#);
+    let text = refused(sgct(SIZE, &negative, "").as_bytes());
+    assert!(text.contains("[-30, 30, 20, 20]") && text.contains("all four are positive"), "{text}");
+    assert!(!text.contains("are negative"), "{text}");
+    assert!(refused(b"").contains("the file is empty") && refused(b" \n").contains("only blanks"));
 }
 
 #[test]

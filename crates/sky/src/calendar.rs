@@ -22,6 +22,8 @@ pub const FORMS: &str = "2026-01-01T00:00:00Z, -0567-07-04T12:00:00Z or +10000-0
 const MJD_DAYS: f64 = 2_400_000.0;
 /// Julian dates that look like modified Julian dates of 1858 to 2132, and are days of the years -4713 to -4439.
 const LIKE_MJD: std::ops::Range<f64> = 0.0..100_000.0;
+/// Modified Julian dates that look like Julian dates of 1858 to 2132, and are days of the years 8429 to 8703.
+const LIKE_JD: std::ops::Range<f64> = 2_400_000.0..2_500_000.0;
 
 const fn new_year_s(year: i64) -> f64 {
     (gregorian_days(year, 1, 1) - DAYS_TO_2000) as f64 * DAY_S - 0.5 * DAY_S
@@ -173,7 +175,7 @@ pub fn check(time_s: f64) -> Result<f64, String> {
 /// # Errors
 ///
 /// The text has another form, its date or time does not exist, [`check`] refuses it, or it is a Julian date from 0 to 100,000, which is most likely a
-/// modified one.
+/// modified one, or a modified one from 2,400,000 to 2,500,000, which is most likely none.
 pub fn moment(text: &str) -> Result<f64, String> {
     let text = text.trim();
     let after = |prefix: &str| {
@@ -206,7 +208,14 @@ fn julian_date_s(number: &str) -> Result<f64, String> {
 fn modified_julian_date_s(number: &str) -> Result<f64, String> {
     let wrong = || "a modified Julian date is a decimal number, as in MJD 51544.5".to_owned();
     let [days, part] = days_and_part(number).ok_or_else(wrong)?;
-    Ok((days + MJD_DAYS - J2000_JD) * DAY_S + (part + 0.5) * DAY_S)
+    let time_s = (days + MJD_DAYS - J2000_JD) * DAY_S + (part + 0.5) * DAY_S;
+    if LIKE_JD.contains(&(days + part)) {
+        return Err(format!(
+            "this modified Julian date is {}; for a Julian date write JD {number}, for that day its date",
+            written(time_s)
+        ));
+    }
+    Ok(time_s)
 }
 
 /// Whole days and fraction of a decimal number of days, both with its sign.
@@ -395,6 +404,7 @@ mod tests {
             ("JD 61353.83", "-4545-11-18T07:55:12Z; for a modified Julian date write MJD 61353.83"),
             ("jd 0", "write MJD 0, for that day long ago its date"),
             ("JD 99999.9", "write MJD 99999.9"),
+            ("MJD 2451545", "8570-12-24T00:00:00Z; for a Julian date write JD 2451545"),
             ("MJD 999999999", "years -6000 to 10000"),
             ("2026-01-01T00:00:00Z Julians", "MJD 51544.5"),
             ("J", "must be a date"),

@@ -1,22 +1,20 @@
 //! `film record`: follows the camera of a daemon and writes its path.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use clap::Args;
 use tokio::time::{Instant as TokioInstant, sleep_until};
 
+use super::super::daemon_access::{DaemonAccess, address, uri};
 use super::super::{CliError, results};
 use super::within;
-use crate::config::{ExposureKey, UNIX_PREFIX, parse_listen};
+use crate::config::ExposureKey;
 use crate::files;
 use crate::output::film::{ObservedScene, Recording};
 use crate::plan::settings::{ExposureKeys, ExposureMode};
 use crate::service::{self, Client, ClientError, Credentials, SceneForm};
-
-/// Maximum size of a token or certificate file, bytes.
-const MOST_BYTES: u64 = 1 << 20;
 
 fn fps(text: &str) -> Result<f64, String> {
     within(text, [1.0, 240.0])
@@ -28,22 +26,6 @@ fn rate(text: &str) -> Result<f64, String> {
 
 fn seconds(text: &str) -> Result<f64, String> {
     within(text, [0.1, 1e6])
-}
-
-/// Checks an address. Without a port, the one of HTTP would be used, on which no daemon listens by default.
-fn address(text: &str) -> Result<String, String> {
-    let rest = ["http://", "https://"].iter().find_map(|scheme| text.strip_prefix(scheme));
-    let place = rest.map_or(text, |rest| rest.strip_suffix('/').unwrap_or(rest));
-    let is_path = place.starts_with(UNIX_PREFIX);
-    // A path may contain anything; a host neither another scheme nor port 0.
-    let is_valid = if is_path { rest.is_none() } else { !place.contains('/') && !place.ends_with(":0") };
-    if is_valid && parse_listen(place).is_ok() {
-        return Ok(text.to_owned());
-    }
-    Err(format!(
-        "`{text}` is not the address of a daemon: must be HOST:PORT, http://HOST:PORT, https://HOST:PORT or unix:PATH, such as \
-         127.0.0.1:7143"
-    ))
 }
 
 /// Arguments of `film record`.
@@ -71,12 +53,8 @@ pub struct RecordArguments {
     /// View whose exposure is recorded. Default: the first view.
     #[arg(long, value_name = "NAME")]
     view: Option<String>,
-    /// File with the token that the daemon requires.
-    #[arg(long, value_name = "FILE")]
-    token_file: Option<PathBuf>,
-    /// Certificates of trusted authorities, PEM; for https.
-    #[arg(long, value_name = "FILE")]
-    authorities: Option<PathBuf>,
+    #[command(flatten)]
+    access: DaemonAccess,
     /// Replace an existing file.
     #[arg(long)]
     overwrite: bool,
@@ -115,7 +93,7 @@ pub fn run(arguments: &RecordArguments) -> Result<(), CliError> {
             "--out {out}: the file exists: choose another file, or replace it with --overwrite"
         )));
     }
-    let credentials = credentials(arguments)?;
+    let credentials = arguments.access.credentials(&arguments.address)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(CliError::Runtime)?;
     let (recording, end_s, end) = runtime.block_on(record(arguments, &credentials))?;
     let path = recording.end(end_s);
@@ -152,22 +130,6 @@ pub fn run(arguments: &RecordArguments) -> Result<(), CliError> {
             )))
         }
     }
-}
-
-fn credentials(arguments: &RecordArguments) -> Result<Credentials, CliError> {
-    let read = |file: &Option<PathBuf>, key: &str| {
-        let text = file.as_ref().map(|file| files::read_text_bounded(file, MOST_BYTES));
-        let file = file.as_deref().unwrap_or(Path::new(""));
-        text.transpose().map_err(|error| CliError::Usage(format!("--{key} {}: {error}", file.display())))
-    };
-    let token = read(&arguments.token_file, "token-file")?.map(|token| token.trim().to_owned());
-    Ok(Credentials { token, authorities: read(&arguments.authorities, "authorities")?, certificate: None })
-}
-
-/// Returns the address as a URI. The address that a daemon prints has no scheme.
-fn uri(address: &str) -> String {
-    let has_scheme = address.contains("://") || address.starts_with(UNIX_PREFIX);
-    if has_scheme { address.to_owned() } else { format!("http://{address}") }
 }
 
 /// Returns the exposure of the named view, or of the first one.

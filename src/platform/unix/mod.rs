@@ -2,6 +2,8 @@
 
 #[cfg(feature = "service")]
 pub(crate) mod clock;
+#[cfg(feature = "service")]
+pub(crate) mod files;
 #[cfg(feature = "xr")]
 pub(crate) mod openxr_clock;
 #[cfg(feature = "service")]

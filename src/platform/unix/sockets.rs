@@ -2,11 +2,12 @@
 
 use std::{
     io,
-    os::unix::{self, fs::FileTypeExt as _},
+    os::unix::fs::FileTypeExt as _,
     path::{Path, PathBuf},
     task::{Context, Poll, ready},
 };
 
+use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType, connect, socket_with};
 pub(crate) use tokio::net::UnixStream as LocalStream;
 use tokio::{net::UnixListener, runtime::Handle};
 
@@ -18,8 +19,9 @@ impl LocalSocket {
     ///
     /// # Errors
     ///
-    /// The system has no such sockets: never on Unix.
+    /// The path is too long.
     pub(crate) fn new(path: &Path) -> Result<Self, &'static str> {
+        SocketAddrUnix::new(path).map_err(|_| "the path of a Unix socket has at most 107 bytes")?;
         Ok(Self(path.to_owned()))
     }
 
@@ -38,9 +40,18 @@ impl LocalSocket {
         }
     }
 
-    /// Whether a process listens there. Blocks.
+    /// Whether a process listens there. It may be frozen, with as many connections waiting as the system allows: connecting would then wait too.
     pub(crate) fn answers(&self) -> bool {
-        unix::net::UnixStream::connect(&self.0).is_ok()
+        match self.attempt() {
+            Ok(()) => true,
+            Err(error) => error.kind() == io::ErrorKind::WouldBlock,
+        }
+    }
+
+    /// Connects without waiting.
+    fn attempt(&self) -> io::Result<()> {
+        let socket = socket_with(AddressFamily::UNIX, SocketType::STREAM, SocketFlags::NONBLOCK, None)?;
+        Ok(connect(&socket, &SocketAddrUnix::new(&self.0)?)?)
     }
 
     /// Removes a socket that a daemon left behind. Returns whether the path is free: false if a process listens there.
@@ -48,9 +59,10 @@ impl LocalSocket {
     /// # Errors
     ///
     /// The socket cannot be removed.
-    pub(crate) async fn release(&self) -> io::Result<bool> {
-        match LocalStream::connect(&self.0).await {
-            Ok(_) => return Ok(false),
+    pub(crate) fn release(&self) -> io::Result<bool> {
+        match self.attempt() {
+            Ok(()) => return Ok(false),
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(false),
             // The system answers for other files as for a socket that no process listens on.
             Err(error) if error.kind() == io::ErrorKind::ConnectionRefused && self.exists() => {
                 std::fs::remove_file(&self.0)?;
@@ -97,5 +109,34 @@ impl LocalListener {
         let (stream, _) = ready!(self.0.poll_accept(context))?;
         let user = stream.peer_cred()?.uid();
         Poll::Ready(Ok((stream, user)))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic on unexpected values")]
+mod tests {
+    use std::os::unix::net::{UnixListener, UnixStream};
+
+    use super::*;
+
+    #[test]
+    fn a_process_that_accepts_nothing_still_has_its_socket() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("socket");
+        let socket = LocalSocket::new(&path).unwrap();
+        assert!(!socket.answers() && socket.release().unwrap(), "nothing is there");
+        let listener = UnixListener::bind(&path).unwrap();
+        rustix::net::listen(&listener, 0).unwrap();
+        // One connection waits: that is as many as this backlog takes.
+        let _waiting = UnixStream::connect(&path).unwrap();
+        assert!(socket.answers() && !socket.release().unwrap() && path.exists());
+        drop(listener);
+        assert!(!socket.answers() && socket.release().unwrap() && !path.exists(), "a socket that was left behind");
+    }
+
+    #[test]
+    fn paths_that_are_too_long_for_a_socket_are_refused() {
+        assert!(LocalSocket::new(Path::new(&"x".repeat(100))).is_ok());
+        assert!(LocalSocket::new(Path::new(&"x".repeat(200))).err().unwrap().contains("107 bytes"));
     }
 }

@@ -41,7 +41,7 @@ impl LocalSocket {
     }
 
     /// Removes a socket that a daemon left behind.
-    pub(crate) async fn release(&self) -> io::Result<bool> {
+    pub(crate) fn release(&self) -> io::Result<bool> {
         match *self {}
     }
 

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::connection::Client;
+use super::{connection::Client, credentials::Credentials};
 use crate::service::proto;
 
 /// State of a director.
@@ -23,15 +23,15 @@ pub struct FoundNode {
     pub text: String,
 }
 
-/// Asks the director at an address of the service for its state.
+/// Asks the director at an address of the service, as for [`Client::connect_as`], for its state.
 ///
 /// # Errors
 /// It cannot be reached, does not answer in time, or is in no cluster; the text says which.
-pub fn ask_director(address: &str, patience: Duration) -> Result<FoundDirector, String> {
+pub fn ask_director(address: &str, credentials: &Credentials, patience: Duration) -> Result<FoundDirector, String> {
     let runtime =
         tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(|error| error.to_string())?;
     let asked = async {
-        let mut client = Client::connect(&format!("http://{address}")).await.map_err(|error| error.to_string())?;
+        let mut client = Client::connect_as(address, credentials).await.map_err(|error| error.to_string())?;
         let mut stats = client.watch_stats(None).await.map_err(|error| error.to_string())?;
         let first = stats.next().await.map_err(|error| error.to_string())?;
         first.and_then(|stats| stats.cluster).ok_or_else(|| "it is not in a cluster".to_owned())

@@ -35,6 +35,11 @@ fn distrust(state: &io::Result<ClockState>) -> Option<String> {
     }
 }
 
+/// The reason why the clock of this machine cannot be used for times of presentation; `None`: it can.
+pub fn distrusted_clock() -> Option<String> {
+    distrust(&clock::clock_state())
+}
+
 /// The clocks of the machine.
 #[derive(Debug)]
 pub(super) struct Clock {
@@ -76,7 +81,7 @@ impl Clock {
             return;
         }
         self.checked_ns = Some(now.monotonic_ns);
-        self.distrusted = distrust(&clock::clock_state());
+        self.distrusted = distrusted_clock();
         if self.told.replace(self.distrusted.is_none()) == Some(self.distrusted.is_none()) {
             return;
         }

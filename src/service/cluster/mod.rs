@@ -41,6 +41,7 @@ use steradian_lock::{
     rules::Rules,
 };
 
+pub use self::clock::distrusted_clock;
 pub use self::messages::{Unreadable, decode_to_director, decode_to_node, encode_to_director, encode_to_node};
 #[cfg(feature = "cluster")]
 pub use self::refusals::watch as watch_refusals;

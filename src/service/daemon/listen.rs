@@ -120,7 +120,7 @@ async fn bind_unix(listen: &str, path: &Path) -> Result<LocalListener, ServeErro
     let address = || Address::Unix(path.to_owned());
     let refused = |source| ServeError::Bind { address: address(), source };
     let socket = socket(listen, path)?;
-    if !socket.release().await.map_err(refused)? {
+    if !socket.release().map_err(refused)? {
         return Err(ServeError::AddressInUse { address: address() });
     }
     socket.bind().map_err(refused)

@@ -45,6 +45,10 @@ const OUTPUT: u64 = 1 << 30;
 
 /// A connection without any call is closed after this time.
 const FIRST_CALL: Duration = Duration::from_secs(10);
+/// The same while more than [`MOST_SILENT`] connections have made no call, so that they do not keep others out.
+const FIRST_CALL_OF_MANY: Duration = Duration::from_secs(1);
+/// Half of the places for connections.
+const MOST_SILENT: u64 = 256;
 /// A connection whose client does not read its answers is closed after this time.
 const STALLED: Duration = Duration::from_secs(60);
 /// A connection without calls and without received data is closed after this time. HTTP/2 clients answer pings in the
@@ -68,6 +72,8 @@ pub(crate) struct Shares {
     streams_of_one: usize,
     next_number: AtomicU64,
     connected: AtomicU64,
+    /// Connections that have made no call.
+    silent: AtomicU64,
     /// Number of requests that were refused because of a limit.
     refused: AtomicU64,
     log: Arc<LogSummary>,
@@ -82,6 +88,7 @@ impl Shares {
             streams_of_one: (streams / 4).max(LEAST_STREAMS),
             next_number: AtomicU64::new(1),
             connected: AtomicU64::new(0),
+            silent: AtomicU64::new(0),
             refused: AtomicU64::new(0),
             log: Arc::default(),
         }
@@ -166,6 +173,7 @@ pub(crate) enum From {
 impl Drop for Client {
     fn drop(&mut self) {
         let calls = self.calls.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let is_silent = calls.count == 0;
         // Monitoring makes a connection every few seconds.
         let count = calls.count - calls.monitoring;
         if count > 0 {
@@ -179,6 +187,9 @@ impl Drop for Client {
             }
         }
         self.shares.connected.fetch_sub(1, Relaxed);
+        if is_silent {
+            self.shares.silent.fetch_sub(1, Relaxed);
+        }
     }
 }
 
@@ -209,6 +220,7 @@ impl ClientInfo {
     pub(crate) fn new(shares: &Arc<Shares>, from: From) -> Self {
         let now = Instant::now();
         shares.connected.fetch_add(1, Relaxed);
+        shares.silent.fetch_add(1, Relaxed);
         let calls =
             Calls { open: 0, count: 0, monitoring: 0, last_read: now, handed_out: HashMap::new(), next_answer: 0 };
         Self(Arc::new(Client {
@@ -374,6 +386,9 @@ impl ClientInfo {
     pub(crate) fn open_call(&self, path: &str) -> OpenCall {
         let mut calls = self.calls();
         calls.open += 1;
+        if calls.count == 0 {
+            self.0.shares.silent.fetch_sub(1, Relaxed);
+        }
         calls.count += 1;
         calls.monitoring += u64::from(is_monitoring(path));
         calls.next_answer += 1;
@@ -384,8 +399,10 @@ impl ClientInfo {
     pub(crate) fn overdue(&self, now: Instant) -> Option<String> {
         let calls = self.calls();
         let longer = |since: &Instant, most: Duration| now.saturating_duration_since(*since) > most;
-        if calls.count == 0 && longer(&self.0.since, FIRST_CALL) {
-            return Some(format!("no call within {} s", FIRST_CALL.as_secs()));
+        let are_many = self.0.shares.silent.load(Relaxed) > MOST_SILENT;
+        let first_call = if are_many { FIRST_CALL_OF_MANY } else { FIRST_CALL };
+        if calls.count == 0 && longer(&self.0.since, first_call) {
+            return Some(format!("no call within {} s", first_call.as_secs()));
         }
         if calls.handed_out.values().any(|since| longer(since, STALLED)) {
             return Some(format!("an answer was not read for {} s", STALLED.as_secs()));
@@ -510,6 +527,17 @@ mod tests {
         let begun = new.0.since;
         assert_eq!(new.overdue(begun + FIRST_CALL), None);
         assert!(new.overdue(begun + FIRST_CALL + UNIT_OF_TIME).unwrap().contains("no call within 10 s"));
+
+        // Many silent connections have less time, and those with a call are none of them.
+        let calling: Vec<_> = (0..MOST_SILENT).map(|_| client(&shares)).collect();
+        let calls: Vec<_> = calling.iter().map(|client| client.open_call("")).collect();
+        assert_eq!(new.overdue(begun + FIRST_CALL), None);
+        let others: Vec<_> = (0..MOST_SILENT).map(|_| client(&shares)).collect();
+        assert_eq!(new.overdue(begun + FIRST_CALL_OF_MANY), None);
+        assert!(new.overdue(begun + 2 * FIRST_CALL_OF_MANY).unwrap().contains("no call within 1 s"));
+        assert_eq!(calling[0].overdue(begun + FIRST_CALL), None);
+        drop((calls, calling, others));
+        assert_eq!(new.overdue(begun + FIRST_CALL), None);
 
         let reader = client(&shares);
         let call = reader.open_call("");

@@ -188,7 +188,7 @@ impl StarSet {
         &self.named_in_files
     }
 
-    /// The named stars as seen at the set's epoch: those of the built-in table, whether or not they are in the set, then those of files.
+    /// The named stars as seen at the set's epoch: those of files, which are drawn, then those of the built-in table, whether or not they are in the set.
     /// Computed at the first call.
     pub fn named(&self) -> &[NamedStar] {
         self.named.get_or_init(|| {
@@ -198,7 +198,7 @@ impl StarSet {
                 varied.for_each(|(row, star)| built_in[row].star = star);
             }
             let built_in = built_in.into_iter().map(|named| NamedStar { star: self.epoch.seen(named.star), ..named });
-            built_in.chain(self.named_in_files.iter().cloned()).collect()
+            self.named_in_files.iter().cloned().chain(built_in).collect()
         })
     }
 

@@ -8,6 +8,7 @@ use std::{
 use glam::{DMat3, DVec3};
 use sofars::pnp::pmat06;
 
+use super::names;
 use crate::{
     coordinates::{direction_from_lon_lat, lon_lat_from_direction},
     units::{ARCSECOND_RAD, J2000_JD},
@@ -175,9 +176,11 @@ fn number_of(direction: DVec3) -> usize {
     found.expect("the built-in table has known constellations")
 }
 
-/// The index in [`CONSTELLATIONS`] of the constellation with this name or abbreviation, in any case.
+/// The index in [`CONSTELLATIONS`] of the constellation with this name or abbreviation, in any case. Serpens is its head.
 pub fn find(name: &str) -> Option<usize> {
-    CONSTELLATIONS.iter().position(|(short, full)| short.eq_ignore_ascii_case(name) || full.eq_ignore_ascii_case(name))
+    let is_it = |(short, full): &Constellation| names::is_same(short, name) || names::is_same(full, name);
+    let is_serpens = names::is_same("Ser", name) || names::is_same("Serpens", name);
+    CONSTELLATIONS.iter().position(is_it).or_else(|| is_serpens.then(|| find("SerCa"))?)
 }
 
 /// Names and centres of the constellations. A centre is the mean direction over the area, an ICRS unit vector.

@@ -2,6 +2,8 @@
 
 use std::borrow::Cow;
 
+use unicode_normalization::UnicodeNormalization;
+
 use super::{StarRecord, constellations::CONSTELLATIONS};
 
 /// Greek letters: abbreviation of the IAU as the built-in table writes it, name, and character.
@@ -32,16 +34,8 @@ const GREEK: [(&str, &str, char); 24] = [
     ("ome", "omega", 'ω'),
 ];
 /// Other spellings of Greek letters in catalogues.
-const OTHER_GREEK: [(&str, &str); 8] = [
-    ("alp", "alf"),
-    ("the", "tet"),
-    ("xi", "ksi"),
-    ("mu.", "mu"),
-    ("nu.", "nu"),
-    ("pi.", "pi"),
-    ("ksi.", "ksi"),
-    ("ϑ", "tet"),
-];
+const OTHER_GREEK: [(&str, &str); 7] =
+    [("alp", "alf"), ("the", "tet"), ("xi", "ksi"), ("mu.", "mu"), ("nu.", "nu"), ("pi.", "pi"), ("ksi.", "ksi")];
 
 /// Genitives of constellations, as in "Alpha Canis Majoris", with their abbreviations.
 const GENITIVES: [(&str, &str); 88] = [
@@ -207,17 +201,11 @@ fn constellation(words: &str) -> Option<String> {
     named.or_else(genitive).map(|(short, _)| short.to_lowercase())
 }
 
-/// Greek letter and index of the first word of a designation, such as `zet` and `1` of `zeta1`, `ζ1`, `Zet-1` or `ζ¹`.
+/// Greek letter and index of the first word of a designation in plain letters, such as `zet` and `1` of `zeta1`, `ζ1` or `zet-1`.
 fn greek(word: &str) -> Option<(&'static str, String)> {
-    let superscript = |digit: char| "⁰¹²³⁴⁵⁶⁷⁸⁹".chars().position(|known| known == digit);
-    let digits: String = word
-        .chars()
-        .filter_map(|c| c.to_digit(10).or_else(|| superscript(c).map(|digit| digit as u32)))
-        .filter_map(|digit| char::from_digit(digit, 10))
-        .collect();
+    let digits: String = word.chars().filter(char::is_ascii_digit).collect();
     let digits = digits.trim_start_matches('0').to_owned();
-    let letter: String =
-        word.chars().filter(|c| !c.is_ascii_digit() && superscript(*c).is_none() && *c != '-').collect();
+    let letter: String = word.chars().filter(|c| !c.is_ascii_digit() && *c != '-').collect();
     let other = OTHER_GREEK.iter().find(|(known, _)| *known == letter).map(|(_, short)| *short);
     let known = GREEK
         .iter()
@@ -225,9 +213,13 @@ fn greek(word: &str) -> Option<(&'static str, String)> {
     other.or(known.map(|(short, ..)| *short)).map(|short| (short, digits))
 }
 
-/// A name in lower case with straight apostrophes.
+/// A name in lower case with straight apostrophes, without accents, and with the usual form of each letter and digit: `µ`, `ϕ` and `¹` of keyboards and
+/// fonts are `μ`, `φ` and `1` (Unicode's compatibility decomposition).
 fn plain(name: &str) -> String {
-    name.to_lowercase().replace(APOSTROPHES, "'")
+    // Marks of other scripts are not accents.
+    let is_accent = |c: &char| ('\u{300}'..='\u{36f}').contains(c);
+    let bare: String = name.nfkd().filter(|c| !is_accent(c)).collect();
+    bare.to_lowercase().replace(APOSTROPHES, "'")
 }
 
 /// Whether two names are the same except for the case of letters and the form of apostrophes.
@@ -283,7 +275,7 @@ pub(super) fn of_hyg(text: &str) -> Option<String> {
     let (first, constellation_name) = (words.next()?, words.next_back()?);
     let (short, _) = CONSTELLATIONS.iter().find(|(short, _)| short.eq_ignore_ascii_case(constellation_name))?;
     let middle: String = words.collect();
-    let joined = format!("{first}{middle}").to_lowercase();
+    let joined = plain(&format!("{first}{middle}"));
     let after_number = joined.trim_start_matches(|c: char| c.is_ascii_digit());
     if after_number.is_empty() {
         return Some(format!("{joined} {short}"));
@@ -294,10 +286,22 @@ pub(super) fn of_hyg(text: &str) -> Option<String> {
 /// Of the stars that share a letter, those fainter than the brightest by less than this may be meant.
 const ALIKE_MAG: f64 = 0.5;
 
+/// Other designations of the star that a canonical one means. A letter with an index may be a component: `alf1 Cen` is `alf Cen A`. The first
+/// component of a double star is often catalogued without its letter: `70 Oph A` is `70 Oph`.
+fn others_of(wanted: &str) -> Option<String> {
+    let (first, rest) = wanted.split_once(' ')?;
+    let bare = first.trim_end_matches(|c: char| c.is_ascii_digit());
+    if let (true, Some(index)) = (GREEK.iter().any(|(short, ..)| *short == bare), first.strip_prefix(bare)) {
+        let component = index.parse::<u8>().ok().filter(|index| (1..=4).contains(index))?;
+        return (!rest.contains(' ')).then(|| format!("{bare} {rest} {}", char::from(b'a' + component - 1)));
+    }
+    rest.strip_suffix(" a").map(|constellation| format!("{first} {constellation}"))
+}
+
 /// The star with a name or designation, as people write it: `Sirius`, `alf CMa`, `α CMa`, `Alpha Canis Majoris`, `R Leo`, `HR 2491`. A number of
 /// Gaia without its release means that of any release, DR3 first. A Greek letter
-/// alone also means the brightest of the stars that have it with an index or a component, or the first of several about as bright:
-/// `gam Vel` is `gam2 Vel`, `alf Cen` is `alf Cen A`.
+/// or a number alone also means the brightest of the stars that have it with an index or a component, or the first of several about as bright:
+/// `gam Vel` is `gam2 Vel`, `alf Cen` is `alf Cen A`, `61 Cyg` is `61 Cyg A`.
 pub fn find<'a>(stars: impl Iterator<Item = &'a NamedStar> + Clone, name: &str) -> Option<&'a NamedStar> {
     let wanted = canonical(name);
     let called = |wanted: &str| stars.clone().find(|star| star.all().any(|known| canonical(known) == wanted));
@@ -305,17 +309,22 @@ pub fn find<'a>(stars: impl Iterator<Item = &'a NamedStar> + Clone, name: &str) 
         let (catalogue, number) = numbered(name)?;
         other_releases(catalogue).iter().find_map(|other| called(&format!("{other} {number}")))
     };
-    called(&wanted).or_else(of_other_release).or_else(|| {
+    let of_component = || called(&others_of(&wanted)?);
+    called(&wanted).or_else(of_other_release).or_else(of_component).or_else(|| {
         let (letter, constellation) = wanted.split_once(' ')?;
         let bare = letter.trim_end_matches(|c: char| c.is_ascii_digit());
-        GREEK.iter().find(|(short, ..)| *short == bare)?;
+        if !bare.is_empty() {
+            GREEK.iter().find(|(short, ..)| *short == bare)?;
+        }
         let has_letter = |known: &str| {
             let known = canonical(known);
             let Some((with_index, rest)) = known.split_once(' ') else { return false };
             let index = with_index.strip_prefix(letter);
             let component = rest.strip_prefix(constellation).map(str::trim_start);
-            index.is_some_and(|index| index.chars().all(|c| c.is_ascii_digit()))
-                && component.is_some_and(|component| component.chars().count() <= 1)
+            // The digits after a number are another number.
+            index.is_some_and(|index| {
+                index.is_empty() || (!bare.is_empty() && index.chars().all(|c| c.is_ascii_digit()))
+            }) && component.is_some_and(|component| component.chars().count() <= 1)
         };
         let mut alike: Vec<&NamedStar> = stars.clone().filter(|star| star.all().any(has_letter)).collect();
         let magnitude = |star: &NamedStar| star.star.apparent_magnitude();
@@ -366,11 +375,23 @@ mod tests {
             ("gamma Velorum", "gam2 Vel"),
             ("alpha Librae", "alf2 Lib"),
             ("xi Boo", "ksi Boo"),
+            ("\u{b5} Cep", "mu Cep"),
+            ("\u{3f5} Ori", "eps Ori"),
+            ("\u{3d5}1 Ori", "phi1 Ori"),
+            ("\u{3f1} Cas", "rho Cas"),
+            ("\u{3d1}1 Ori", "tet1 Ori"),
+            ("\u{3b1}\u{b9} Cen", "alf Cen A"),
+            ("alf2 Cen", "alf Cen B"),
+            ("61 Cyg A", "61 Cyg A"),
+            ("61 Cygni B", "61 Cyg B"),
+            ("HR 8086", "61 Cyg B"),
+            ("70 Oph A", "70 Oph"),
+            ("alpha Bo\u{f6}tis", "alf Boo"),
         ] {
             let found = find(stars.iter(), name).unwrap_or_else(|| panic!("{name} is not found"));
             assert!(found.designation.starts_with(designation), "{name}: {}", found.designation);
         }
-        for name in ["", "HR", "HR 99999", "alf", "alf Xyz", "HIP", "alf Cen C", "alf9 Cen"] {
+        for name in ["", "HR", "HR 99999", "alf", "alf Xyz", "HIP", "alf Cen C", "alf9 Cen", "6 Cyg A B", "70 Oph C"] {
             assert!(find(stars.iter(), name).is_none(), "{name}");
         }
     }

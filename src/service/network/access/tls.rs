@@ -21,7 +21,18 @@ const MOST_BYTES: u64 = 1 << 20;
 const PROTOCOLS: [&[u8]; 2] = [b"h2", b"http/1.1"];
 
 fn read(key: &str, path: &Path) -> Result<Vec<u8>, String> {
-    files::read_bounded(path, MOST_BYTES).map_err(|error| format!("{key} = {}: {error}", path.display()))
+    let text = files::read_bounded(path, MOST_BYTES).map_err(|error| format!("{key} = {}: {error}", path.display()))?;
+    // Some editors begin a file with this mark, which PEM does not have.
+    Ok(text.strip_prefix(b"\xef\xbb\xbf").map(<[u8]>::to_vec).unwrap_or(text))
+}
+
+/// Why a file in PEM with a private key cannot be read, for people.
+fn key_fault(text: &[u8], error: &dyn std::fmt::Display) -> String {
+    let has = |word: &str| text.windows(word.len()).any(|part| part == word.as_bytes());
+    if has("ENCRYPTED") {
+        return "the private key is encrypted: store it without a passphrase, readable for the daemon alone".to_owned();
+    }
+    format!("{error}; it must contain a private key in PEM")
 }
 
 fn certificates(key: &str, path: &Path) -> Result<Vec<CertificateDer<'static>>, String> {
@@ -52,9 +63,9 @@ fn server(
     let validity = Validity::of_chain(&chain).map_err(wrong)?;
     let hosts = split_hosts(&chain[0], hosts).map_err(wrong)?;
     let path = folder.join(&of.key);
-    let key = PrivateKeyDer::from_pem_slice(&read("server.tls.key", &path)?).map_err(|error| {
-        format!("server.tls.key = {}: {error}; it must contain a private key in PEM", path.display())
-    })?;
+    let text = read("server.tls.key", &path)?;
+    let key = PrivateKeyDer::from_pem_slice(&text)
+        .map_err(|error| format!("server.tls.key = {}: {}", path.display(), key_fault(&text, &error)))?;
     let provider = Arc::new(rustls::crypto::ring::default_provider());
     let builder = ServerConfig::builder_with_provider(Arc::clone(&provider)).with_safe_default_protocol_versions();
     let builder = builder.map_err(|error| format!("[server.tls]: {error}"))?;

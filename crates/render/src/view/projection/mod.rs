@@ -27,7 +27,7 @@ pub(crate) use tabulated::{
     DONE_PX, FRINGE, HEADER, LONGEST_STEP_PX, MOST_STEPS, NEAR_PX, NO_START, PATCH_BIT, PATCH_STEPS,
 };
 pub use tabulated::{LIMIT_PX, MOST_SIDE_PX, TableAccuracy, TabulatedMapping, TabulationError};
-pub use warp::{DirectionGrid, Interpolation, MOST_SAMPLES, Placement, Warp, WarpError};
+pub use warp::{Border, ContentShape, DirectionGrid, Interpolation, MOST_SAMPLES, Placement, Warp, WarpError};
 
 /// Why a projection cannot be built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -121,6 +121,11 @@ pub trait PlaneMapping: Sync {
 
     /// Whether every direction lies in the picture, so that its rim is not a border.
     fn shows_full_sphere(&self) -> bool {
+        false
+    }
+
+    /// Whether the mapping consists of flat facets with edges between them, at which it has no derivative.
+    fn is_faceted(&self) -> bool {
         false
     }
 

@@ -24,8 +24,11 @@ const SIMBAD: &str = "main_id";
 pub(super) const J2000_EPOCH: f64 = 2000.0;
 
 /// Beginnings of names of columns that drawing could use: those that are not read are reported.
-const USEFUL: [&str; 16] = [
+const USEFUL: [&str; 19] = [
     "pm",
+    "mu_",
+    "r_med",
+    "rgeo",
     "plx",
     "parallax",
     "dist",
@@ -43,13 +46,12 @@ const USEFUL: [&str; 16] = [
     "gmag",
 ];
 /// Parts of names of columns that hold no value of a star itself, such as errors and flags.
-const AUXILIARY: [&str; 20] = [
+const AUXILIARY: [&str; 19] = [
     "_error",
     "_err",
     "_corr",
     "_over_",
     "_src",
-    "e_",
     "err",
     "flag",
     "_lower",
@@ -199,14 +201,51 @@ impl Finder<'_> {
 
     /// As [`Self::find`], with the conversion from the unit that the file states.
     fn quantity(&mut self, quantity: Quantity, candidates: &[&str]) -> Result<Option<usize>, String> {
+        self.quantity_in(quantity, None, candidates)
+    }
+
+    /// The same; `unstated` is the unit of the source in a file without units.
+    fn quantity_in(
+        &mut self,
+        quantity: Quantity,
+        unstated: Option<&str>,
+        candidates: &[&str],
+    ) -> Result<Option<usize>, String> {
         let column = self.find(candidates)?;
         if let Some(column) = column
-            && let Some(unit) = self.unit(column)
+            && let Some(unit) = self.unit(column).or(unstated)
         {
             let conversion = quantity.conversion(unit);
             self.conversions[column] = conversion.map_err(|problem| format!("{} {problem}", self.names[column]))?;
         }
         Ok(column)
+    }
+
+    /// Whether the file states that a column is an angle.
+    fn is_angle(&self, column: usize) -> bool {
+        self.unit(column)
+            .is_some_and(|unit| Quantity::Parallax.conversion(unit).is_ok() || direction_unit(unit).is_some())
+    }
+
+    /// A distance in these columns. One that is an angle, or that has no unit beside a parallax, is not read: `unused` gets it with the reason.
+    fn distance(
+        &mut self,
+        candidates: &[&str],
+        has_parallax: bool,
+        unused: &mut Vec<String>,
+    ) -> Result<Option<usize>, String> {
+        let Some(column) = self.find(candidates)? else { return Ok(None) };
+        let reason = if self.is_angle(column) {
+            "an angle"
+        } else if self.has(SIMBAD) && self.unit(column).is_none() {
+            "the angle from the centre of a cone search"
+        } else if has_parallax && self.unit(column).is_none() {
+            "without a unit; the parallax is read"
+        } else {
+            return self.quantity(Quantity::Distance, candidates);
+        };
+        unused.push(format!("{}: {reason}", self.names[column]));
+        Ok(None)
     }
 
     fn magnitude(&mut self, candidates: &[&str]) -> Result<Option<usize>, String> {
@@ -227,7 +266,9 @@ impl Finder<'_> {
     /// Columns that drawing could use and that no role has taken.
     fn left(&self) -> impl Iterator<Item = String> {
         let is_useful = |name: &str| {
-            USEFUL.iter().any(|start| name.starts_with(start)) && !AUXILIARY.iter().any(|part| name.contains(part))
+            let is_error = name.starts_with("e_");
+            let starts = USEFUL.iter().any(|start| name.starts_with(start));
+            starts && !is_error && !AUXILIARY.iter().any(|part| name.contains(part))
         };
         // Gaia's total proper motion adds nothing to its components.
         let is_total = |name: &str| name == "pm" && self.has("pmra") && self.has("pmdec");
@@ -286,7 +327,9 @@ struct Distance {
 impl Distance {
     /// `unused` gets the columns that look like a distance and are none.
     fn find(finder: &mut Finder<'_>, source: Source, unused: &mut Vec<String>) -> Result<Self, String> {
-        let parallax_mas = finder.quantity(Quantity::Parallax, &["parallax_mas", "parallax", "plx", "plx_value"])?;
+        let unstated = source.parallax_unit();
+        let parallaxes = ["parallax_mas", "parallax", "plx", "plx_value"];
+        let parallax_mas = finder.quantity_in(Quantity::Parallax, unstated, &parallaxes)?;
         let distance_pc = match source {
             Source::Gaia | Source::Gaia2 => {
                 // A cone search adds this column.
@@ -296,10 +339,13 @@ impl Distance {
                 finder.quantity(Quantity::Distance, &["distance_pc"])?
             }
             _ if source.is_hyg() => finder.quantity(Quantity::Distance, &["dist", "distance"])?,
-            _ => finder.quantity(Quantity::Distance, &["distance_pc", "dist", "distance"])?,
+            _ => match finder.quantity(Quantity::Distance, &["distance_pc"])? {
+                Some(column) => Some(column),
+                None => finder.distance(&["dist", "distance"], parallax_mas.is_some(), unused)?,
+            },
         };
         let errors = ["parallax_error", "parallax_error_mas", "e_plx"];
-        let parallax_error_mas = finder.quantity(Quantity::Parallax, &errors)?;
+        let parallax_error_mas = finder.quantity_in(Quantity::Parallax, unstated, &errors)?;
         // An error without a unit has the unit of the parallax.
         if let (Some(error), Some(parallax)) = (parallax_error_mas, parallax_mas)
             && finder.unit(error).is_none()
@@ -393,10 +439,19 @@ struct Motion {
 
 impl Motion {
     /// `unused` gets a proper motion of which only one half is there.
-    fn find(finder: &mut Finder<'_>, unused: &mut Vec<String>) -> Result<Self, String> {
+    fn find(finder: &mut Finder<'_>, source: Source, unused: &mut Vec<String>) -> Result<Self, String> {
         let east = ["pm_ra_mas_yr", "pmra", "pm_ra", "pm_ra_cosdec", "pm_racosdec", "pmra*", "pm_ra*", "pmracosdec"];
-        let pm_ra = finder.quantity(Quantity::ProperMotion, &east)?;
-        let pm_dec = finder.quantity(Quantity::ProperMotion, &["pm_dec_mas_yr", "pmdec", "pm_dec", "pmde"])?;
+        let north = ["pm_dec_mas_yr", "pmdec", "pm_dec", "pmde"];
+        let unstated = source.motion_unit(finder.names);
+        let given = unstated.unwrap_or_default();
+        let mut pm_ra = finder.quantity_in(Quantity::ProperMotion, given, &east)?;
+        let mut pm_dec = finder.quantity_in(Quantity::ProperMotion, given, &north)?;
+        if let (Some(east), Some(north), Err(reason)) = (pm_ra, pm_dec, unstated)
+            && finder.unit(east).is_none()
+        {
+            unused.push(format!("{}, {}: {reason}", finder.names[east], finder.names[north]));
+            (pm_ra, pm_dec) = (None, None);
+        }
         // A file that states the unit of one half means both.
         if let (Some(east), Some(north)) = (pm_ra, pm_dec) {
             for (stated, other) in [(east, north), (north, east)] {
@@ -472,11 +527,16 @@ impl Columns {
             (Some(angles), None) => angles,
             (Some(angles), Some(_)) if distance.is_known() => angles,
             (_, Some(position)) => (Direction::Cartesian(position), None),
-            (None, None) => return Err("no direction".into()),
+            (None, None) => {
+                let of_1950 = names.iter().find(|name| name.contains("b1950"));
+                return Err(of_1950.map_or("no direction".to_owned(), |name| {
+                    format!("no direction: {name} is of the equinox B1950; positions must be in the ICRS or of J2000")
+                }));
+            }
         };
         let Brightness { v_mag, g_mag, tycho_mag, hp_mag, abs_mag } =
             Brightness::find(&mut finder, source, cartesian.is_some(), distance.is_known())?;
-        let Motion { pm_ra, pm_dec, radial_velocity_km_s } = Motion::find(&mut finder, &mut unused)?;
+        let Motion { pm_ra, pm_dec, radial_velocity_km_s } = Motion::find(&mut finder, source, &mut unused)?;
 
         let temperatures = ["teff_k", "teff_gspphot", "teff_val", "teff", "temperature"];
         let teff_k = finder.quantity(Quantity::Temperature, &temperatures)?;
@@ -594,6 +654,7 @@ mod tests {
     #[test]
     fn errors_name_the_missing_column() {
         assert_eq!(recognise("v_mag,dec_deg").unwrap_err(), "no direction");
+        assert!(recognise("RAB1950,DEB1950,Vmag").unwrap_err().contains("rab1950 is of the equinox B1950"));
         assert_eq!(recognise("ra_deg,dec_deg,b_v").unwrap_err(), "no brightness");
         assert!(recognise("ra_deg,dec_deg,abs_mag").unwrap_err().contains("no distance"));
         assert!(recognise("ra_deg,dec_deg,v_mag,v_mag").unwrap_err().contains("v_mag appears twice"));

@@ -11,6 +11,8 @@
 //! blanks. Several blanks are then one separator, because columns are aligned with them. A field is quoted only if the mark is its first character; otherwise blanks around fields are ignored. Text that is not UTF-8
 //! matters only in the columns that are used.
 //!
+//! A file of VizieR may have several tables with different columns, each after a comment `#Table`: the first one is read.
+//!
 //! The head is the first line. Some programs write it in another way. VizieR writes a line of units and a line of dashes below it. numpy, TOPCAT and
 //! astropy write it as a comment: it is the head if it has as many fields as the first line, and the names of columns that the first line lacks, or
 //! if all fields of the first line are numbers. ECSV (astropy, Gaia archive) gives the units of its columns in comments. pandas writes an index without
@@ -151,6 +153,9 @@ pub(super) fn read(source: impl Read, file: &str, reading: &Reading) -> Result<C
         add(&mut rows, &fields, line, is_closed)?;
         record = fields.into_byte_record();
     }
+    if reader.get_ref().further > 0 {
+        rows.note(format!("tables of the file that are not read: {}", reader.get_ref().further));
+    }
     rows.finish()
 }
 
@@ -199,6 +204,8 @@ struct Lines<'f, R> {
     has_row: bool,
     /// Whether several blanks are one separator.
     is_aligned: bool,
+    /// Tables after the first one, whose columns are others.
+    further: usize,
 }
 
 impl<'f, R: Read> Lines<'f, R> {
@@ -216,6 +223,7 @@ impl<'f, R: Read> Lines<'f, R> {
             comment_bytes: 0,
             has_row: false,
             is_aligned: false,
+            further: 0,
         }
     }
 
@@ -309,7 +317,8 @@ impl<'f, R: Read> Lines<'f, R> {
                         self.comments.push(String::from_utf8_lossy(comment).into_owned());
                     }
                 }
-                Some((b'#', _)) => {}
+                Some((b'#', comment)) => self.further += usize::from(is_begin_of_table(comment)),
+                Some(_) if self.further > 0 => {}
                 Some(_) => break,
             }
         }
@@ -380,6 +389,12 @@ fn with_single_blanks(line: &[u8]) -> Vec<u8> {
 /// Whether a line names the separator, as Excel writes it: `sep=;`.
 fn is_separator_line(line: &[u8]) -> bool {
     line.len() == 5 && line[..4].eq_ignore_ascii_case(b"sep=")
+}
+
+/// Whether a comment begins a table of VizieR: `#Table	I_239_tyc_main:`.
+fn is_begin_of_table(comment: &[u8]) -> bool {
+    let Some((word, rest)) = comment.split_at_checked(5) else { return false };
+    word.eq_ignore_ascii_case(b"table") && rest.first().is_some_and(|byte| b" \t:".contains(byte))
 }
 
 /// A number with a decimal comma, with a point instead; `None` for other text.

@@ -222,3 +222,84 @@ fn other_compressions_and_encodings_are_named() {
         assert!(error.contains(part), "{error}");
     }
 }
+
+/// Programs that write CSV lose the line of units: then those of the source count.
+#[test]
+fn files_without_units_have_those_of_their_source() {
+    let in_2100 = |text: &str| read_csv_from(text.as_bytes(), "test.csv", 100.0).unwrap();
+    // The Bright Star Catalogue: arcseconds. Values of Sirius.
+    let bsc = "HR,Name,HD,RAJ2000,DEJ2000,Vmag,B-V,SpType,pmRA,pmDE,Parallax,RadVel\n\
+               2491,9Alp CMa,48915,06 45 08.9,-16 42 58,-1.46,0.00,A1Vm,-0.553,-1.205,0.375,-8\n";
+    let read = in_2100(bsc);
+    assert!((read.stars[0].position.length() - 1.0 / 0.375).abs() < 0.01, "{}", read.report);
+    let moved = off_arcsec(&read, 101.287_083, -16.716_111);
+    assert!((moved - 132.6).abs() < 0.3, "{moved}");
+    let lspm = "LSPM,RAJ2000,DEJ2000,Vmag,pmRA,pmDE\nJ1757+0441,269.45,4.69,9.5,-0.8,10.3\n";
+    let moved = off_arcsec(&in_2100(lspm), 269.45, 4.69);
+    assert!((moved - 1033.0).abs() < 2.0, "{moved}");
+    // Another table with such numbers, in milliarcseconds, as its column `Plx` shows.
+    let other = bsc.replace("Parallax", "Plx").replace("0.375", "375").replace("-0.553,-1.205", "-553,-1205");
+    let read = in_2100(&other);
+    assert!((off_arcsec(&read, 101.287_083, -16.716_111) - 132.6).abs() < 0.3, "{}", read.report);
+    // Seconds of time are no angles.
+    let fk5 = "FK5,RAJ2000,DEJ2000,Vmag,pmRA,pmDE\n257,101.287,-16.716,-1.46,-3.847,-120.53\n";
+    let read = in_2100(fk5);
+    assert!(read.report.unused.iter().any(|unused| unused.contains("seconds of time")), "{}", read.report);
+    assert!(off_arcsec(&read, 101.287, -16.716) < 0.01);
+}
+
+/// I/239 gives `RAhms` and `DEdms` at J1991.25, in its second table too.
+#[test]
+fn positions_of_hipparcos_and_tycho_1_are_those_of_1991() {
+    for (number, id) in [("HIP", "87937"), ("TYC", "425 2502 1")] {
+        let text = format!(
+            "{number},RAhms,DEdms,Vmag,Plx,pmRA,pmDE,B-V\n{id},17 57 48.97,+04 40 05.8,9.54,549.01,-797.84,10326.93,1.57\n"
+        );
+        let read = csv(&text).unwrap();
+        assert!(off_arcsec(&read, 269.452_07, 4.693_39) < 1.0, "{number}: {}", read.report);
+    }
+}
+
+#[test]
+fn a_distance_without_a_unit_does_not_replace_a_parallax() {
+    for (text, distance_pc, reason) in [
+        ("main_id,ra,dec,V,plx_value,dist\n* alf CMa,101.287,-16.716,-1.46,379.21,0.01\n", 2.637, "cone search"),
+        ("ra_deg,dec_deg,v_mag,parallax_mas,distance\n10,20,5,10,326.2\n", 100.0, "the parallax is read"),
+        ("ra_deg,dec_deg,v_mag,dist\n10,20,5,7\n", 7.0, ""),
+        ("ra_deg,dec_deg,v_mag,parallax_mas,distance_pc\n10,20,5,10,101\n", 101.0, ""),
+    ] {
+        let read = csv(text).unwrap();
+        let found_pc = read.stars[0].position.length();
+        assert!((found_pc / distance_pc - 1.0).abs() < 1e-3, "{text}: {found_pc}");
+        assert_eq!(read.report.unused.iter().any(|unused| unused.contains(reason)), !reason.is_empty(), "{text}");
+    }
+    // A file that says that the column is an angle.
+    let fields = "<FIELD name='ra' unit='deg' datatype='double'/><FIELD name='dec' unit='deg' datatype='double'/>\
+                  <FIELD name='dist' unit='deg' datatype='double'/>";
+    let text = votable("", fields, "<TD>10</TD><TD>20</TD><TD>0.3</TD>");
+    let read = read_votable_from(text.as_bytes(), "test.vot", 0.0).unwrap();
+    assert!(!read.stars[0].distance_known && read.report.unused[0].contains("an angle"), "{}", read.report);
+}
+
+/// The columns of the second table are in another order.
+#[test]
+fn a_second_table_of_vizier_is_not_read_with_the_first_head() {
+    let table = |name: &str, head: &str, row: &str| {
+        format!("#Table\t{name}:\n{head}\ndeg\tdeg\tmag\n----\t----\t----\n{row}\n\n")
+    };
+    let first = table("I_1_a", "RAJ2000\tDEJ2000\tVmag", "10\t20\t3");
+    let text = format!("#RESOURCE=x\n{first}{}", table("I_1_b", "DEJ2000\tRAJ2000\tVmag", "-20\t40\t4"));
+    let read = csv(&text).unwrap();
+    assert_eq!((read.stars.len(), read.report.rejected), (1, 0), "{}", read.report);
+    assert!(read.report.to_string().contains("tables of the file that are not read: 1"), "{}", read.report);
+    assert!(!csv(&first).unwrap().report.to_string().contains("not read"));
+    // A comment with another word is none.
+    assert_eq!(csv(&format!("{first}#Tables end here\n11\t21\t4\n")).unwrap().stars.len(), 2);
+}
+
+#[test]
+fn columns_that_drawing_could_use_and_that_are_not_read_are_listed() {
+    let read =
+        csv("ra_deg,dec_deg,v_mag,distance_ly,r_med_geo,mu_alpha,e_plx,dist_err,color\n10,20,5,1,1,1,1,1,1\n").unwrap();
+    assert_eq!(read.report.unused, ["distance_ly", "r_med_geo", "mu_alpha"], "{}", read.report);
+}

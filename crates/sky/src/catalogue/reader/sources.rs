@@ -55,6 +55,8 @@ pub enum Source {
     Hipparcos,
     /// Tycho-2 from VizieR (I/259).
     Tycho2,
+    /// The Bright Star Catalogue from VizieR (V/50).
+    BrightStars,
     /// Another table from VizieR.
     Vizier,
 }
@@ -80,8 +82,13 @@ impl Source {
         if has("btmag") && has("vtmag") && !has("vmag") {
             return Self::Tycho2;
         }
-        if has("hip") && (has("hpmag") || has("raicrs") || has("rarad")) {
+        // Tycho-1 is the second table of I/239.
+        if (has("hip") || has("tyc")) && ["hpmag", "raicrs", "rahms", "rarad"].iter().any(|name| has(name)) {
             return Self::Hipparcos;
+        }
+        // Other tables with numbers of this catalogue call the parallax `plx`.
+        if has("hr") && has("vmag") && !has("plx") && (has("hd") || has("parallax")) {
+            return Self::BrightStars;
         }
         Self::Vizier
     }
@@ -98,6 +105,7 @@ impl Source {
             Self::VizierGaia2 => "Gaia DR2 of VizieR",
             Self::Hipparcos => "Hipparcos of VizieR",
             Self::Tycho2 => "Tycho-2 of VizieR",
+            Self::BrightStars => "Bright Star Catalogue of VizieR",
             Self::Vizier => "VizieR",
         }
     }
@@ -113,6 +121,9 @@ impl Source {
             }
             Self::Hipparcos => "V and B-V of Johnson, positions at J1991.25 unless they are those of J2000",
             Self::Tycho2 => "V and B-V from VT and BT, positions at J2000.0",
+            Self::BrightStars => {
+                "V magnitudes, positions at J2000.0, parallaxes and motions in arcsec without a line of units"
+            }
             Self::Vizier => "V magnitudes, positions at J2000.0",
         }
     }
@@ -126,6 +137,23 @@ impl Source {
             Self::Hipparcos => 1991.25,
             _ => 2000.0,
         }
+    }
+
+    /// Unit of parallaxes in a file without units; `None`: milliarcseconds.
+    pub(super) fn parallax_unit(self) -> Option<&'static str> {
+        (self == Self::BrightStars).then_some("arcsec")
+    }
+
+    /// Unit of proper motions in a file without units, which has these columns; `None`: milliarcseconds a year. The error says that they are no angles.
+    pub(super) fn motion_unit(self, names: &[String]) -> Result<Option<&'static str>, &'static str> {
+        let has = |name: &str| names.iter().any(|known| known == name);
+        if self == Self::BrightStars || (self == Self::Vizier && has("lspm")) {
+            return Ok(Some("arcsec/yr"));
+        }
+        // I/149A, I/146, I/193 and I/131A.
+        let in_seconds_of_time =
+            ["fk5", "ppm", "sao"].iter().any(|name| has(name)) && self == Self::Vizier && !has("hip");
+        if in_seconds_of_time { Err("FK5, PPM and SAO have seconds of time: keep the line of units") } else { Ok(None) }
     }
 
     /// Whether the file belongs to HYG or AT-HYG.
@@ -169,6 +197,10 @@ mod tests {
             ("ra_icrs,de_icrs,source,plx,gmag,bpmag,rpmag,bp-rp", Source::VizierGaia),
             ("ra_icrs,de_icrs,source,plx,gmag,bpmag,rpmag,bp-rp,ag,lum", Source::VizierGaia2),
             ("hip,rahms,dedms,vmag,raicrs,deicrs,plx,b-v", Source::Hipparcos),
+            ("hip,rahms,dedms,vmag,plx", Source::Hipparcos),
+            ("tyc,rahms,dedms,vmag,raicrs,deicrs,btmag,vtmag,b-v", Source::Hipparcos),
+            ("hr,name,hd,raj2000,dej2000,vmag,b-v,pmra,pmde,parallax", Source::BrightStars),
+            ("hip,hr,raj2000,dej2000,vmag,plx,hd", Source::Vizier),
             ("tyc1,tyc2,tyc3,ramdeg,demdeg,pmra,pmde,btmag,vtmag", Source::Tycho2),
             ("_raj2000,_dej2000,vmag,b-v", Source::Vizier),
         ] {

@@ -6,9 +6,10 @@ use std::f64::consts::PI;
 use glam::{DVec2, DVec3};
 
 use super::{
-    super::{PlaneMapping, check_size, pixel_centre},
+    super::{PlaneMapping, check_size, pixel_centre, warp::triangle_sr},
     error::TabulationError,
     nodes::{FRINGE, Nodes, node_counts, pixel_of_place},
+    pole::{self, Sides},
     rows::by_rows,
 };
 
@@ -21,6 +22,9 @@ pub(super) const INVERSE_PX: f64 = 0.01;
 const SOLID_ANGLE_PARTS: f64 = 0.1;
 /// Step for the central differences of a pixel's solid angle per unit area, pixels.
 const DENSITY_STEP_PX: f64 = 1e-3;
+/// Length of the mean direction, weighted by solid angle, below which a picture shows most of the sphere: a fisheye of
+/// more than 210 degrees, for example.
+const NO_MEAN: f64 = 0.37;
 /// Number of rings of the fringe that may be extrapolated if the mapping is not defined there.
 const MADE_UP_RINGS: i64 = 3;
 
@@ -91,6 +95,18 @@ fn differences(middle: DVec3, [right, left, below, above]: [Option<DVec3>; 4]) -
     Some([along(right, left)?, along(below, above)?])
 }
 
+/// Solid angle of the polygon through the corners and the midpoints of the sides of a pixel, sr: exact if the map is flat
+/// between them and the centre, at which `middle` is shown.
+fn outlined_sr(source: &dyn PlaneMapping, centre: DVec2, middle: DVec3) -> Option<f64> {
+    const OUTLINE: [[f64; 2]; 8] =
+        [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5], [-0.5, 0.5], [-0.5, 0.0], [-0.5, -0.5], [0.0, -0.5], [0.5, -0.5]];
+    let mut corners = [DVec3::ZERO; 8];
+    for (corner, offset) in corners.iter_mut().zip(OUTLINE) {
+        *corner = source.direction_from_pixel(centre + DVec2::from(offset))?;
+    }
+    Some((0..8).map(|i| triangle_sr(middle, corners[i], corners[(i + 1) % 8])).sum::<f64>().abs())
+}
+
 fn pixel_at(source: &dyn PlaneMapping, x: u32, y: u32) -> Result<Option<Pixel>, TabulationError> {
     if !source.contains(x, y) {
         return Ok(None);
@@ -128,7 +144,12 @@ fn pixel_at(source: &dyn PlaneMapping, x: u32, y: u32) -> Result<Option<Pixel>, 
         };
         let whole = around.iter().all(Option::is_some);
         let spanned_sr = spanned.length();
-        let (least, most) = (spanned_sr.min(density_sr), spanned_sr.max(density_sr));
+        // In a map of flat facets, only the outline of the pixel spans what it shows.
+        let outlined_sr = outlined_sr(source, centre, direction);
+        let (least, most) = (
+            spanned_sr.min(density_sr).min(outlined_sr.unwrap_or(f64::NAN)),
+            spanned_sr.max(density_sr).max(outlined_sr.unwrap_or(f64::NAN)),
+        );
         let allowed = (1.0 - SOLID_ANGLE_PARTS) * least..=(1.0 + SOLID_ANGLE_PARTS) * most;
         if whole && !allowed.contains(&solid_angle_sr) {
             return Err(TabulationError::SolidAngle { pixel: [x, y], given_sr: solid_angle_sr, spanned_sr });
@@ -171,7 +192,15 @@ pub(super) fn bake(source: &(dyn PlaneMapping + Send)) -> Result<Baked, Tabulati
     }
     // Bounding cone of the picture and of its fringe.
     let mean = in_picture().map(|pixel| pixel.direction * pixel.solid_angle_sr).sum::<DVec3>() / sum_sr;
-    let axis = if mean.length() > 0.05 { mean.normalize() } else { DVec3::NEG_Z };
+    let axis = if mean.length() > NO_MEAN {
+        mean.normalize()
+    } else {
+        let middle = || source.direction_from_pixel(DVec2::from(size.map(f64::from)) / 2.0);
+        let opposite = || pole::pole(&slivers(source, &pixels)).map(|pole| -pole);
+        let of_sphere = || if mean.length() > 0.05 { mean } else { middle().unwrap_or(DVec3::NEG_Z) };
+        let own = if source.shows_full_sphere() { None } else { opposite() };
+        own.unwrap_or_else(of_sphere).normalize_or(DVec3::NEG_Z)
+    };
     let directions = with_fringe(source, &pixels);
     let farthest = |directions: &mut dyn Iterator<Item = DVec3>| {
         directions.map(|direction| axis.angle_between(direction)).fold(0.0, f64::max)
@@ -190,6 +219,17 @@ pub(super) fn bake(source: &(dyn PlaneMapping + Send)) -> Result<Baked, Tabulati
         reach_rad,
         nodes: nodes(size, &pixels, &directions),
     })
+}
+
+/// The pixels that are slivers.
+fn slivers(source: &dyn PlaneMapping, pixels: &[Option<Pixel>]) -> Vec<Sides> {
+    let width = source.size()[0] as usize;
+    let found = pixels.iter().enumerate().filter_map(|(number, pixel)| {
+        let pixel = pixel.filter(|pixel| pole::is_sliver(pixel.sides_rad))?;
+        let centre = pixel_centre((number % width) as u32, (number / width) as u32);
+        Some((pixel.direction, derivatives(source, centre)?))
+    });
+    found.collect()
 }
 
 /// Directions at all nodes: those of the pixels, then those of the fringe, ring by ring.

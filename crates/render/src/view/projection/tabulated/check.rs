@@ -7,6 +7,7 @@ use super::{
     bake::{INVERSE_PX, derivatives, is_within, singular_values},
     error::TabulationError,
     nodes::{Nodes, place_of_pixel},
+    pole::is_sliver,
     rows::by_rows,
 };
 
@@ -14,6 +15,10 @@ use super::{
 pub const LIMIT_PX: f64 = 0.01;
 /// The same limit at kinks, where the mapping has no derivative.
 const KINK_LIMIT_PX: f64 = 0.25;
+/// The same limit at the edges of a mapping of flat facets, which the table rounds: a sixteenth of the change of slope.
+const FACET_LIMIT_PX: f64 = 1.0;
+/// The same limit in slivers, in units of their longer side: along the shorter one, pixels are finer than the sky.
+const SLIVER_LIMIT: f64 = 0.1;
 /// Criterion for a kink: distance of a direction from the mean of the directions one pixel away on both sides, pixels.
 const KINK_PX: f64 = 0.05;
 /// Points with a larger error are refined with patches, if they are not too many, so that points between the tested
@@ -27,7 +32,8 @@ const MOST_OFF: (f64, usize) = (0.01, 2048);
 pub struct TableAccuracy {
     /// Greatest distance between the mapping and the table where the mapping is smooth, pixels.
     pub smooth_px: f64,
-    /// The same at kinks, pixels; 0 if there are none.
+    /// The same at kinks, and where pixels are slivers, pixels; 0 if there are none. In a sliver the direction is within
+    /// a tenth of its longer side.
     pub kink_px: f64,
 }
 
@@ -36,6 +42,8 @@ pub(super) struct Off {
     pub(super) pixel: DVec2,
     pub(super) direction: DVec3,
     pub(super) off_px: f64,
+    /// Whether the pixel is a sliver whose longer side is much longer than the error.
+    in_sliver: bool,
 }
 
 /// Result of a comparison.
@@ -76,8 +84,15 @@ pub(super) fn compare(
         if image.distance(pixel) > INVERSE_PX || nodes.quad(place_of_pixel(pixel)).is_none() {
             return None;
         }
-        let off_px = lookup(direction).map_or(f64::INFINITY, |found| found.distance(pixel));
-        Some(Off { pixel, direction, off_px })
+        let found = lookup(direction);
+        let off_px = found.map_or(f64::INFINITY, |found| found.distance(pixel));
+        let in_sliver = off_px > REFINED_PX
+            && found.is_some_and(|found| {
+                // The table goes on where the mapping ends.
+                let shown = source.direction_from_pixel(found).or_else(|| nodes.between(place_of_pixel(found)));
+                is_in_sliver(source, pixel, shown.map_or(f64::NAN, |shown| shown.distance(direction)))
+            });
+        Some(Off { pixel, direction, off_px, in_sliver })
     };
     let is_torn = |point: &Off| {
         let place = place_of_pixel(point.pixel);
@@ -115,10 +130,22 @@ pub(super) fn compare(
     })
 }
 
+/// Whether a pixel is a sliver, as around the antipode of a fisheye of 360 degrees, and an error of its direction is at
+/// most [`SLIVER_LIMIT`] of its longer side.
+fn is_in_sliver(source: &dyn PlaneMapping, pixel: DVec2, off_rad: f64) -> bool {
+    let sides = derivatives(source, pixel).map(|[along_x, along_y]| singular_values(along_x, along_y));
+    sides.is_some_and(|sides| is_sliver(sides) && is_within(off_rad, SLIVER_LIMIT * sides[0]))
+}
+
 impl Off {
     /// Whether the error exceeds the limit; NaN does.
     fn is_beyond(&self, limit_px: f64) -> bool {
         !is_within(self.off_px, limit_px)
+    }
+
+    /// Whether the error is one that every table of such a mapping has: in a sliver, or at an edge of flat facets.
+    fn is_allowed(&self, source: &dyn PlaneMapping) -> bool {
+        self.in_sliver || (source.is_faceted() && !self.is_beyond(FACET_LIMIT_PX))
     }
 
     /// The pixel that contains the point.
@@ -132,19 +159,23 @@ impl Off {
 }
 
 impl Found {
-    /// Directions to refine in a picture of `pixels` pixels. Fails if there are too many for kinks.
-    pub(super) fn to_refine(&self, pixels: u64) -> Result<Vec<DVec3>, TabulationError> {
+    /// Directions to refine in a picture of `pixels` pixels. Fails if there are too many for kinks, unless the mapping
+    /// has edges everywhere: those stay as the table rounds them.
+    pub(super) fn to_refine(&self, source: &dyn PlaneMapping, pixels: u64) -> Result<Vec<DVec3>, TabulationError> {
         if let Some(pixel) = self.torn {
             return Err(TabulationError::Torn { pixel });
         }
         let allowed = ((pixels as f64 * MOST_OFF.0) as usize).max(MOST_OFF.1);
-        for limit_px in [REFINED_PX, LIMIT_PX] {
+        let limits: &[f64] =
+            if source.is_faceted() { &[REFINED_PX, LIMIT_PX, KINK_LIMIT_PX] } else { &[REFINED_PX, LIMIT_PX] };
+        for limit_px in limits.iter().copied() {
             let beyond = || self.off.iter().filter(|off| off.is_beyond(limit_px));
             if beyond().count() <= allowed {
                 return Ok(beyond().map(|off| off.direction).collect());
             }
         }
-        self.off.iter().find(|off| off.is_beyond(LIMIT_PX)).map_or(Ok(Vec::new()), |off| Err(off.error()))
+        let is_wrong = |off: &&Off| off.is_beyond(LIMIT_PX) && !off.is_allowed(source);
+        self.off.iter().find(is_wrong).map_or(Ok(Vec::new()), |off| Err(off.error()))
     }
 
     /// Accuracy of the table. Fails if the table is off where the mapping is smooth, or by too much at a kink.
@@ -153,7 +184,7 @@ impl Found {
         for off in &self.off {
             if !off.is_beyond(LIMIT_PX) {
                 accuracy.smooth_px = accuracy.smooth_px.max(off.off_px);
-            } else if !off.is_beyond(KINK_LIMIT_PX) && is_kink(source, off.pixel) {
+            } else if off.is_allowed(source) || (!off.is_beyond(KINK_LIMIT_PX) && is_kink(source, off.pixel)) {
                 accuracy.kink_px = accuracy.kink_px.max(off.off_px);
             } else {
                 return Err(off.error());

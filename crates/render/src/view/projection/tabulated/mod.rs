@@ -6,7 +6,8 @@
 //! direction is found by Newton steps on them; around kinks, such as the poles of many maps of the sphere, a finer
 //! table is used. In f64 everything still goes through the mapping itself, so that the f64 twins draw the mapping and
 //! not its table. Baking compares both at four points of every pixel. It refuses mappings that differ from their table
-//! by more than [`LIMIT_PX`], fold, tear or are not finite, and the error names the pixel.
+//! by more than [`LIMIT_PX`], fold, tear or are not finite, and the error names the pixel. At kinks, at the edges of flat
+//! facets and in slivers of pixels the limits are wider: see [`TableAccuracy`].
 //!
 //! At a cut of the mapping, a star's image is on the side that the mapping returns. If the mapping shows the full
 //! sphere, light beyond the edge of the picture is added to the pixels inside, so that no light is lost. Otherwise the
@@ -19,6 +20,7 @@ mod kept;
 mod nodes;
 mod outside;
 mod patches;
+mod pole;
 mod rows;
 mod search;
 mod starts;
@@ -104,7 +106,7 @@ fn make_tables(source: &(dyn PlaneMapping + Send)) -> Result<Tables, TabulationE
         .map_err(|starts::Junction(pixel)| TabulationError::Junction { pixel })?;
     let compare = |starts: &Starts| check::compare(source, &baked.nodes, |n| lookup(starts, &baked.nodes, n, all));
     let mut found = compare(&starts);
-    let directions = found.to_refine(baked.pixels)?;
+    let directions = found.to_refine(source, baked.pixels)?;
     if !directions.is_empty() {
         let base = HEADER as usize + baked.nodes.values.len() + starts.cells.len();
         patches::refine(&mut starts, source, &directions, base as u32);
@@ -251,6 +253,10 @@ impl PlaneMapping for TabulatedMapping {
 
     fn shows_full_sphere(&self) -> bool {
         self.source.shows_full_sphere()
+    }
+
+    fn is_faceted(&self) -> bool {
+        self.source.is_faceted()
     }
 
     /// From the directions around the image: across a cut the image has no derivative, but the direction has one.

@@ -1,18 +1,24 @@
 //! A projector's raster as a projection, from directions on a grid over the raster as calibrations measure them.
 //!
 //! Directions are interpolated by splines through the samples ([`Interpolation`]), so the solid angle of a pixel is |d
-//! dir/du x d dir/dv| of a smooth map. The pixel of a direction is found by Newton steps from the nearest point of a
-//! lattice. Cells with an unknown corner are outside of the picture.
+//! dir/du x d dir/dv| of a smooth map; between linear samples it is the sum of the pixel's parts in the cells. The pixel
+//! of a direction is found by Newton steps from the nearest point of a lattice. Cells with an unknown corner are outside
+//! of the picture, and so is everything beyond its [`Border`].
 
+mod border;
+mod facets;
 mod nearest;
 mod spline;
 
 use std::f64::consts::PI;
 
+pub use border::{Border, ContentShape};
+pub(super) use facets::triangle_sr;
 use glam::{DVec2, DVec3};
 pub use spline::Interpolation;
 
 use self::{
+    border::Ends,
     nearest::Nearest,
     spline::{Jet, Surface, cell},
 };
@@ -20,10 +26,16 @@ use super::{BoundingCone, PlaneMapping, ProjectionError, check_size};
 
 /// Maximum number of samples along a side.
 pub const MOST_SAMPLES: usize = 8192;
-/// Maximum number of Newton steps; a smooth map needs three to five.
-const STEPS: usize = 12;
+/// Maximum number of Newton steps; a smooth map needs three to five, around a point where it shrinks to nothing more.
+const STEPS: usize = 40;
+/// Maximum number of times that a step is halved.
+const HALVINGS: usize = 8;
+/// Steps shorter than this are not checked, pixels.
+const SURE_PX: f64 = 1e-6;
 /// The search ends after a step shorter than this, pixels.
 const FOUND_PX: f64 = 1e-9;
+/// Ratio of area to squared length below which pixels have shrunk to lines.
+const SHRUNK: f64 = 0.2;
 /// How far beyond the raster positions are found, cells of the grid: half a cell for samples at cell centres, plus a
 /// fringe for stars on the border.
 const BEYOND_CELLS: f64 = 1.0;
@@ -95,8 +107,16 @@ pub enum WarpError {
         /// The direction.
         direction: DVec3,
     },
-    /// No cell of the grid has known directions at all its corners.
-    #[error("no cell of the grid has known directions at all four corners")]
+    /// A border has another number of places than the grid has samples.
+    #[error("a border of {places} places for {samples} samples: each sample must have one")]
+    Border {
+        /// Places of the border.
+        places: usize,
+        /// Samples of the grid.
+        samples: usize,
+    },
+    /// No cell of the grid has known directions at all its corners, or none of them shows the content.
+    #[error("no cell of the grid has known directions at all four corners and lies in the content")]
     Empty,
 }
 
@@ -111,7 +131,14 @@ pub struct Warp {
     surface: Surface,
     /// For each cell, row by row: whether all corners are known.
     cells: Vec<bool>,
+    /// Where the content ends; `None` if it fills the grid.
+    ends: Option<Ends>,
+    interpolation: Interpolation,
     nearest: Nearest,
+    /// Pixels along the edge of the picture where it shrinks to a point, with their directions.
+    shrunk_edge: Vec<(DVec2, DVec3)>,
+    /// Whether most of the picture is seen from behind: from outside of the sphere.
+    mirrored: bool,
     /// Largest angle from the lattice's mean direction to one of its points, and the longest side of a pixel there,
     /// rad.
     reach_rad: f64,
@@ -125,6 +152,15 @@ impl Warp {
     ///
     /// The grid is invalid.
     pub fn new(size: [u32; 2], grid: &DirectionGrid) -> Result<Self, WarpError> {
+        Self::within(size, grid, None)
+    }
+
+    /// As [`Warp::new`]; beyond the border of the content, if it has one, nothing is shown.
+    ///
+    /// # Errors
+    ///
+    /// The grid is invalid, or the border does not fit it.
+    pub fn within(size: [u32; 2], grid: &DirectionGrid, border: Option<&Border>) -> Result<Self, WarpError> {
         check_size(size)?;
         let (columns, rows) = (grid.columns, grid.rows);
         let allowed = 2..=MOST_SAMPLES;
@@ -147,6 +183,10 @@ impl Warp {
         if !cells.contains(&true) {
             return Err(WarpError::Empty);
         }
+        if let Some(places) = border.map(|border| border.places.len()).filter(|places| *places != directions) {
+            return Err(WarpError::Border { places, samples: directions });
+        }
+        let ends = border.map(|border| Ends::new(border, [columns, rows], grid.interpolation));
         let surface = Surface::new(&filled(&grid.samples, columns), [columns, rows], grid.interpolation);
         let nearest = Nearest::default();
         let (reach_rad, longest_px_rad) = (0.0, 0.0);
@@ -157,15 +197,26 @@ impl Warp {
             scale: DVec2::ZERO,
             surface,
             cells,
+            ends,
+            interpolation: grid.interpolation,
             nearest,
+            shrunk_edge: Vec::new(),
+            mirrored: false,
             reach_rad,
             longest_px_rad,
         };
         let (origin, one) = (warp.in_samples(DVec2::ZERO), warp.in_samples(DVec2::ONE));
         warp.scale = DVec2::new(one[0] - origin[0], one[1] - origin[1]);
         let lattice = warp.lattice();
-        let sides = lattice.iter().filter_map(|(pixel, _)| warp.jet(*pixel));
-        warp.longest_px_rad = sides.map(|jet| jet.across.length().max(jet.down.length())).fold(0.0, f64::max);
+        if lattice.is_empty() {
+            return Err(WarpError::Empty);
+        }
+        let jets: Vec<Jet> = lattice.iter().filter_map(|(pixel, _)| warp.jet(*pixel)).collect();
+        warp.longest_px_rad = jets.iter().map(|jet| jet.across.length().max(jet.down.length())).fold(0.0, f64::max);
+        warp.mirrored = 2 * jets.iter().filter(|jet| warp.is_right_way(jet)).count() < jets.len();
+        if warp.ends.is_some() && jets.iter().any(is_shrunk) {
+            warp.shrunk_edge = warp.shrunk_edge();
+        }
         warp.nearest = Nearest::new(&lattice);
         let axis = warp.nearest.axis();
         warp.reach_rad = lattice.iter().map(|(_, direction)| direction.angle_between(axis)).fold(0.0, f64::max);
@@ -194,10 +245,43 @@ impl Warp {
         Some(Jet { value: unit, across: tangent(across, scale.x), down: tangent(down, scale.y) })
     }
 
-    /// Whether the cell around a position has all its corners.
-    fn is_known(&self, pixel: DVec2) -> bool {
-        let [x, y] = self.in_samples(pixel);
+    /// Whether the cell around a position, in sample units, has all its corners.
+    fn has_corners(&self, [x, y]: [f64; 2]) -> bool {
         self.cells[cell(y, self.grid[1]) * (self.grid[0] - 1) + cell(x, self.grid[0])]
+    }
+
+    /// Whether the picture covers a position.
+    fn is_known(&self, pixel: DVec2) -> bool {
+        let at = self.in_samples(pixel);
+        self.has_corners(at) && self.ends.as_ref().is_none_or(|ends| ends.holds(at))
+    }
+
+    /// The pixels along the edge of the picture where it shrinks to a point, with their directions.
+    fn shrunk_edge(&self) -> Vec<(DVec2, DVec3)> {
+        let (width, height) = (self.size[0] as usize, self.size[1] as usize);
+        let centre = |x: usize, y: usize| super::pixel_centre(x as u32, y as u32);
+        // With a column on both sides and a row above and below, in which nothing is shown.
+        let row = |y: usize| {
+            let shown = (0..width).map(|x| y < height && self.is_known(centre(x, y)));
+            [false].into_iter().chain(shown).chain([false]).collect::<Vec<bool>>()
+        };
+        let mut rows = [vec![false; width + 2], row(0), row(1)];
+        let mut found = Vec::new();
+        for y in 0..height {
+            let at_edge = |x: &usize| rows[1][x + 1] && rows.iter().any(|row| row[*x..x + 3].contains(&false));
+            let edge = (0..width).filter(at_edge).map(|x| centre(x, y));
+            found.extend(edge.filter_map(|pixel| Some((pixel, self.jet(pixel).filter(is_shrunk)?.value))));
+            rows.rotate_left(1);
+            rows[2] = row(y + 2);
+        }
+        found
+    }
+
+    /// The one of them that is nearest to a direction.
+    fn nearest_at_edge(&self, direction: DVec3) -> Option<DVec2> {
+        let distance = |(_, other): &&(DVec2, DVec3)| other.distance_squared(direction);
+        let nearest = self.shrunk_edge.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        nearest.map(|(pixel, _)| *pixel)
     }
 
     fn lattice_sides(&self) -> [usize; 2] {
@@ -214,6 +298,75 @@ impl Warp {
         };
         let known = points.map(place).filter(|pixel| self.is_known(*pixel));
         known.filter_map(|pixel| Some((pixel, self.jet(pixel)?.value))).collect()
+    }
+}
+
+/// Whether pixels are much longer than wide here, as around the antipode of a fisheye.
+fn is_shrunk(jet: &Jet) -> bool {
+    let (across, down) = (jet.across.length_squared(), jet.down.length_squared());
+    jet.across.cross(jet.down).length() < SHRUNK * across.max(down)
+}
+
+/// Result of the search for a direction.
+enum Search {
+    Found(DVec2),
+    /// The search left the raster and its fringe.
+    Beyond,
+    /// No step leads closer, or there were too many.
+    Lost,
+}
+
+impl Warp {
+    /// Whether the picture is seen here as at most of its points: not from behind, as beyond a fold.
+    fn is_right_way(&self, jet: &Jet) -> bool {
+        (jet.across.cross(jet.down).dot(jet.value) < 0.0) == self.mirrored
+    }
+
+    /// Newton steps from a position of the raster to that of a direction (unit vector). Steps that lead away from the
+    /// direction, or across a fold, are shortened: where a picture shrinks to a point, as around the antipode of a
+    /// fisheye, whole steps end on the far side of that point.
+    fn search(&self, direction: DVec3, start: DVec2) -> Search {
+        let beyond = BEYOND_CELLS / self.scale;
+        let [least, most] = [-beyond, DVec2::from(self.size.map(f64::from)) + beyond];
+        let mut pixel = start;
+        let Some(mut jet) = self.jet(pixel) else { return Search::Lost };
+        let right_way = self.is_right_way(&jet);
+        for _ in 0..STEPS {
+            let Jet { value, across, down } = jet;
+            // The step in the plane of both derivatives that leads to the direction.
+            let off = direction - value * value.dot(direction);
+            let [aa, ab, bb] = [across.dot(across), across.dot(down), down.dot(down)];
+            let determinant = aa * bb - ab * ab;
+            if determinant.is_nan() || determinant <= 0.0 || value.dot(direction) <= 0.0 {
+                return Search::Lost;
+            }
+            let [ra, rb] = [across.dot(off), down.dot(off)];
+            let mut step = DVec2::new(bb * ra - ab * rb, aa * rb - ab * ra) / determinant;
+            let length = step.length();
+            if length < FOUND_PX {
+                let found = (pixel + step).clamp(least, most);
+                let inside = found.cmpgt(least).all() && found.cmplt(most).all();
+                return if inside { Search::Found(found) } else { Search::Beyond };
+            }
+            // Rounding may hide the progress of a very short step.
+            let accepted = |next: &Jet| {
+                let closer = next.value.distance_squared(direction) < value.distance_squared(direction);
+                (closer || length < SURE_PX) && (!right_way || self.is_right_way(next))
+            };
+            let next = (0..HALVINGS).find_map(|_| {
+                let at = (pixel + step).clamp(least, most);
+                step *= 0.5;
+                self.jet(at).filter(accepted).map(|jet| (at, jet))
+            });
+            let is_at_end = (pixel.cmple(least) | pixel.cmpge(most)).any();
+            match next {
+                Some((at, _)) if at == pixel => return Search::Beyond,
+                Some((at, next)) => (pixel, jet) = (at, next),
+                None if is_at_end => return Search::Beyond,
+                None => return Search::Lost,
+            }
+        }
+        Search::Lost
     }
 }
 
@@ -249,25 +402,12 @@ impl PlaneMapping for Warp {
 
     fn pixel_from_direction(&self, direction: DVec3) -> Option<DVec2> {
         let direction = direction.try_normalize()?;
-        let mut pixel = self.nearest.start_point(direction)?;
-        let (width, height) = (f64::from(self.size[0]), f64::from(self.size[1]));
-        let beyond = BEYOND_CELLS / self.scale;
-        let [least, most] = [-beyond, DVec2::new(width, height) + beyond];
-        for _ in 0..STEPS {
-            let Jet { value, across, down } = self.jet(pixel)?;
-            // The step in the plane of both derivatives that leads to the direction.
-            let off = direction - value * value.dot(direction);
-            let [aa, ab, bb] = [across.dot(across), across.dot(down), down.dot(down)];
-            let determinant = aa * bb - ab * ab;
-            if determinant.is_nan() || determinant <= 0.0 || value.dot(direction) <= 0.0 {
-                return None;
-            }
-            let [ra, rb] = [across.dot(off), down.dot(off)];
-            let step = DVec2::new(bb * ra - ab * rb, aa * rb - ab * ra) / determinant;
-            pixel = (pixel + step).clamp(least, most);
-            if step.length() < FOUND_PX {
-                let inside = pixel.cmpgt(least).all() && pixel.cmplt(most).all();
-                return inside.then_some(pixel);
+        let at_edge = std::iter::once_with(|| self.nearest_at_edge(direction)).flatten();
+        for start in self.nearest.start_points(direction).chain(at_edge) {
+            match self.search(direction, start) {
+                Search::Found(pixel) => return Some(pixel),
+                Search::Beyond if self.shrunk_edge.is_empty() => return None,
+                Search::Beyond | Search::Lost => {}
             }
         }
         None
@@ -277,6 +417,10 @@ impl PlaneMapping for Warp {
         let (width, height) = (f64::from(self.size[0]), f64::from(self.size[1]));
         let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x <= width && pixel.y <= height;
         if inside && self.is_known(pixel) { Some(self.jet(pixel)?.value) } else { None }
+    }
+
+    fn is_faceted(&self) -> bool {
+        self.interpolation == Interpolation::Linear
     }
 
     fn bounding_cone(&self, margin_px: f64) -> BoundingCone {
@@ -292,7 +436,18 @@ impl PlaneMapping for Warp {
         if !self.contains(x, y) {
             return 0.0;
         }
-        self.jet(centre).map_or(0.0, |Jet { across, down, .. }| across.cross(down).length())
+        match self.interpolation {
+            Interpolation::Smooth => {
+                self.jet(centre).map_or(0.0, |Jet { across, down, .. }| across.cross(down).length())
+            }
+            Interpolation::Linear => {
+                let ([left, top], [right, bottom]) = (self.in_samples(centre - 0.5), self.in_samples(centre + 0.5));
+                let columns = facets::cuts(left, right, self.grid[0]);
+                let rows = facets::cuts(top, bottom, self.grid[1]);
+                let direction = |at: [f64; 2]| self.surface.evaluate(at).value.try_normalize();
+                facets::rectangle_sr(&columns, &rows, direction, |at| self.has_corners(at))
+            }
+        }
     }
 }
 

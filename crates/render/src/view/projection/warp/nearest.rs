@@ -39,9 +39,9 @@ impl Nearest {
 
     /// Position on the map: at distance 2 sin(angle / 2) from its middle.
     fn place(&self, direction: DVec3) -> DVec2 {
-        let along = direction.dot(self.axis);
-        let factor = (2.0 / (1.0 + along).max(1e-9)).sqrt();
-        DVec2::new(direction.dot(self.right), direction.dot(self.up)) * factor
+        // Opposite of the axis, any azimuth is right.
+        let across = DVec2::new(direction.dot(self.right), direction.dot(self.up));
+        across.normalize_or(DVec2::X) * direction.distance(self.axis)
     }
 
     fn cell(&self, place: DVec2) -> Option<[usize; 2]> {
@@ -88,9 +88,15 @@ impl Nearest {
         best.into_iter().map(|point| point.map_or(DVec2::ZERO, |point| placed[point].1)).collect()
     }
 
-    /// The starting point for a direction; `None` if the direction is far from the picture.
-    pub(super) fn start_point(&self, direction: DVec3) -> Option<DVec2> {
-        let [x, y] = self.cell(self.place(direction))?;
-        self.cells.get(y * SIDE + x).copied()
+    /// Starting points for a direction, the best first: that of its cell of the map, then those of the cells around
+    /// it. None if the direction is far from the picture.
+    pub(super) fn start_points(&self, direction: DVec3) -> impl Iterator<Item = DVec2> {
+        let held = self.cell(self.place(direction)).map(|at| at.map(|index| index as i64));
+        let around = [[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, 1], [1, -1], [-1, -1]];
+        around.into_iter().filter_map(move |[dx, dy]| {
+            let [x, y] = held?;
+            let inside = |at: i64| (0..SIDE as i64).contains(&at).then_some(at as usize);
+            self.cells.get(inside(y + dy)? * SIDE + inside(x + dx)?).copied()
+        })
     }
 }

@@ -174,6 +174,85 @@ fn unknown_samples_are_outside_and_do_not_distort_the_inside() {
     assert!(inside > 10_000 && worst[0] < 1e-4 && worst[1] < 2e-2, "{worst:?}");
 }
 
+/// A map of flat facets whose solid angles are wrong by a factor.
+struct Wrong(Warp, f64);
+
+impl PlaneMapping for Wrong {
+    fn size(&self) -> [u32; 2] {
+        self.0.size()
+    }
+
+    fn pixel_from_direction(&self, direction: DVec3) -> Option<DVec2> {
+        self.0.pixel_from_direction(direction)
+    }
+
+    fn direction_from_pixel(&self, pixel: DVec2) -> Option<DVec3> {
+        self.0.direction_from_pixel(pixel)
+    }
+
+    fn solid_angle_sr(&self, x: u32, y: u32) -> f64 {
+        self.1 * self.0.solid_angle_sr(x, y)
+    }
+
+    fn is_faceted(&self) -> bool {
+        true
+    }
+
+    fn bounding_cone(&self, margin_px: f64) -> BoundingCone {
+        self.0.bounding_cone(margin_px)
+    }
+}
+
+#[test]
+fn flat_facets_have_the_whole_light_and_wrong_solid_angles_are_refused() {
+    // Samples at the centres of pixels, on facets of 8 x 6 pixels with different slopes.
+    let mut facets = grid([25, 19], Placement::Corners, Interpolation::Linear);
+    for (index, direction) in facets.samples.iter_mut().enumerate() {
+        let [x, y] = [(index % 25) as f64 / 24.0, (index / 25) as f64 / 18.0];
+        let by = 0.004 * (index as f64 * 2.4).sin() * (PI * x).sin() * (PI * y).sin();
+        *direction = Some(thrown(x + by, y - by));
+    }
+    let table = |factor: f64| TabulatedMapping::new(Wrong(Warp::new(SIZE, &facets).unwrap(), factor));
+    let right = table(1.0).unwrap();
+    // The outline of the raster as a polygon of the outermost samples: the facets between them do not matter.
+    let at = |x: usize, y: usize| facets.samples[y * 25 + x].unwrap();
+    let inner = at(12, 9);
+    let outline: Vec<DVec3> = (0..24)
+        .map(|x| at(x, 0))
+        .chain((0..18).map(|y| at(24, y)))
+        .chain((1..25).rev().map(|x| at(x, 18)))
+        .chain((1..19).rev().map(|y| at(0, y)))
+        .collect();
+    let sum: f64 = (0..outline.len()).map(|i| triangle_sr(inner, outline[i], outline[(i + 1) % outline.len()])).sum();
+    let found = right.picture_solid_angle_sr();
+    assert!((found / sum.abs() - 1.0).abs() < 1e-9, "{found} {sum}");
+    for factor in [0.8, 1.2] {
+        let error = table(factor).unwrap_err().to_string();
+        assert!(error.contains("its solid angle is"), "{error}");
+    }
+}
+
+#[test]
+fn a_content_ends_at_its_border_and_not_at_cells() {
+    let samples = grid([9, 9], Placement::Corners, Interpolation::Smooth);
+    let places: Vec<Option<DVec2>> = (0..81).map(|i| Some(DVec2::new((i % 9) as f64, (i / 9) as f64) / 8.0)).collect();
+    let half = DVec2::splat(0.5);
+    let shape = ContentShape { low: DVec2::new(0.3, 0.0), high: DVec2::ONE, ellipse: Some([half, half]) };
+    let border = Border { places: places.clone(), shape };
+    let warp = Warp::within(SIZE, &samples, Some(&border)).unwrap();
+    for (x, y) in (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (x, y))) {
+        let place = pixel_centre(x, y) / DVec2::from(SIZE.map(f64::from));
+        assert_eq!(warp.contains(x, y), shape.holds(place), "{x} {y}");
+        assert_eq!(warp.solid_angle_sr(x, y) > 0.0, shape.holds(place), "{x} {y}");
+    }
+    assert!(TabulatedMapping::new(warp).is_ok());
+    let few = Border { places: places[1..].to_vec(), shape };
+    let error = Warp::within(SIZE, &samples, Some(&few)).unwrap_err();
+    assert_eq!(error, WarpError::Border { places: 80, samples: 81 });
+    let beside = Border { places: vec![Some(DVec2::splat(7.0)); 81], shape };
+    assert_eq!(Warp::within(SIZE, &samples, Some(&beside)).unwrap_err(), WarpError::Empty);
+}
+
 #[test]
 fn invalid_grids_are_refused() {
     let right = grid([4, 4], Placement::Corners, Interpolation::Smooth);

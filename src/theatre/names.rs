@@ -1,0 +1,93 @@
+//! Names of regions that views of a configuration can have: at most 64 letters, digits, `_` and `-` of ASCII.
+
+use std::collections::HashSet;
+
+use super::{MOST_REGIONS, Reader, Region};
+
+/// Length to which names are shortened: a view of another file may add a number to a name that two files have.
+const MOST_LETTERS: usize = 56;
+/// Maximum length of the name of a view.
+const MOST_OF_VIEW: usize = 64;
+
+/// The name of a view in which other characters are `_`.
+fn plain(name: &str) -> String {
+    let letter = |c: char| if c.is_ascii_alphanumeric() || c == '_' || c == '-' { c } else { '_' };
+    name.chars().map(letter).collect()
+}
+
+impl Reader<'_> {
+    /// Gives a title to regions whose names are too long for a view or in another script, and notes which one stands for
+    /// which.
+    pub(super) fn title(&mut self, regions: &mut [Region]) {
+        let named = |region: &Region| region.title.as_ref().unwrap_or(&region.name).clone();
+        let is_fit = |name: &str| name.is_ascii() && name.len() <= MOST_OF_VIEW;
+        let mut used: HashSet<String> =
+            regions.iter().map(named).filter(|name| is_fit(name)).map(|name| plain(&name)).collect();
+        for region in regions.iter_mut() {
+            let whole = named(region);
+            if is_fit(&whole) {
+                continue;
+            }
+            let mut short = plain(&whole);
+            if !short.contains(|c: char| c.is_ascii_alphanumeric()) {
+                // Nothing remains of a name in another script.
+                short = plain(&region.name);
+            }
+            short.truncate(MOST_LETTERS);
+            let numbered = |n: usize| if n == 1 { short.clone() } else { format!("{short}_{n}") };
+            // A set has fewer regions than these numbers.
+            let title = (1..=MOST_REGIONS + 1).map(numbered).find(|name| used.insert(name.clone()));
+            let Some(title) = title else { continue };
+            self.note(format!(
+                "the view {title} stands for `{}`: a view's name has at most {MOST_OF_VIEW} letters, digits, `_` and `-` of ASCII",
+                whole.escape_debug()
+            ));
+            region.title = Some(title);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::theatre::{Grid, Interpolation, Placement, ReadOptions};
+
+    fn titles(names: &[(&str, Option<&str>)]) -> (Vec<Option<String>>, Vec<String>) {
+        let grid = Grid {
+            columns: 2,
+            rows: 2,
+            samples: Vec::new(),
+            placement: Placement::Corners,
+            interpolation: Interpolation::Smooth,
+        };
+        let region = |(name, title): &(&str, Option<&str>)| Region {
+            title: title.map(str::to_owned),
+            ..Region::of_grid((*name).to_owned(), [2, 2], grid.clone())
+        };
+        let mut regions: Vec<Region> = names.iter().map(region).collect();
+        let options = ReadOptions::default();
+        let mut reader = Reader::new(Path::new("set"), &options);
+        reader.title(&mut regions);
+        (regions.into_iter().map(|region| region.title).collect(), reader.notes)
+    }
+
+    #[test]
+    fn long_names_are_shortened_and_stay_unique() {
+        let long = "x".repeat(70);
+        let [first, second] = [1, 2].map(|i| format!("{long}{i}"));
+        let (titles, notes) = titles(&[("0/0/0", Some(&first)), (&second, None), ("a/b", Some("Left one"))]);
+        let short = "x".repeat(56);
+        assert_eq!(titles, [Some(short.clone()), Some(format!("{short}_2")), Some("Left one".to_owned())]);
+        assert!(notes.len() == 2 && notes[1].contains(&format!("{short}_2 stands for `{second}`")), "{notes:?}");
+    }
+
+    #[test]
+    fn names_in_another_script_are_noted() {
+        let names = [("0/0/0", Some("\u{5de6}")), ("0/1/0", Some("\u{53f3}")), ("0/2/0", Some("M\u{fc}nchen 1"))];
+        let (titles, notes) = titles(&names);
+        assert_eq!(titles.into_iter().flatten().collect::<Vec<_>>(), ["0_0_0", "0_1_0", "M_nchen_1"]);
+        assert!(notes.len() == 3 && notes[0].contains("the view 0_0_0 stands for `\u{5de6}`"), "{notes:?}");
+    }
+}
