@@ -46,7 +46,7 @@ const USEFUL: [&str; 19] = [
     "gmag",
 ];
 /// Parts of names of columns that hold no value of a star itself, such as errors and flags.
-const AUXILIARY: [&str; 19] = [
+const AUXILIARY: [&str; 22] = [
     "_error",
     "_err",
     "_corr",
@@ -66,6 +66,10 @@ const AUXILIARY: [&str; 19] = [
     "_gof",
     "_pvalue",
     "_atm_param",
+    // Of the archive's radial velocities.
+    "_amplitude",
+    "_duration",
+    "_template",
 ];
 
 /// Unit of a decimal number in the right ascension column.
