@@ -1,6 +1,7 @@
 //! The machine's clock as a time service would keep it, and steps of it. Needs root, and a machine without a time service.
 
 #![allow(unsafe_code, reason = "neither the standard library nor `rustix` has `adjtimex`")]
+#![allow(clippy::print_stderr, reason = "an error while the clock is given back cannot be returned")]
 
 use std::{
     error::Error,

@@ -391,7 +391,7 @@ fn is_separator_line(line: &[u8]) -> bool {
     line.len() == 5 && line[..4].eq_ignore_ascii_case(b"sep=")
 }
 
-/// Whether a comment begins a table of VizieR: `#Table	I_239_tyc_main:`.
+/// Whether a comment begins a table of VizieR: `#Table`, a tab, and `I_239_tyc_main:`.
 fn is_begin_of_table(comment: &[u8]) -> bool {
     let Some((word, rest)) = comment.split_at_checked(5) else { return false };
     word.eq_ignore_ascii_case(b"table") && rest.first().is_some_and(|byte| b" \t:".contains(byte))
