@@ -3,6 +3,7 @@
 use std::{
     net::{TcpStream, ToSocketAddrs},
     path::PathBuf,
+    thread,
     time::{Duration, Instant},
 };
 
@@ -22,8 +23,14 @@ use crate::{
 
 /// Connections that are opened to measure the network.
 const CONNECTIONS: usize = 5;
+/// Interval between two questions to the director.
+const LOOK: Duration = Duration::from_millis(200);
 /// Time after which an address does not answer.
 const PATIENCE: Duration = Duration::from_secs(2);
+
+fn wait(text: &str) -> Result<Duration, String> {
+    super::film::within(text, [0.0, 3600.0]).map(Duration::from_secs_f64)
+}
 
 /// Arguments of `cluster`.
 #[derive(Debug, Args)]
@@ -47,12 +54,15 @@ enum ClusterCommand {
         connect: Option<String>,
         #[command(flatten)]
         access: DaemonAccess,
+        /// Wait for the director, and for its nodes to take part, for at most this time, seconds.
+        #[arg(long, value_name = "N", default_value = "0", value_parser = wait, allow_negative_numbers = true)]
+        wait: Duration,
     },
 }
 
 /// Runs the command. Exit code 1: something is not in order.
 pub fn run(ClusterArguments { command }: &ClusterArguments) -> Result<(), CliError> {
-    let ClusterCommand::Check { config, set, connect, access } = command;
+    let ClusterCommand::Check { config, set, connect, access, wait } = command;
     let config = Config::load(config, set)?;
     let Some(cluster) = &config.cluster else {
         return Err(CliError::Usage(format!("{} has no [cluster]", config.origin)));
@@ -100,7 +110,17 @@ pub fn run(ClusterArguments { command }: &ClusterArguments) -> Result<(), CliErr
         let is_encrypted = config.server.tls.is_some() && !listen.starts_with(UNIX_PREFIX);
         if is_encrypted { format!("https://{listen}") } else { listen.clone() }
     });
-    match ask_director(&uri(&address), &access.credentials(&address)?, PATIENCE) {
+    let credentials = access.credentials(&address)?;
+    let begin = Instant::now();
+    let asked = loop {
+        let asked = ask_director(&uri(&address), &credentials, PATIENCE);
+        let is_complete = asked.as_ref().is_ok_and(|found| found.nodes.iter().all(|node| node.is_in));
+        if is_complete || begin.elapsed() >= *wait {
+            break asked;
+        }
+        thread::sleep(LOOK);
+    };
+    match asked {
         Err(problem) => told(false, format!("director at {address}: {problem}"))?,
         Ok(found) => {
             let is_same = found.configuration == configuration;

@@ -95,10 +95,11 @@ async fn nodes_show_the_same_frames_through_kills_and_restarts_of_nodes_and_dire
     right.stats_when("led", |cluster| cluster.state == "led" && cluster.epoch == stats.epoch).await;
 }
 
-/// Output of `cluster check`, and whether all is in order.
-fn checked(folder: &Path, address: &str) -> (String, bool) {
+/// Output of `cluster check` that waits for some seconds, and whether all is in order.
+fn checked(folder: &Path, address: &str, wait: &str) -> (String, bool) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_steradian"));
-    command.args(["cluster", "check", "--config", "cluster.toml", "--connect", address]).current_dir(folder);
+    command.args(["cluster", "check", "--config", "cluster.toml", "--connect", address, "--wait", wait]);
+    command.current_dir(folder);
     let output = command.output().unwrap();
     (String::from_utf8(output.stdout).unwrap(), output.status.success())
 }
@@ -110,19 +111,18 @@ async fn a_check_finds_an_absent_node_and_a_director_that_does_not_answer() {
     configuration(folder, &NODES, &[endpoint()], "");
     let director = Process::director(folder);
     let left = Process::node(folder, "left");
-    let (text, is_fine) = checked(folder, &director.address);
+    let (text, is_fine) = checked(folder, &director.address, "0");
     assert!(!is_fine && text.contains("WRONG node right: absent"), "{text}");
     let right = Process::node(folder, "right");
-    director.all_in().await;
     for address in [director.address.clone(), format!("http://{}", director.address.trim_start_matches("http://"))] {
-        let (text, is_fine) = checked(folder, &address);
+        let (text, is_fine) = checked(folder, &address, "60");
         assert!(is_fine && text.contains("ok    node right: in"), "{text}");
         assert!(text.contains("clock of this machine"), "{text}");
     }
     // Nobody listens there: the nodes were not asked for, so nothing says that they are in order.
-    let (text, is_fine) = checked(folder, &format!("127.0.0.1:{}", free_port()));
+    let (text, is_fine) = checked(folder, &format!("127.0.0.1:{}", free_port()), "0.5");
     assert!(!is_fine && text.contains("WRONG director at 127.0.0.1:"), "{text}");
-    let (text, is_fine) = checked(folder, "unix:none.socket");
+    let (text, is_fine) = checked(folder, "unix:none.socket", "0");
     assert!(!is_fine && text.contains("WRONG director at unix:none.socket"), "{text}");
     drop((left, right));
 }

@@ -49,7 +49,7 @@ enum FilmCommand {
 }
 
 /// Parses a number argument and checks its range.
-fn within(text: &str, [least, most]: [f64; 2]) -> Result<f64, String> {
+pub(super) fn within(text: &str, [least, most]: [f64; 2]) -> Result<f64, String> {
     let number: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
     if (least..=most).contains(&number) {
         Ok(number)
