@@ -26,7 +26,7 @@ const CONNECTIONS: usize = 5;
 /// Interval between two questions to the director.
 const LOOK: Duration = Duration::from_millis(200);
 /// Time after which an address does not answer.
-const PATIENCE: Duration = Duration::from_secs(2);
+const PATIENCE: Duration = Duration::from_secs(5);
 
 fn wait(text: &str) -> Result<Duration, String> {
     super::film::within(text, [0.0, 3600.0]).map(Duration::from_secs_f64)

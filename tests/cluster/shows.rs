@@ -111,7 +111,7 @@ async fn a_check_finds_an_absent_node_and_a_director_that_does_not_answer() {
     configuration(folder, &NODES, &[endpoint()], "");
     let director = Process::director(folder);
     let left = Process::node(folder, "left");
-    let (text, is_fine) = checked(folder, &director.address, "0");
+    let (text, is_fine) = checked(folder, &director.address, "2");
     assert!(!is_fine && text.contains("WRONG node right: absent"), "{text}");
     let right = Process::node(folder, "right");
     for address in [director.address.clone(), format!("http://{}", director.address.trim_start_matches("http://"))] {

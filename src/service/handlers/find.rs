@@ -186,7 +186,7 @@ mod tests {
 
     use super::*;
     use crate::{
-        catalogue::chunks::StarSet,
+        catalogue::{chunks::StarSet, names::StarNames},
         observer::{Clock, Observer, Place, RefractingAir, horizontal_direction},
         scene::{Camera, SceneObjects, bodies::SolarBody, surroundings::Surroundings},
         service::handlers::identify,
@@ -225,6 +225,23 @@ mod tests {
         let problem = found(&scene, "HIP 32349").unwrap_err();
         assert!(problem.contains("no HIP numbers") && problem.contains("HR numbers"), "{problem}");
         assert!(found(&scene, "zzz").unwrap_err().ends_with("`zzz`"));
+    }
+
+    /// A file's star is where it is drawn, and the built-in one of the same name may not be.
+    #[test]
+    fn stars_of_files_come_before_built_in_ones() {
+        let mut star = scene().stars.named().iter().find(|named| named.name == "Sirius").unwrap().star;
+        let mut scene = scene();
+        star.position = DVec3::Z * 2.6;
+        let names = StarNames { name: "Sirius".to_owned(), designations: vec!["HIP 32349".to_owned()] };
+        let of_file = vec![NamedStar::from_file(names, star)];
+        scene.stars = Arc::new(StarSet::clone(&scene.stars).with_names(of_file));
+        for name in ["Sirius", "HIP 32349"] {
+            let direction = found(&scene, name).unwrap().direction.unwrap();
+            assert!(DVec3::new(direction.x, direction.y, direction.z).angle_between(DVec3::Z) < 0.02, "{name}");
+        }
+        let built_in = found(&scene, "alf CMa").unwrap().direction.unwrap();
+        assert!(built_in.z < 0.0, "the built-in table is still there");
     }
 
     #[test]
