@@ -5,7 +5,7 @@ use std::{
     error::Error,
     fmt::Write as _,
     fs,
-    path::{Path, PathBuf},
+    path::PathBuf,
     process::{Child, Stdio},
     sync::{
         Arc,
@@ -168,9 +168,8 @@ impl Station {
     fn open(form: &Form, place: &Place, run: u64) -> Outcome<Self> {
         let names = names(form.nodes);
         let name = place.node.and_then(|node| names.get(usize::from(node))).map_or("director", String::as_str);
-        let file = |folder: &Path, name: &str| folder.join(name);
         let tls = place.certificates.as_deref().map(|folder| ZenohTls {
-            files: [file(folder, "ca.pem"), file(folder, &format!("{name}.pem")), file(folder, &format!("{name}.key"))],
+            files: ["ca.pem", &format!("{name}.pem"), &format!("{name}.key")].map(|file| folder.join(file)),
             director: "director".to_owned(),
         });
         let options = ZenohOptions {

@@ -13,6 +13,7 @@ use sha2::{Digest, Sha256};
 use super::{
     CliError,
     daemon_access::{DaemonAccess, address, uri},
+    numbers::within,
     results,
     serve::cluster::{files, version},
 };
@@ -29,7 +30,7 @@ const LOOK: Duration = Duration::from_millis(200);
 const PATIENCE: Duration = Duration::from_secs(5);
 
 fn wait(text: &str) -> Result<Duration, String> {
-    super::film::within(text, [0.0, 3600.0]).map(Duration::from_secs_f64)
+    within(text, [0.0, 3600.0]).map(Duration::from_secs_f64)
 }
 
 /// Arguments of `cluster`.

@@ -18,6 +18,7 @@ mod info;
 mod inputs;
 mod load;
 mod logging;
+mod numbers;
 mod output;
 mod progress;
 mod projectors;

@@ -16,7 +16,7 @@ use super::{CliError, output::refuse_own_input, results};
 use crate::{
     config::{Config, ConfigError},
     files::{folder_of, reading, write_whole},
-    theatre::{Axes, Calibration, ReadOptions, RowOrder, read},
+    theatre::{Axes, Calibration, ReadOptions, RowOrder, plain_name, read},
 };
 
 /// Arguments of `projectors`.
@@ -234,8 +234,7 @@ fn add(
 
 /// Returns a unique view name for a region, with only letters, digits, `_` and `-`.
 fn unique(region: &str, names: &mut BTreeMap<String, usize>) -> String {
-    let letter = |c: char| if c.is_ascii_alphanumeric() || c == '_' || c == '-' { c } else { '_' };
-    let name: String = region.chars().map(letter).collect();
+    let name = plain_name(region);
     let count = names.entry(name.clone()).or_default();
     *count += 1;
     if *count == 1 { name } else { unique(&format!("{name}_{count}"), names) }

@@ -39,6 +39,8 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
+#[cfg(feature = "cli")]
+pub(crate) use self::names::plain as plain_name;
 use self::{
     content::Content,
     fault::{Fault, rounded, shown},

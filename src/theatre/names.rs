@@ -10,7 +10,7 @@ const MOST_LETTERS: usize = 56;
 const MOST_OF_VIEW: usize = 64;
 
 /// The name of a view in which other characters are `_`.
-fn plain(name: &str) -> String {
+pub(crate) fn plain(name: &str) -> String {
     let letter = |c: char| if c.is_ascii_alphanumeric() || c == '_' || c == '-' { c } else { '_' };
     name.chars().map(letter).collect()
 }

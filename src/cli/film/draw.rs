@@ -9,6 +9,7 @@ use clap::{Args, ValueEnum, value_parser};
 use glam::DQuat;
 
 use super::super::ending::ended_by_signal;
+use super::super::numbers::within;
 use super::super::progress::FilmProgress;
 use super::super::{
     CliError,
@@ -16,7 +17,6 @@ use super::super::{
     load::{self, LoadedScene},
     results,
 };
-use super::within;
 use crate::config::{Config, FilmPath};
 use crate::gpu::{Gpu, GpuOptions};
 use crate::output::film::{

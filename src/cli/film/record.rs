@@ -8,8 +8,8 @@ use clap::Args;
 use tokio::time::{Instant as TokioInstant, sleep_until};
 
 use super::super::daemon_access::{DaemonAccess, address, uri};
+use super::super::numbers::within;
 use super::super::{CliError, results};
-use super::within;
 use crate::config::ExposureKey;
 use crate::files;
 use crate::output::film::{ObservedScene, Recording};

@@ -40,18 +40,19 @@ impl LocalSocket {
         }
     }
 
-    /// Whether a process listens there. It may be frozen, with as many connections waiting as the system allows: connecting would then wait too.
+    /// Whether a process listens there.
     pub(crate) fn answers(&self) -> bool {
-        match self.attempt() {
-            Ok(()) => true,
-            Err(error) => error.kind() == io::ErrorKind::WouldBlock,
-        }
+        self.attempt().is_ok()
     }
 
-    /// Connects without waiting.
+    /// Connects to the process that listens there. It may be frozen, with as many connections waiting as the system allows: this does not wait with
+    /// them.
     fn attempt(&self) -> io::Result<()> {
         let socket = socket_with(AddressFamily::UNIX, SocketType::STREAM, SocketFlags::NONBLOCK, None)?;
-        Ok(connect(&socket, &SocketAddrUnix::new(&self.0)?)?)
+        match connect(&socket, &SocketAddrUnix::new(&self.0)?).map_err(io::Error::from) {
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(()),
+            connected => connected,
+        }
     }
 
     /// Removes a socket that a daemon left behind. Returns whether the path is free: false if a process listens there.
@@ -62,7 +63,6 @@ impl LocalSocket {
     pub(crate) fn release(&self) -> io::Result<bool> {
         match self.attempt() {
             Ok(()) => return Ok(false),
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(false),
             // The system answers for other files as for a socket that no process listens on.
             Err(error) if error.kind() == io::ErrorKind::ConnectionRefused && self.exists() => {
                 std::fs::remove_file(&self.0)?;

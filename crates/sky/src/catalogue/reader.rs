@@ -12,6 +12,7 @@
 
 mod columns;
 mod csv;
+mod finder;
 mod fits;
 mod frame;
 mod json;

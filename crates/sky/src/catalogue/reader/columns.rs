@@ -5,6 +5,7 @@
 //! degrees in the archive. If nothing shows which of them it is, a decimal `ra` is an error: a guess could be wrong by a factor of 15. A
 //! line of units, as VizieR writes one, is believed before the source.
 
+use super::finder::{Finder, SIMBAD};
 use super::sources::{DEGREES, Source};
 use super::units::{Conversion, DirectionUnit, Quantity, direction_unit};
 
@@ -17,60 +18,8 @@ pub(super) const NEEDED: &str = "needed: a direction (ra_deg,dec_deg or x,y,z in
 /// HYG and AT-HYG write this distance in parsecs, or a larger one, if it is unknown.
 pub(super) const HYG_UNKNOWN_DISTANCE_PC: f64 = 100_000.0;
 
-/// Column that only answers of SIMBAD have. In these, `v` is the magnitude V, and a decimal `ra` is in degrees.
-const SIMBAD: &str = "main_id";
-
 /// Epoch to which motions refer, Julian years.
 pub(super) const J2000_EPOCH: f64 = 2000.0;
-
-/// Beginnings of names of columns that drawing could use: those that are not read are reported.
-const USEFUL: [&str; 19] = [
-    "pm",
-    "mu_",
-    "r_med",
-    "rgeo",
-    "plx",
-    "parallax",
-    "dist",
-    "radial",
-    "rv",
-    "teff",
-    "epoch",
-    "ref_epoch",
-    "b_v",
-    "b-v",
-    "bp_rp",
-    "bp-rp",
-    "vmag",
-    "v_mag",
-    "gmag",
-];
-/// Parts of names of columns that hold no value of a star itself, such as errors and flags.
-const AUXILIARY: [&str; 22] = [
-    "_error",
-    "_err",
-    "_corr",
-    "_over_",
-    "_src",
-    "err",
-    "flag",
-    "_lower",
-    "_upper",
-    "num",
-    "count",
-    "nb_",
-    "_msc",
-    "_method",
-    "_visibility",
-    "_sig_to_noise",
-    "_gof",
-    "_pvalue",
-    "_atm_param",
-    // Of the archive's radial velocities.
-    "_amplitude",
-    "_duration",
-    "_template",
-];
 
 /// Unit of a decimal number in the right ascension column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -166,120 +115,6 @@ pub(super) struct NameColumns {
     pub hr: Option<usize>,
     /// Gaia's number.
     pub gaia: Option<usize>,
-}
-
-/// Finds columns by their names.
-struct Finder<'a> {
-    names: &'a [String],
-    /// Unit of each column, in lower case; empty if the file gives none.
-    units: Vec<String>,
-    used: Vec<usize>,
-    conversions: Vec<Conversion>,
-}
-
-impl Finder<'_> {
-    fn has(&self, name: &str) -> bool {
-        self.names.iter().any(|known| known == name)
-    }
-
-    /// Unit of a column, in lower case, if the file gives one.
-    fn unit(&self, column: usize) -> Option<&str> {
-        self.units.get(column).map(String::as_str).filter(|unit| !unit.is_empty())
-    }
-
-    /// The first of these columns that exists; an error if it exists twice.
-    fn find(&mut self, candidates: &[&str]) -> Result<Option<usize>, String> {
-        for candidate in candidates {
-            let mut matches =
-                self.names.iter().enumerate().filter(|(_, name)| name == candidate).map(|(index, _)| index);
-            if let Some(first) = matches.next() {
-                if matches.next().is_some() {
-                    return Err(format!("the column {candidate} appears twice"));
-                }
-                self.used.push(first);
-                return Ok(Some(first));
-            }
-        }
-        Ok(None)
-    }
-
-    /// As [`Self::find`], with the conversion from the unit that the file states.
-    fn quantity(&mut self, quantity: Quantity, candidates: &[&str]) -> Result<Option<usize>, String> {
-        self.quantity_in(quantity, None, candidates)
-    }
-
-    /// The same; `unstated` is the unit of the source in a file without units.
-    fn quantity_in(
-        &mut self,
-        quantity: Quantity,
-        unstated: Option<&str>,
-        candidates: &[&str],
-    ) -> Result<Option<usize>, String> {
-        let column = self.find(candidates)?;
-        if let Some(column) = column
-            && let Some(unit) = self.unit(column).or(unstated)
-        {
-            let conversion = quantity.conversion(unit);
-            self.conversions[column] = conversion.map_err(|problem| format!("{} {problem}", self.names[column]))?;
-        }
-        Ok(column)
-    }
-
-    /// Whether the file states that a column is an angle.
-    fn is_angle(&self, column: usize) -> bool {
-        self.unit(column)
-            .is_some_and(|unit| Quantity::Parallax.conversion(unit).is_ok() || direction_unit(unit).is_some())
-    }
-
-    /// A distance in these columns. One that is an angle, or that has no unit beside a parallax, is not read: `unused` gets it with the reason.
-    fn distance(
-        &mut self,
-        candidates: &[&str],
-        has_parallax: bool,
-        unused: &mut Vec<String>,
-    ) -> Result<Option<usize>, String> {
-        let Some(column) = self.find(candidates)? else { return Ok(None) };
-        let reason = if self.is_angle(column) {
-            "an angle"
-        } else if self.has(SIMBAD) && self.unit(column).is_none() {
-            "the angle from the centre of a cone search"
-        } else if has_parallax && self.unit(column).is_none() {
-            "without a unit; the parallax is read"
-        } else {
-            return self.quantity(Quantity::Distance, candidates);
-        };
-        unused.push(format!("{}: {reason}", self.names[column]));
-        Ok(None)
-    }
-
-    fn magnitude(&mut self, candidates: &[&str]) -> Result<Option<usize>, String> {
-        self.quantity(Quantity::Magnitude, candidates)
-    }
-
-    fn magnitudes(&mut self, first: &[&str], second: &[&str]) -> Result<Option<[usize; 2]>, String> {
-        Ok(self.magnitude(first)?.zip(self.magnitude(second)?).map(|(first, second)| [first, second]))
-    }
-
-    fn xyz(&mut self, axes: [&str; 3]) -> Result<Option<[usize; 3]>, String> {
-        Ok(match (self.find(&[axes[0]])?, self.find(&[axes[1]])?, self.find(&[axes[2]])?) {
-            (Some(x), Some(y), Some(z)) => Some([x, y, z]),
-            _ => None,
-        })
-    }
-
-    /// Columns that drawing could use and that no role has taken.
-    fn left(&self) -> impl Iterator<Item = String> {
-        let is_useful = |name: &str| {
-            let is_error = name.starts_with("e_");
-            let starts = USEFUL.iter().any(|start| name.starts_with(start));
-            starts && !is_error && !AUXILIARY.iter().any(|part| name.contains(part))
-        };
-        // Gaia's total proper motion adds nothing to its components.
-        let is_total = |name: &str| name == "pm" && self.has("pmra") && self.has("pmdec");
-        let is_left =
-            move |(index, name): &(usize, &String)| !self.used.contains(index) && is_useful(name) && !is_total(name);
-        self.names.iter().enumerate().filter(is_left).map(|(_, name)| name.clone())
-    }
 }
 
 /// Columns of brightness.
