@@ -2,6 +2,18 @@
 
 #import shared/sky_place
 
-fn faint_light(direction: PictureDirection) -> vec3<f32> {
+struct SkyPicture {
+    unused_0: u32,
+}
+
+fn faint_picture(direction: PictureDirection) -> SkyPicture {
+    return SkyPicture(0u);
+}
+
+fn faint_place(picture: SkyPicture, direction: PictureDirection) -> vec2<f32> {
+    return vec2(0.0);
+}
+
+fn faint_light(picture: SkyPicture, place: vec2<f32>) -> vec3<f32> {
     return vec3(0.0);
 }

@@ -90,7 +90,8 @@ fn light_behind(viewport: Viewport, pixel: vec2<u32>, reads_diffuse: bool) -> ve
     let direction = picture_direction(arriving);
     var behind = vec3(0.0);
     if HAS_SKY {
-        behind += faint_light(direction);
+        let picture = faint_picture(direction);
+        behind += faint_light(picture, faint_place(picture, direction));
     }
     if reads_diffuse {
         behind += diffuse_luminance(parameters.diffuse, arriving, direction);
@@ -207,6 +208,9 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
                 var passed = vec3(0.0);
                 var passed_slope = vec3(0.0);
                 var number = 0u;
+                var faint: SkyPicture;
+                var faint_at = vec2(0.0);
+                var faint_slope = vec2(0.0);
                 if HAS_SKY || is_rough {
                     let sky = plain_grid.sky + 2u * point;
                     let place_top = block_points(sky, 2u, is_halved, is_second, share);
@@ -218,6 +222,16 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
                     place = place_top.xy + 0.5 * place_slope;
                     passed_slope = (passed_bottom - passed_top) * step;
                     passed = passed_top + 0.5 * passed_slope;
+                    if HAS_SKY {
+                        // The picture that contains the middle of the cells of the whole workgroup.
+                        let opposite = sky + 2u * below + select(2u, 4u, is_halved);
+                        let middle = 0.5 * (grid_points[sky].xy + grid_points[opposite].xy);
+                        faint = faint_picture(PictureDirection(number, middle));
+                        let faint_top = faint_place(faint, PictureDirection(number, place_top.xy));
+                        let faint_bottom = faint_place(faint, PictureDirection(number, place_bottom.xy));
+                        faint_slope = (faint_bottom - faint_top) * step;
+                        faint_at = faint_top + 0.5 * faint_slope;
+                    }
                     if is_rough {
                         // The map is read instead.
                         let points = plain_grid.rough + point;
@@ -233,7 +247,7 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
                     let index = tile.first_pixel + row * viewport.size.x + x;
                     var luminance = starlight(index, high) * smooth_light.w + smooth_light.xyz;
                     if HAS_SKY {
-                        luminance += passed * faint_light(PictureDirection(number, place));
+                        luminance += passed * faint_light(faint, faint_at);
                     }
                     if is_rough {
                         if ((row - cell_row) & (rough_rows - 1u)) == 0u {
@@ -252,6 +266,7 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
                     write(index, vec4(luminance, 1.0 / smooth_light.w), word);
                     smooth_light += slope;
                     place += place_slope;
+                    faint_at += faint_slope;
                     passed += passed_slope;
                 }
                 sum += cell_sum * 2.0 / (top.w + bottom.w);

@@ -1,14 +1,46 @@
 // Reads the map of faint light in a direction. The importer binds `sky_texels`.
 
+#import shared/sky_pieces
 #import shared/sky_place
 #import shared/sky_texel
 
-// Luminance in a direction, cd/m^2, interpolated between four texels.
-fn sky_luminance(map: SkyMap, direction: PictureDirection) -> vec3<f32> {
-    let place = sky_place(map, direction);
-    let start = place.first;
-    let upper = mix(light_of_texel(sky_texels[start]), light_of_texel(sky_texels[start + 1u]), place.share.x);
-    let below = start + map.side;
-    let lower = mix(light_of_texel(sky_texels[below]), light_of_texel(sky_texels[below + 1u]), place.share.x);
-    return map.unit_cd_m2 * mix(upper, lower, place.share.y);
+// A picture of the map: one of the whole sky, or a piece.
+struct SkyPicture {
+    // Index of its first texel.
+    first: u32,
+    // Its width, texels.
+    width: u32,
+    piece: Piece,
+}
+
+// The picture that contains a direction.
+fn sky_picture(map: SkyMap, direction: PictureDirection) -> SkyPicture {
+    var picture: SkyPicture;
+    if map.pieces_per_edge > 0u {
+        let first = first_of_piece(map.pieces_per_edge, direction_of_picture(direction));
+        picture = SkyPicture(first + PIECE_WORDS, sky_texels[first + PIECE_WORDS - 1u], piece_at(first));
+    } else {
+        picture.first = direction.number * map.side * map.side;
+        picture.width = map.side;
+    }
+    return picture;
+}
+
+// Position of a direction in a picture, texels from the centre of the first one.
+fn place_in_picture(map: SkyMap, picture: SkyPicture, direction: PictureDirection) -> vec2<f32> {
+    if map.pieces_per_edge > 0u {
+        return place_in_piece(picture.piece, direction_of_picture(direction));
+    }
+    return place_in_face(map, direction);
+}
+
+// Luminance at a position, cd/m^2, interpolated between four texels.
+fn light_in_picture(map: SkyMap, picture: SkyPicture, place: vec2<f32>) -> vec3<f32> {
+    let corner = floor(place);
+    let share = place - corner;
+    let start = picture.first + u32(i32(corner.y)) * picture.width + u32(i32(corner.x));
+    let upper = mix(light_of_texel(sky_texels[start]), light_of_texel(sky_texels[start + 1u]), share.x);
+    let below = start + picture.width;
+    let lower = mix(light_of_texel(sky_texels[below]), light_of_texel(sky_texels[below + 1u]), share.x);
+    return map.unit_cd_m2 * mix(upper, lower, share.y);
 }

@@ -86,6 +86,13 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                 illuminance = total * at_barycentre / distance_squared;
                 colour = light / total;
             }
+            // Limits are those of the light before the air: it divides the stars between the sums, and between a frame and the map of faint light.
+            // Composite stars are not divided. A star at the camera's position has no direction; the comparison is also false for NaN.
+            let is_composite = FROM_PAGES && item.form == COMPOSITES_OF_PAGE;
+            let is_within = illuminance >= parameters.faintest_lx && illuminance < parameters.brightest_lx;
+            if !((is_within || is_composite) && distance_squared > 0.0) {
+                continue;
+            }
             if parameters.air.present != 0u {
                 let distance = sqrt(dot(relative, relative));
                 let seen = refracted(parameters.air, relative / distance);
@@ -94,11 +101,6 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                 let kept = dot(colour, LUMINANCE_WEIGHTS);
                 illuminance *= kept;
                 colour /= kept;
-            }
-            // A star at the camera's position has no direction; the comparison is also false for NaN.
-            let faintest = select(parameters.faintest_lx, 0.0, FROM_PAGES && item.form == COMPOSITES_OF_PAGE);
-            if !(illuminance >= faintest && illuminance < parameters.brightest_lx && distance_squared > 0.0) {
-                continue;
             }
             let direction = view_direction(viewport, relative);
             let projected = pixel_from_direction(viewport, direction);

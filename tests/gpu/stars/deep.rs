@@ -108,6 +108,12 @@ fn window(fov_y_deg: f64) -> Rig {
     rig(vec![("window", kind)])
 }
 
+/// A window with so many stars for each pixel that a map of faint light pays.
+fn small_window(fov_y_deg: f64) -> Rig {
+    let kind = ViewKind::Perspective { size: [160, 120], fov_y_rad: fov_y_deg.to_radians() };
+    rig(vec![("window", kind)])
+}
+
 fn dome() -> Rig {
     let kind = ViewKind::Fisheye { size: [512; 2], mapping: FisheyeMapping::Equidistant, fov_rad: 1.0 };
     rig(vec![("dome", kind)])
@@ -199,6 +205,113 @@ fn composite_stars_look_like_the_stars() {
         println!("{case}: variance {:.4} of that of the stars", found / expected);
         assert!((found / expected - 1.0).abs() < 0.02, "{case}: variance {found} of {expected}");
     }
+}
+
+/// Draws a display image that may read a map of faint light.
+fn with_map(
+    renderer: &mut Renderer,
+    scene: &SceneSnapshot,
+    rig: &Rig,
+    settings: &RenderSettings,
+    sky_map: SkyMapUse,
+) -> Frame {
+    let request = FrameRequest::new(scene, rig).settings(settings).wanted(Wanted::hdr()).sky_map(sky_map);
+    renderer.render(request.drawn_for(Output::Display)).unwrap()
+}
+
+/// The same scene with the camera turned around an axis of its own.
+fn turned(scene: &SceneSnapshot, axis: DVec3, angle_rad: f64) -> SceneSnapshot {
+    let mut scene = scene.clone();
+    scene.camera.world_from_camera *= DQuat::from_axis_angle(axis.normalize(), angle_rad);
+    scene
+}
+
+/// A narrow window reads the faint stars from pieces of a map: it has the light and the graininess of the stars.
+#[test]
+fn a_window_reads_faint_stars_from_pieces_of_a_map() {
+    let scene = deep_scene();
+    let mut renderer = renderer();
+    let settings = settings();
+    for (case, fov_y_deg, angle_rad) in [("middle", 9.0, 0.0), ("beside", 8.0, 0.03), ("narrow", 6.0, 0.02)] {
+        let scene = turned(&scene, DVec3::new(0.3, 1.0, 0.2), angle_rad);
+        let rig = small_window(fov_y_deg);
+        let stars = draw(&mut renderer, &scene, &rig, &every_star(&settings), Output::Hdr);
+        let without = with_map(&mut renderer, &scene, &rig, &settings, SkyMapUse::Off);
+        let map = with_map(&mut renderer, &scene, &rig, &settings, SkyMapUse::Wait);
+        let [drawn, of_without] = [&map, &without].map(|frame| frame.views[0].stars_drawn);
+        println!("{case}: {drawn} stars beside the map, {of_without} without it");
+        assert!(drawn > 100 && drawn < of_without / 8, "{case}: {drawn} of {of_without}");
+        let ratio = light_lx(&map) / light_lx(&stars);
+        let errors = DisplayErrors::between(&stars, &map, &settings);
+        let quantile = errors.quantile(0.999);
+        println!("{case}: light {:.1e}, 99.9 % {quantile:.3} codes, largest {:.3}", ratio - 1.0, errors.quantile(1.0));
+        // The light of a star varies by some percent with its place among the texels, and the light of these stars is mostly that of a few hundred.
+        assert!((ratio - 1.0).abs() < 4e-3 && quantile < 0.6, "{case}: {ratio} {quantile}");
+        let both = blocks(&luminances(&map), 160).into_iter().zip(blocks(&luminances(&stars), 160));
+        let (found, expected) = both.fold((0.0, 0.0), |(found, expected), ([_, a], [_, b])| (found + a, expected + b));
+        println!("{case}: variance {:.4} of that of the stars", found / expected);
+        assert!((found / expected - 1.0).abs() < 0.02, "{case}: variance {found} of {expected}");
+        // A sky turned by a texel fails.
+        let wrong = turned(&scene, DVec3::Y, 0.775 * fov_y_deg.to_radians() / 120.0);
+        let wrong = with_map(&mut renderer, &wrong, &rig, &settings, SkyMapUse::Wait);
+        let of_wrong = DisplayErrors::between(&stars, &wrong, &settings).quantile(0.999);
+        assert!(of_wrong > 6.0 * quantile, "{case}: {of_wrong}");
+    }
+}
+
+/// The composite stars of a map are not divided by their light: a crowd of faint stars is as bright in it as without it.
+#[test]
+fn a_crowd_of_faint_stars_keeps_its_light_in_a_map() {
+    let deep = deep_scene();
+    let rig = dome();
+    let mut renderer = renderer();
+    // Bright steps: only stars that are much fainter than the light of a cell of the cluster may be in the map.
+    let mut settings = settings();
+    settings.exposure = ExposureSettings::manual(-4.5);
+    let map = with_map(&mut renderer, &deep, &rig, &settings, SkyMapUse::Wait);
+    let without = with_map(&mut renderer, &deep, &rig, &settings, SkyMapUse::Off);
+    let ratio = light_lx(&map) / light_lx(&without);
+    assert!((ratio - 1.0).abs() < 1e-4, "light {ratio}");
+}
+
+/// While a view turns, frames read pieces of the map that were drawn for earlier ones. What these lack is stated, and they are drawn again.
+#[test]
+fn the_pieces_of_a_map_follow_a_turning_window() {
+    /// Greatest error of a pixel of a map with all of its stars, codes.
+    const OF_MAP_CODES: f64 = 2.0;
+    let (settings, rig) = (settings(), small_window(6.0));
+    let [mut live_renderer, mut renderer] = [renderer(), renderer()];
+    // Two readers of the same store: one waits for all stars.
+    let [scene, whole] = [deep_scene(), deep_scene()];
+    scene.stars.deep.as_ref().unwrap().set_delay(Duration::from_millis(6));
+    let at = |scene: &SceneSnapshot, number: u32| turned(scene, DVec3::Y, 0.002 * f64::from(number));
+    let mut live = |number: u32| with_map(&mut live_renderer, &at(&scene, number), &rig, &settings, SkyMapUse::InTurn);
+    // A new map is not begun in the first frame.
+    assert_eq!(live(0).views[0].stars_in_map, 0);
+    let (mut reading, mut incomplete) = (0, 0);
+    for number in 0..24 {
+        let frame = live(number);
+        let report = frame.plan.deep.clone().unwrap();
+        let exact = draw(&mut renderer, &at(&whole, number), &rig, &settings, Output::Hdr);
+        let errors = DisplayErrors::between(&exact, &frame, &settings);
+        let (error, most) = (errors.quantile(1.0), report.residual_codes + OF_MAP_CODES);
+        assert!(error <= most, "{number}: {error} codes of {report:?}");
+        let is_read = frame.views[0].stars_in_map > 0;
+        reading += u32::from(is_read);
+        incomplete += u32::from(is_read && report.missing > 0);
+    }
+    println!("{reading} frames read the map, {incomplete} of them before all stars were read");
+    assert!(reading > 5 && incomplete > 0);
+    let start = Instant::now();
+    while live(23).plan.deep.clone().unwrap().missing > 0 {
+        assert!(start.elapsed() < Duration::from_secs(60), "pages are missing");
+        thread::sleep(Duration::from_millis(20));
+    }
+    let frame = live(23);
+    let exact = draw(&mut renderer, &at(&whole, 23), &rig, &settings, Output::Hdr);
+    let errors = DisplayErrors::between(&exact, &frame, &settings);
+    println!("99.9 % {:.3} codes, largest {:.3}", errors.quantile(0.999), errors.quantile(1.0));
+    assert!(frame.views[0].stars_in_map > 0 && errors.quantile(0.999) < 0.6);
 }
 
 /// While pages are being read, a frame states how far it may be off, and never too little.

@@ -36,7 +36,7 @@ impl Technique for Diffuse {
         match step {
             Step::Light => {
                 // Pictures of a map of faint light contain only stars, and published methods draw only stars, as published.
-                let is_drawn = !matches!(inputs.sky, SkyUse::Face(_)) && inputs.methods.adds_up();
+                let is_drawn = !matches!(inputs.sky, SkyUse::Part(_)) && inputs.methods.adds_up();
                 let step_cd_m2 = plan
                     .display
                     .step_cd_m2

@@ -18,7 +18,7 @@ use super::{
     methods::Methods,
     sequence::{self, Plan, Techniques},
     settings::{Accumulator, RenderSettings, StarMethod},
-    smooth_light::SkyFace,
+    smooth_light::SkyPart,
     stars::kernels::margin_px,
     technique::{CheckInputs, PlanInputs},
 };
@@ -83,8 +83,8 @@ pub enum SkyUse {
     StarByStar,
     /// Read a map if that is cheaper.
     Map,
-    /// Draw a picture of a map.
-    Face(SkyFace),
+    /// Draw pictures of a map.
+    Part(SkyPart),
 }
 
 /// Checks whether a star method, a camera that moves or rests, and objects can be drawn together. Fast.

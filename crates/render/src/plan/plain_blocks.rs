@@ -43,14 +43,14 @@ pub struct PlainBlocksPlan {
 /// Plans [`PlainBlocksPlan`].
 pub(super) struct PlainBlocks;
 
-/// Spacings of the grids of viewports, in air or in space: see [`PlainBlocksPlan::spacings`].
-pub(super) fn plain_spacings(viewports: &[Viewport], is_in_air: bool) -> Vec<Option<PlainSpacing>> {
+/// Spacings of the grids of viewports: see [`PlainBlocksPlan::spacings`]. `is_costly`: pixels have light from the air or from a map of faint light.
+pub(super) fn plain_spacings(viewports: &[Viewport], is_costly: bool) -> Vec<Option<PlainSpacing>> {
     let are_smooth = are_smooth(viewports);
     let spacing = GridSpacing { most_rad: MOST_RAD, most_px: PLAIN_BLOCK_PX };
     let of_viewport = |viewport: &Viewport| {
-        // Measured with llvmpipe (docs/benchmarks.md): in flat views of space, marking the blocks takes longer than what it saves.
+        // Measured with llvmpipe (docs/benchmarks.md): in other flat views of space, marking the blocks takes longer than what it saves.
         let pays = match viewport.projection {
-            Projection::Perspective(_) => is_in_air,
+            Projection::Perspective(_) => is_costly,
             Projection::Fisheye(_) => true,
             _ => false,
         };
@@ -68,7 +68,8 @@ fn plain_blocks(plan: &Plan) -> Option<PlainBlocksPlan> {
         ErrorBudget::Codes(_) => plan.display.resolves_to_display,
         ErrorBudget::Hdr { .. } => plan.display.adds_up && !plan.display.is_scattered_after,
     };
-    let spacings = plain_spacings(&plan.views.viewports, plan.air.sky.is_some());
+    let is_costly = plan.air.sky.is_some() || plan.smooth_light.map.is_some();
+    let spacings = plain_spacings(&plan.views.viewports, is_costly);
     let has_veil_if_any = plan.glare.method == GlareMethod::None || plan.glare.in_sums.is_some();
     let mut tiles = plan.views.batches.iter().flat_map(|batch| &batch.tiles);
     let is_possible = spacings.iter().any(Option::is_some)

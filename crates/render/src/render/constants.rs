@@ -184,6 +184,13 @@ shared_constants! {
         /// without any B-spline part.
         PLANE_GAUSSIAN_GROWTH: f32 = crate::photometry::kernel::BRIGHT_KERNEL_GROWTH as f32;
     }
+    /// Pieces of the map of faint light.
+    mod sky_pieces {
+        /// Words of a piece before its texels.
+        PIECE_WORDS: u32 = crate::plan::smooth_light::PIECE_WORDS;
+        /// Makes pieces nearly equally large.
+        PIECE_EVENNESS: f32 = crate::plan::smooth_light::pieces::PIECE_EVENNESS as f32;
+    }
     /// Forms of the stars of an item.
     mod star_forms {
         /// Offsets in pc from the origin of a chunk.

@@ -130,9 +130,10 @@ gpu_structs! {
         unit_cd_m2: f32,
         /// Texels per rad.
         texels_per_rad: f32,
-        /// Side of a picture, texels.
+        /// Side of a picture of the whole sky, texels.
         side: u32,
-        unused_0: u32,
+        /// Pieces along the edge of a face; 0: the map has pictures of the whole sky.
+        pieces_per_edge: u32,
     }
     /// The air around an eye.
     struct AirAbove {

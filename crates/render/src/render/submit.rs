@@ -24,7 +24,10 @@ use super::{
 use crate::{
     gpu::{Gpu, GpuError, GpuTimer, ReadbackBuffer, SUBMISSION_TIMEOUT},
     plan::{
-        Limits, Output, Plan, PlanError, PlanOutputs, Planner, SkyUse, settings::RenderSettings, smooth_light::SkyFace,
+        Limits, Output, Plan, PlanError, PlanOutputs, Planner, SkyUse,
+        settings::RenderSettings,
+        smooth_light::{PICTURES_AT_ONCE, SkyLayout, SkyPart},
+        stars::deep::Residual,
     },
     scene::{Camera, SceneSnapshot},
     view::projector::ProjectorOutput,
@@ -32,6 +35,8 @@ use crate::{
 
 /// Maximum number of frames in flight.
 const MOST_IN_FLIGHT: usize = 2;
+/// Frames in which a map of faint light is drawn that no frame waits for. More may come into view in a frame than is drawn in one of them.
+const FRAMES_OF_A_MAP: usize = 4;
 
 /// A frame submitted to the device. Pass it to [`Renderer::finish`] to get its result. If it is dropped, later frames
 /// of the renderer wait for it and discard it.
@@ -199,7 +204,7 @@ impl Renderer {
         // Upload resident data. If the map of faint light is incomplete, plan again without it.
         self.hold_tables(&plan.views.viewports)?;
         self.hold_scene(series.slot, snapshot, settings)?;
-        if !self.draw_sky(&plan, snapshot, settings, request.sky_map, series)? {
+        if !self.draw_sky(&mut plan, snapshot, settings, request.sky_map, series)? {
             let outputs = PlanOutputs { sky: SkyUse::StarByStar, ..outputs };
             plan = plan_frame(self, outputs)?;
         }
@@ -262,62 +267,83 @@ impl Renderer {
         }
     }
 
-    /// Draws the missing pictures of the map of faint light, or one of them. Returns whether the map is complete.
+    /// Draws the missing pictures of the map of faint light, or some of them, and states in the plan what their stars lack. Returns whether the map is
+    /// complete.
     fn draw_sky(
         &mut self,
-        plan: &Plan,
+        plan: &mut Plan,
         snapshot: &SceneSnapshot,
         settings: &RenderSettings,
         sky_map: SkyMapUse,
         series: Series,
     ) -> Result<bool, RenderError> {
-        let missing: Vec<SkyFace> =
-            self.techniques.iter().flat_map(|technique| technique.missing(plan, snapshot, series)).collect();
-        let most = if sky_map == SkyMapUse::InTurn { 1 } else { usize::MAX };
-        let mut drawn = 0;
-        for face in missing.iter().take(most) {
-            drawn += usize::from(self.draw_sky_face(face, snapshot, settings, sky_map, series)?);
+        // A map that the next frame may not read any more, as in a zoom, is not begun.
+        let in_turn = sky_map == SkyMapUse::InTurn;
+        let is_new = self.techniques.iter().any(|technique| technique.is_new_map(plan, series));
+        let Self { techniques, gpu, .. } = self;
+        let parts: Vec<SkyPart> =
+            techniques.iter_mut().flat_map(|technique| technique.map_parts(gpu, plan, snapshot, series)).collect();
+        let Some(map) = &plan.smooth_light.map else { return Ok(true) };
+        let most = match (in_turn, is_new && matches!(map.map.layout, SkyLayout::Pieces(_))) {
+            (true, true) => 0,
+            (true, false) => map.read.len().div_ceil(FRAMES_OF_A_MAP * PICTURES_AT_ONCE).max(1),
+            (false, _) => usize::MAX,
+        };
+        for part in parts.iter().take(most) {
+            self.draw_sky_part(part, snapshot, settings, sky_map, series)?;
         }
-        let is_whole = missing.len() == drawn;
-        if is_whole {
+        let mut is_drawn = true;
+        for technique in &self.techniques {
+            let state = technique.map_state(plan, series);
+            is_drawn &= state.is_drawn;
+            if state.lack != Residual::default() {
+                plan.state_missing_stars(state.lack);
+            }
+        }
+        if parts.is_empty() {
             self.sky_targets = None;
         }
-        Ok(is_whole)
+        Ok(is_drawn)
     }
 
-    /// Draws a picture of the map, unless the stars for it have not been read yet. Returns whether it is drawn.
-    fn draw_sky_face(
+    /// Draws pictures of the map. Those of the whole sky are not drawn before all of their stars have been read.
+    fn draw_sky_part(
         &mut self,
-        face: &SkyFace,
+        part: &SkyPart,
         snapshot: &SceneSnapshot,
         settings: &RenderSettings,
         sky_map: SkyMapUse,
         series: Series,
-    ) -> Result<bool, RenderError> {
-        let camera = Camera { position_m: face.map.camera_m(), ..Camera::default() };
+    ) -> Result<(), RenderError> {
+        let camera = Camera { position_m: part.map.camera_m(), ..Camera::default() };
         let sky = SceneSnapshot { objects: Arc::default(), camera, ..snapshot.clone() };
-        let rig = face.rig().map_err(PlanError::from)?;
-        let settings = face.settings(settings);
-        let outputs = PlanOutputs { sky: SkyUse::Face(*face), ..PlanOutputs::new(Output::Hdr) };
+        let rig = part.rig().map_err(PlanError::from)?;
+        let settings = part.settings(settings);
+        let outputs = PlanOutputs { sky: SkyUse::Part(*part), ..PlanOutputs::new(Output::Hdr) };
         let waits = sky_map != SkyMapUse::InTurn;
-        let plan = self.plan_with_stars(series.slot, waits, |planner, limits| {
+        let planned = self.plan_with_stars(series.slot, waits, |planner, limits| {
             planner.plan(&sky, &rig, &settings, None, outputs, limits)
-        })?;
-        if !plan.stars.deep.missing.is_empty() {
-            return Ok(false);
+        });
+        let plan = match planned {
+            // The frame draws coarser stars itself.
+            Err(PlanError::DeepMemory { .. }) => return Ok(()),
+            planned => planned?,
+        };
+        if !plan.stars.deep.missing.is_empty() && matches!(part.map.layout, SkyLayout::Whole { .. }) {
+            return Ok(());
         }
-        let wanted = [Wanted { hdr_stays: true, ..Wanted::default() }];
-        let outputs = Outputs { wanted: &wanted, presentations: &[] };
+        let wanted = [Wanted { hdr_stays: true, ..Wanted::default() }; PICTURES_AT_ONCE];
+        let wanted = &wanted[..part.numbers().len()];
+        let outputs = Outputs { wanted, presentations: &[] };
         let inputs = FrameInputs { plan: &plan, scene: &sky, outputs, catalogue_order: None, series, metered: None };
         // No data is read back.
         let mut slot = FrameSlot::new(&self.gpu);
         let targets = self.sky_targets.take().unwrap_or_else(|| Targets::new(&self.gpu));
         let frame_targets = mem::replace(&mut self.targets, targets);
-        let (commands, _) = self.record(&inputs, 1, &mut slot);
+        let (commands, _) = self.record(&inputs, wanted.len(), &mut slot);
         self.sky_targets = Some(mem::replace(&mut self.targets, frame_targets));
         self.gpu.queue.submit([commands]);
-        self.check_driver_errors()?;
-        Ok(true)
+        self.check_driver_errors()
     }
 
     /// Uploads the data of a frame, and records all phases and the copies for readback.

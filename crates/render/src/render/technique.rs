@@ -11,7 +11,7 @@ use super::{Presentation, RenderError, ViewStatistics, Wanted, read::Places, tar
 use crate::{
     gpu::{Gpu, GpuTimer, ReadbackBuffer},
     photometry::glare::GlareKernel,
-    plan::{Forecast, Methods, Plan, settings::AsteroidSettings, smooth_light::SkyFace},
+    plan::{Forecast, Methods, Plan, settings::AsteroidSettings, smooth_light::SkyPart, stars::deep::Residual},
     scene::{SceneObjects, SceneSnapshot},
     view::Viewport,
 };
@@ -64,6 +64,21 @@ pub(crate) struct Series {
     pub slot: usize,
     /// Number of series.
     pub slots: usize,
+}
+
+/// State of the map of faint light for a frame.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MapState {
+    /// Whether all pictures that the frame reads have been drawn.
+    pub is_drawn: bool,
+    /// What is missing of their stars.
+    pub lack: Residual,
+}
+
+impl Default for MapState {
+    fn default() -> Self {
+        Self { is_drawn: true, lack: Residual::default() }
+    }
 }
 
 /// Outputs of a frame: images to read back, and textures to draw into.
@@ -186,9 +201,19 @@ pub(crate) trait Technique {
         Vec::new()
     }
 
-    /// Pictures of the map of faint light that a plan's frame reads and that have not been drawn yet.
-    fn missing(&self, _plan: &Plan, _scene: &SceneSnapshot, _series: Series) -> Vec<SkyFace> {
+    /// Whether the frame before this one could not read the same map of faint light as this plan's frame.
+    fn is_new_map(&self, _plan: &Plan, _series: Series) -> bool {
+        false
+    }
+
+    /// Parts of the map of faint light that a plan's frame reads and that have not been drawn yet, or not with all of their stars.
+    fn map_parts(&mut self, _gpu: &Gpu, _plan: &Plan, _scene: &SceneSnapshot, _series: Series) -> Vec<SkyPart> {
         Vec::new()
+    }
+
+    /// State of the map of faint light that a plan's frame reads.
+    fn map_state(&self, _plan: &Plan, _series: Series) -> MapState {
+        MapState::default()
     }
 
     /// Uploads the data of a planned frame, and stores in `targets` what other techniques read.

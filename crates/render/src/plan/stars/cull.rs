@@ -57,7 +57,7 @@ pub(crate) fn edge_planes(projection: &Projection, margin_px: f64) -> Vec<DVec3>
 
 /// Field of a viewport, in world axes.
 #[derive(Clone, Debug)]
-pub(super) struct Field {
+pub(in crate::plan) struct Field {
     eye_pc: DVec3,
     axis: DVec3,
     half_angle_rad: f64,
@@ -70,7 +70,10 @@ pub(super) struct Field {
 }
 
 impl Field {
-    pub(super) fn new(viewport: &Viewport, &CullSettings { motion, refraction, margin_px, .. }: &CullSettings) -> Self {
+    pub(in crate::plan) fn new(
+        viewport: &Viewport,
+        &CullSettings { motion, refraction, margin_px, .. }: &CullSettings,
+    ) -> Self {
         let cone = viewport.projection.mapping().bounding_cone(margin_px);
         let rotation = DMat3::from_quat(viewport.world_from_view);
         let planes = edge_planes(&viewport.projection, margin_px).into_iter().map(|normal| rotation * normal).collect();
@@ -90,7 +93,7 @@ impl Field {
     }
 
     /// Whether a cone of directions, in the stars' frame, intersects the field.
-    pub(super) fn touches_cone(&self, BoundingCone { axis, half_angle_rad }: BoundingCone) -> bool {
+    pub(in crate::plan) fn touches_cone(&self, BoundingCone { axis, half_angle_rad }: BoundingCone) -> bool {
         let (axis, half_angle_rad) =
             self.motion.map_or((axis, half_angle_rad), |motion| motion.seen_cone(axis, half_angle_rad));
         let moved_rad = self.refraction.map_or(0.0, |refraction| refraction.most_rad(axis, half_angle_rad));
@@ -101,6 +104,27 @@ impl Field {
         half_angle_rad >= std::f64::consts::FRAC_PI_2
             || self.planes.iter().all(|normal| normal.dot(axis) >= -half_angle_rad.sin())
     }
+
+    /// Whether the field may contain a star of a chunk.
+    pub(in crate::plan) fn may_see(&self, chunk: &Chunk, camera_pc: DVec3) -> bool {
+        cones_of(chunk, camera_pc, origin_of(chunk, camera_pc), self.eye_pc).all(|cone| self.touches_cone(cone))
+    }
+
+    /// Whether a convex polygon with these corners, unit vectors, within a cone intersects the field.
+    pub(in crate::plan) fn touches_polygon(&self, cone: BoundingCone, corners: &[DVec3]) -> bool {
+        let is_exact = self.motion.is_none() && self.refraction.is_none();
+        self.touches_cone(cone) && !(is_exact && self.planes.iter().any(|normal| are_outside(*normal, corners)))
+    }
+}
+
+/// Origin of a chunk minus the camera, pc; zero for directions.
+fn origin_of(chunk: &Chunk, camera_pc: DVec3) -> DVec3 {
+    if chunk.at_infinity { DVec3::ZERO } else { chunk.origin_pc - camera_pc }
+}
+
+/// Whether all directions are outside of a plane.
+fn are_outside(normal: DVec3, directions: &[DVec3]) -> bool {
+    directions.iter().all(|direction| normal.dot(*direction) < 0.0)
 }
 
 /// Cones in the stars' frame that contain the stars of a chunk for an eye at `eye_pc` from the camera: all of them are valid. Empty: any direction.
@@ -183,7 +207,7 @@ fn look_at(
     fields: &[Field],
     settings: CullSettings,
 ) -> Option<VisibleChunk> {
-    let origin_pc = if chunk.at_infinity { DVec3::ZERO } else { chunk.origin_pc - camera_pc };
+    let origin_pc = origin_of(chunk, camera_pc);
     let farthest_eye_pc = eyes_pc.iter().map(|eye| eye.length()).fold(0.0, f64::max);
     // The least distance of a star from any eye; at infinity the light is constant.
     let nearest_pc = if chunk.at_infinity {
@@ -194,7 +218,7 @@ fn look_at(
     let near = !chunk.at_infinity && nearest_pc < NEAR_SHARE * origin_pc.length() + 1e-12;
     // Viewports that may see the chunk.
     let viewports: u64 = (0..fields.len())
-        .filter(|&i| !settings.enabled || may_see(&fields[i], chunk, camera_pc, origin_pc))
+        .filter(|&i| !settings.enabled || fields[i].may_see(chunk, camera_pc))
         .fold(0, |set, i| set | 1 << i);
     if viewports == 0 {
         return None;
@@ -231,10 +255,6 @@ fn look_at(
         (brightest_lx * spread, chunk.total_lx * of_all * spread)
     };
     Some(VisibleChunk { chunk: index, origin_pc, viewports, count, near, brightest_lx, total_lx })
-}
-
-fn may_see(field: &Field, chunk: &Chunk, camera_pc: DVec3, origin_pc: DVec3) -> bool {
-    cones_of(chunk, camera_pc, origin_pc, field.eye_pc).all(|cone| field.touches_cone(cone))
 }
 
 /// The range of Doppler factors of a chunk's stars for any of the eyes.

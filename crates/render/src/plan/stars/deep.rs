@@ -1,7 +1,7 @@
 //! Stars of a deep store in a plan: the detail in which each part of the sky is drawn, and the pages that are needed for it.
 //!
 //! A composite star has the light of all faint stars of a cell. A cell may be as large as [`DIRECT_CELL_PX`] pixels where views draw composite stars themselves,
-//! and [`MAP_CELL_TEXELS`] texels in the map of faint light. Where no plane is fine enough, all stars are drawn. Pages that have not been read yet
+//! and [`crate::plan::smooth_light::SkyMap::cell_texels`] texels in the map of faint light. Where no plane is fine enough, all stars are drawn. Pages that have not been read yet
 //! are replaced by coarser ones; [`Residual`] bounds the error of that.
 
 use std::{
@@ -20,15 +20,13 @@ use crate::{
         live::{DeepSky, Detail, Page, PageKey, PageStar, page::MOST_PARALLAX},
     },
     photometry::rec709::luminance,
-    plan::{PlanError, smooth_light::TEXEL_PX},
+    plan::{DeepReport, PlanError},
     units::illuminance_lx_from_magnitude,
     view::{Viewport, projection::BoundingCone},
 };
 
 /// Largest cell of composite stars, the root of its area over that of a pixel. Measured with 749 stars per pixel: an error of 0.18 codes at this size.
 pub const DIRECT_CELL_PX: f64 = 0.8;
-/// The same in the map of faint light, in its texels: its interpolation adds to the error.
-pub const MAP_CELL_TEXELS: f64 = 0.66 / TEXEL_PX;
 /// Luminance of the brightest star that a composite star may stand for, if all of it is in one pixel, over the least that may be seen. Measured with
 /// `benches/deep_patches.rs`.
 const MOST_SEEN: f64 = 1.5;
@@ -36,6 +34,8 @@ const MOST_SEEN: f64 = 1.5;
 pub const WHOLE_FROM_MAGNITUDE: f64 = 21.0;
 /// Magnitude up to which all stars of a deep store are resident.
 const RESIDENT_TO_MAGNITUDE: f64 = LAYERS[0].magnitude as f64;
+/// Stars of a page are in the order of their light before it is rounded; rounding changes it by less than this part.
+const LIGHT_ROUNDING: f64 = 0.98;
 /// Reach of the kernels of composite stars, pixels.
 const KERNEL_REACH_PX: f64 = 1.5;
 /// Illuminance of the brightest star of each layer, lx.
@@ -55,6 +55,26 @@ const MOST_TURN_RAD: f64 = 1.0;
 /// A smaller one needs no new pages, as a part of a view's radius.
 const LEAST_TURN: f64 = 1e-3;
 
+/// The stars of a deep store that a frame draws.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Drawn {
+    /// All of them: star by star the layers whose brightest stars exceed [`MOST_SEEN`] of the least luminance that may be seen, cd/m^2.
+    All {
+        /// `None`: any star may be part of a composite star.
+        seen_cd_m2: Option<f64>,
+    },
+    /// Those that are too bright for a map of faint light: of this illuminance and more, lx.
+    Brighter {
+        /// The limit.
+        from_lx: f64,
+    },
+    /// Those of a map of faint light: star by star the layers that reach this illuminance, lx.
+    Fainter {
+        /// The limit.
+        below_lx: f64,
+    },
+}
+
 /// Parameters of the selection.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DeepInputs<'a> {
@@ -64,8 +84,9 @@ pub(super) struct DeepInputs<'a> {
     pub cull: CullSettings,
     /// Largest cell, pixels.
     pub cell_px: f64,
-    /// The least luminance that may be seen, cd/m^2: a layer whose brightest stars exceed [`MOST_SEEN`] is drawn star by star.
-    pub seen_cd_m2: Option<f64>,
+    /// Solid angle of these pixels; `None`: they are those of the viewports.
+    pub pixel_sr: Option<f64>,
+    pub drawn: Drawn,
     pub magnitude_limit: f64,
     pub every_star: bool,
     /// Whether frames are drawn without leaves and tiles that are damaged.
@@ -81,6 +102,8 @@ pub struct VisiblePage {
     pub page: Arc<Page>,
     /// Bit i: visible in viewport i.
     pub viewports: u64,
+    /// Number of its stars that are drawn, the brightest ones.
+    pub count: u32,
 }
 
 /// Bound of the error of pages that are coarser than they should be, or missing.
@@ -103,6 +126,10 @@ pub struct DeepPlan {
     pub missing: Vec<PageKey>,
     /// What these may change.
     pub residual: Residual,
+    /// The residual of each viewport.
+    pub residuals: Vec<Residual>,
+    /// Codes of a display image of 8 bits per cd/m^2, at most; 0: not known.
+    pub codes_per_cd_m2: f64,
     /// Bound of the light of all drawn pages, lx.
     pub total_lx: f64,
     /// Illuminance of the faintest drawn star at the barycentre, lx.
@@ -137,13 +164,20 @@ struct PartPages {
 /// Stars that cannot be replaced by composite stars do not fit into the memory.
 pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
     let sky = inputs.sky;
-    let mut plan =
-        DeepPlan { faintest_lx: f64::INFINITY, device_bytes: inputs.memory_bytes / 2, ..DeepPlan::default() };
+    let mut plan = DeepPlan {
+        faintest_lx: f64::INFINITY,
+        device_bytes: inputs.memory_bytes / 2,
+        residuals: vec![Residual::default(); inputs.viewports.len()],
+        ..DeepPlan::default()
+    };
     if inputs.magnitude_limit <= RESIDENT_TO_MAGNITUDE {
         return Ok(plan);
     }
     if let Some(problem) = sky.problem().filter(|_| !inputs.skip_damaged) {
         return Err(PlanError::DeepDamaged(problem));
+    }
+    if layers_of(inputs) == 0 {
+        return Ok(plan);
     }
     plan.sky = Some(Arc::clone(sky));
     sky.set_limit(inputs.memory_bytes / 2);
@@ -159,7 +193,9 @@ pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
         if bytes <= most_bytes {
             break pages;
         }
-        let coarser = if is_divisible(inputs) { finest.coarser() } else { None };
+        // A map has the stars of bright layers one by one, because the frames that read it draw some of them.
+        let least_leaves = if let Drawn::Fainter { below_lx } = inputs.drawn { layers_from(below_lx) } else { 0 };
+        let coarser = finest.coarser().filter(|coarser| is_divisible(inputs) && coarser.leaves() >= least_leaves);
         let Some(coarser) = coarser else {
             return Err(PlanError::DeepMemory {
                 needed_mib: bytes.div_ceil(1 << 20) * 20 / 9 + 1,
@@ -241,12 +277,36 @@ pub(super) fn ask_ahead(inputs: &DeepInputs<'_>, turned: &[Viewport], plan: &Dee
 
 /// Whether composite stars may be drawn.
 fn is_divisible(inputs: &DeepInputs<'_>) -> bool {
-    !inputs.every_star && inputs.magnitude_limit >= WHOLE_FROM_MAGNITUDE
+    let is_bright_part = matches!(inputs.drawn, Drawn::Brighter { .. });
+    !inputs.every_star && !is_bright_part && inputs.magnitude_limit >= WHOLE_FROM_MAGNITUDE
 }
 
-/// Number of layers with stars within the magnitude limit.
-fn layers_within(magnitude_limit: f64) -> usize {
-    LAYERS.iter().filter(|layer| f64::from(layer.magnitude) < magnitude_limit).count()
+/// Number of layers that have stars of this illuminance and more, lx.
+pub(in crate::plan) fn layers_from(least_lx: f64) -> usize {
+    BRIGHTEST_LX.iter().filter(|lx| **lx >= least_lx).count()
+}
+
+/// Number of layers that may be drawn star by star.
+fn layers_of(inputs: &DeepInputs<'_>) -> usize {
+    let within = LAYERS.iter().filter(|layer| f64::from(layer.magnitude) < inputs.magnitude_limit).count();
+    match inputs.drawn {
+        Drawn::Brighter { from_lx } => within.min(layers_from(from_lx)),
+        Drawn::All { .. } | Drawn::Fainter { .. } => within,
+    }
+}
+
+/// Number of the stars of a page, from the brightest on, that may be drawn.
+fn count_of(inputs: &DeepInputs<'_>, page: &Page) -> u32 {
+    // Light grows by less than the inverse square of this part from the barycentre to the camera.
+    let kept = 1.0 - inputs.camera_pc.length() * MOST_PARALLAX;
+    let count = match inputs.drawn {
+        Drawn::Brighter { from_lx } if kept > 0.0 => {
+            let from_lx = from_lx * kept.powi(2) * LIGHT_ROUNDING;
+            page.stars.partition_point(|star| star.packed().illuminance_at_1_pc_lx() >= from_lx)
+        }
+        _ => page.stars.len(),
+    };
+    count as u32
 }
 
 /// The viewports that see a cell of the bucket order, by detail.
@@ -257,7 +317,7 @@ fn parts_of(inputs: &DeepInputs<'_>, fields: &[Field], bucket: u64) -> Vec<Part>
         if !sees(inputs, field, axis, half_angle_rad) {
             continue;
         }
-        let pixel_sr = pixel_sr_near(viewport, axis, half_angle_rad);
+        let pixel_sr = inputs.pixel_sr.unwrap_or_else(|| pixel_sr_near(viewport, axis, half_angle_rad));
         let detail = match is_divisible(inputs) {
             true => Detail::for_cells(inputs.cell_px * pixel_sr.sqrt(), leaves_of(inputs, pixel_sr)),
             false => Detail::Stars,
@@ -275,9 +335,12 @@ fn parts_of(inputs: &DeepInputs<'_>, fields: &[Field], bucket: u64) -> Vec<Part>
 
 /// Number of layers that are too bright for composite stars in pixels of `pixel_sr`.
 fn leaves_of(inputs: &DeepInputs<'_>, pixel_sr: f64) -> u8 {
-    let Some(seen_cd_m2) = inputs.seen_cd_m2 else { return 0 };
-    let most_lx = MOST_SEEN * seen_cd_m2 * pixel_sr;
-    BRIGHTEST_LX.iter().filter(|lx| **lx > most_lx).count() as u8
+    let leaves = match inputs.drawn {
+        Drawn::All { seen_cd_m2: Some(seen_cd_m2) } => layers_from(MOST_SEEN * seen_cd_m2 * pixel_sr),
+        Drawn::Fainter { below_lx } => layers_from(below_lx),
+        Drawn::All { .. } | Drawn::Brighter { .. } => 0,
+    };
+    leaves as u8
 }
 
 /// Whether a viewport may see stars within a cone around an axis, seen from the barycentre.
@@ -305,7 +368,7 @@ fn pixel_sr_near(viewport: &Viewport, axis: DVec3, half_angle_rad: f64) -> f64 {
 
 /// The pages of a part that have stars and that its viewports may see.
 fn visible_pages(inputs: &DeepInputs<'_>, fields: &[Field], part: Part) -> PartPages {
-    let layers = layers_within(inputs.magnitude_limit);
+    let layers = layers_of(inputs);
     let mut pages = Vec::new();
     part.detail.pages(part.bucket, layers, |key| {
         if key.stars(inputs.sky.store()) == 0 {
@@ -332,7 +395,22 @@ fn bytes_of(sky: &DeepSky, pages: &[PartPages]) -> u64 {
     stars.sum::<u64>() * size_of::<PageStar>() as u64
 }
 
+impl Residual {
+    /// Adds the pages of another part of the sky.
+    pub(crate) fn add(&mut self, other: Self) {
+        self.cd_m2 = self.cd_m2.max(other.cd_m2);
+        self.missing += other.missing;
+    }
+}
+
 impl DeepPlan {
+    /// What a frame states of these stars.
+    pub(super) fn report(&self) -> DeepReport {
+        let Residual { cd_m2, missing } = self.residual;
+        let residual_codes = if cd_m2 > 0.0 { cd_m2 * self.codes_per_cd_m2 } else { 0.0 };
+        DeepReport { stars: self.stars, missing, residual_cd_m2: cd_m2, residual_codes }
+    }
+
     /// Adds the pages of a part, or coarser ones if some of them are missing.
     fn add_part(
         &mut self,
@@ -344,7 +422,7 @@ impl DeepPlan {
     ) {
         if held.iter().all(Option::is_some) {
             self.note_cells(wanted.part.detail, wanted.part.pixel_sr);
-            self.add_pages(&wanted.pages, held);
+            self.add_pages(inputs, &wanted.pages, held);
             return;
         }
         // Coarser pages, down to the base, which is always in memory and also stands in for what is coarser than itself.
@@ -364,21 +442,27 @@ impl DeepPlan {
         let error_lx = match &stand_in {
             Some((part, held)) => {
                 self.note_cells(part.part.detail, wanted.part.pixel_sr);
-                self.add_pages(&part.pages, held);
+                self.add_pages(inputs, &part.pages, held);
                 let cell_px = part.part.detail.cell_rad() / wanted.part.pixel_sr.sqrt();
                 held.iter().flatten().map(|page| most_in_a_pixel_lx(page, cell_px)).fold(0.0, f64::max)
             }
             None => {
-                self.add_pages(&wanted.pages, held);
+                self.add_pages(inputs, &wanted.pages, held);
                 missing().map(|key| most_of_leaf_lx(inputs.sky, key)).fold(0.0, f64::max)
             }
         };
         let error_cd_m2 = error_lx / wanted.part.pixel_sr;
-        self.residual.cd_m2 = self.residual.cd_m2.max(error_cd_m2);
+        let before = wants.len();
         for key in missing() {
-            self.residual.missing += 1;
             self.missing.push(key);
             wants.push((key, error_cd_m2));
+        }
+        let residual = Residual { cd_m2: error_cd_m2, missing: (wants.len() - before) as u64 };
+        self.residual.add(residual);
+        for (index, of_viewport) in self.residuals.iter_mut().enumerate() {
+            if wanted.part.viewports & 1 << index != 0 {
+                of_viewport.add(residual);
+            }
         }
     }
 
@@ -387,13 +471,17 @@ impl DeepPlan {
         self.cell_px = self.cell_px.max(detail.cell_rad() / pixel_sr.sqrt());
     }
 
-    fn add_pages(&mut self, pages: &[(PageKey, u64)], held: &[Option<Arc<Page>>]) {
+    fn add_pages(&mut self, inputs: &DeepInputs<'_>, pages: &[(PageKey, u64)], held: &[Option<Arc<Page>>]) {
         for ((_, viewports), page) in pages.iter().zip(held) {
             let Some(page) = page else { continue };
-            self.stars += page.stars.len() as u64;
+            let count = count_of(inputs, page);
+            if count == 0 {
+                continue;
+            }
+            self.stars += u64::from(count);
             self.total_lx += page.total_lx;
             self.faintest_lx = self.faintest_lx.min(page.faintest_lx);
-            self.visible.push(VisiblePage { page: Arc::clone(page), viewports: *viewports });
+            self.visible.push(VisiblePage { page: Arc::clone(page), viewports: *viewports, count });
         }
     }
 }

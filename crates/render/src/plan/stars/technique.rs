@@ -9,7 +9,7 @@ use super::{
     cell_sky::CellSkyPlan,
     certificate::{certificate, reported_method},
     cull::{CullSettings, VisibleChunk, distinct_eyes_pc, visible_chunks},
-    deep::{self, DIRECT_CELL_PX, DeepInputs, DeepPlan, MAP_CELL_TEXELS, Residual, Turning},
+    deep::{self, DIRECT_CELL_PX, DeepInputs, DeepPlan, Drawn, Residual, Turning},
     kernels::{GaussianWidth, KernelPlan, kernels_of},
     method::{Accumulator, StarMethod},
     range::{self, OtherLight, Ranges},
@@ -20,11 +20,11 @@ use crate::{
     catalogue::chunks::StarSet,
     photometry::exposure::white_luminance_cd_m2,
     plan::{
-        Approximation, DeepReport, Limits, Plan, PlanError, SkyUse,
+        Approximation, Limits, Plan, PlanError, SkyUse,
         budget::CODES,
         kept::Kept,
         settings::RenderSettings,
-        smooth_light::SkyFace,
+        smooth_light::SkyPart,
         technique::{CheckInputs, PlanInputs, Step, Technique},
     },
     units::{PARSEC_M, illuminance_lx_from_magnitude},
@@ -64,7 +64,7 @@ pub(in crate::plan) struct Stars {
 }
 
 impl Stars {
-    fn cull_settings(inputs: &PlanInputs<'_>, plan: &Plan, faintest_lx: f64) -> CullSettings {
+    pub(in crate::plan) fn cull_settings(inputs: &PlanInputs<'_>, plan: &Plan, faintest_lx: f64) -> CullSettings {
         CullSettings {
             faintest_lx,
             enabled: inputs.culling,
@@ -86,30 +86,44 @@ impl Stars {
         visible
     }
 
-    /// Selects the pages of the scene's deep store, and asks for those that turning views need next. A map of faint light has the light of all of them.
+    /// Selects the pages of the scene's deep store, and asks for those that turning views need next.
     fn select_deep(&mut self, inputs: &PlanInputs<'_>, plan: &mut Plan) -> Result<(), PlanError> {
-        let Some(sky) = inputs.scene.stars.deep.as_ref().filter(|_| plan.smooth_light.map.is_none()) else {
-            return Ok(());
-        };
+        let Some(sky) = inputs.scene.stars.deep.as_ref() else { return Ok(()) };
         let start = Instant::now();
         let settings = &inputs.settings.stars;
-        let in_map = matches!(inputs.sky, SkyUse::Face(_));
+        let map = plan.smooth_light.map.as_ref().map(|sky| sky.map);
+        let part = if let SkyUse::Part(part) = inputs.sky { Some(part.map) } else { None };
+        let drawn = match (map, part) {
+            (Some(map), _) => Drawn::Brighter { from_lx: map.below_lx },
+            (None, Some(map)) => Drawn::Fainter { below_lx: map.below_lx },
+            (None, None) => Drawn::All { seen_cd_m2: plan.display.seen_cd_m2 },
+        };
         let deep = DeepInputs {
             sky,
             camera_pc: plan.views.camera_pc,
             viewports: &plan.views.viewports,
             cull: Self::cull_settings(inputs, plan, plan.stars.faintest_lx),
-            cell_px: if in_map { MAP_CELL_TEXELS } else { DIRECT_CELL_PX },
-            // The map has only light that is faint enough for it.
-            seen_cd_m2: plan.display.seen_cd_m2.filter(|_| !in_map),
+            cell_px: part.map_or(DIRECT_CELL_PX, |map| map.cell_texels()),
+            pixel_sr: None,
+            drawn,
             magnitude_limit: settings.magnitude_limit,
             every_star: settings.every_star,
             skip_damaged: settings.skip_damaged,
             memory_bytes: settings.memory.bytes,
         };
-        plan.stars.deep = deep::select(&deep)?;
-        if !in_map && let Some(turned) = self.turning.ahead(deep.viewports, start) {
-            deep::ask_ahead(&deep, &turned, &plan.stars.deep);
+        let white_cd_m2 = plan.exposure.expected_ev100.map_or(f64::INFINITY, white_luminance_cd_m2);
+        let codes_per_cd_m2 = CODES * inputs.settings.tone_map.greatest_slope() / white_cd_m2;
+        plan.stars.deep = DeepPlan { codes_per_cd_m2, ..deep::select(&deep)? };
+        if part.is_none()
+            && let Some(turned) = self.turning.ahead(deep.viewports, start)
+        {
+            // What the views come to is drawn as part of the map.
+            let ahead = map.map_or(deep, |map| {
+                let pixel_sr = Some(map.texel_rad().powi(2));
+                let drawn = Drawn::Fainter { below_lx: map.below_lx };
+                DeepInputs { drawn, cell_px: map.cell_texels(), pixel_sr, ..deep }
+            });
+            deep::ask_ahead(&ahead, &turned, &plan.stars.deep);
         }
         plan.stars.cull_ms += start.elapsed().as_secs_f64() * 1e3;
         Ok(())
@@ -121,22 +135,10 @@ impl Stars {
         if deep.sky.is_none() {
             return;
         }
-        let Residual { cd_m2, missing } = deep.residual;
-        let white_cd_m2 = plan.exposure.expected_ev100.map_or(f64::INFINITY, white_luminance_cd_m2);
-        let codes = match cd_m2 > 0.0 {
-            true => cd_m2 * CODES * inputs.settings.tone_map.greatest_slope() / white_cd_m2,
-            false => 0.0,
-        };
         let name = "size of the cells whose stars are drawn as composite stars, the root of the area";
-        let in_map = matches!(inputs.sky, SkyUse::Face(_));
-        let most_px = if in_map { MAP_CELL_TEXELS } else { DIRECT_CELL_PX };
+        let most_px = if let SkyUse::Part(part) = inputs.sky { part.map.cell_texels() } else { DIRECT_CELL_PX };
         plan.report.certificate.push(Approximation::new(name, deep.cell_px, "px", Some(most_px)));
-        if missing > 0 {
-            let name = "stars of the deep store that have not been read, in a pixel";
-            plan.report.certificate.push(Approximation::new(name, codes, "codes of 8 bits", Some(0.0)));
-        }
-        plan.report.deep =
-            Some(DeepReport { stars: deep.stars, missing, residual_cd_m2: cd_m2, residual_codes: codes });
+        plan.state_missing_stars(Residual::default());
     }
 
     /// Chooses the units of the sums of light for the visible stars, for points of light, and for the veil that is added to the sums.
@@ -162,7 +164,7 @@ impl Stars {
         let crowd_lx = other.crowd_lx + deep.total_lx;
         let other = OtherLight { crowd_lx, faintest_lx: deep.faintest_lx, many: deep.stars, ..other };
         let mut ranges = range::choose(stars, &plan.stars.visible, &eyes_pc, faintest_lx, plan.views.motion, &other);
-        if let SkyUse::Face(SkyFace { map, .. }) = inputs.sky {
+        if let SkyUse::Part(SkyPart { map, .. }) = inputs.sky {
             ranges.main.brightest_lx = map.below_lx;
             ranges.bright = None;
         }
@@ -173,13 +175,23 @@ impl Stars {
     /// Plans the light of the stars: all of them, or those that are not part of the map of faint light.
     fn plan_light(&mut self, inputs: &PlanInputs<'_>, plan: &mut Plan) -> Result<(), PlanError> {
         let PlanInputs { settings, methods, scene, limits, .. } = *inputs;
+        let is_selected = match self.select_deep(inputs, plan) {
+            // The stars that the map leaves to the frame do not fit into the memory; composite stars may.
+            Err(PlanError::DeepMemory { .. }) if plan.smooth_light.map.is_some() => false,
+            selected => {
+                selected.map(|()| plan.smooth_light.map.as_ref().is_none_or(|sky| sky.pays(plan.stars.deep.stars)))?
+            }
+        };
+        if !is_selected {
+            plan.smooth_light.map = None;
+            self.select_deep(inputs, plan)?;
+        }
         // Visible stars. Without a known exposure they have been selected already, to estimate it.
         let others = plan.smooth_light.map.as_ref().map(|sky| (Arc::clone(&sky.others), sky.map.others_from_lx()));
         let (stars, drawn_from_lx) = others.unwrap_or_else(|| (Arc::clone(&scene.stars), plan.stars.faintest_lx));
         if plan.exposure.known_white_ev100.is_some() {
             plan.stars.visible = Self::cull(inputs, plan, &stars, drawn_from_lx);
         }
-        self.select_deep(inputs, plan)?;
         // Units, kernels and the certificate.
         plan.stars.ranges = Self::ranges(inputs, plan, &stars, drawn_from_lx);
         let viewports = &plan.views.viewports;
@@ -265,6 +277,23 @@ impl Technique for Stars {
             _ => {}
         }
         Ok(())
+    }
+}
+
+/// Approximation of a frame whose stars have not all been read.
+const MISSING_STARS: &str = "stars of the deep store that have not been read, in a pixel";
+
+impl Plan {
+    /// States what is missing of the stars of a deep store: in the frame, and in the map of faint light that it reads.
+    pub(crate) fn state_missing_stars(&mut self, of_map: Residual) {
+        self.stars.deep.residual.add(of_map);
+        let report = self.stars.deep.report();
+        if report.missing > 0 {
+            self.report.certificate.retain(|approximation| approximation.name != MISSING_STARS);
+            let missing = Approximation::new(MISSING_STARS, report.residual_codes, "codes of 8 bits", Some(0.0));
+            self.report.certificate.push(missing);
+        }
+        self.report.deep = Some(report);
     }
 }
 

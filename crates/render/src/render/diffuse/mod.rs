@@ -59,7 +59,7 @@ fn map_of(sky: &DiffuseSky, plan: &Plan) -> SkyMap {
         unit_cd_m2: (TEXEL_UNIT_CD_M2 * plan.glare.share_of_smooth_light()) as f32,
         texels_per_rad: (1.0 / pictures.texel_rad()) as f32,
         side: pictures.side,
-        unused_0: 0,
+        pieces_per_edge: 0,
     }
 }
 

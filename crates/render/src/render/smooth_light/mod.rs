@@ -1,49 +1,106 @@
 //! The map of faint light (`crate::plan::smooth_light`): pictures of the sky are drawn in separate frames and stored as
 //! texels of 32 bits. The resolve pass of frames that read the map adds it to the light of their pixels.
 //!
-//! Shaders: `shaders/smooth_light/`, `shaders/shared/sky_map.wgsl`.
+//! Shaders: `shaders/smooth_light/`, `shaders/shared/sky_map.wgsl`, `shaders/shared/sky_pieces.wgsl`.
 //!
 //! No twin: compared with frames that draw every star: tests/gpu/smooth_light.rs.
 
 pub(crate) mod layout;
+mod pieces;
 
 use std::sync::{Arc, OnceLock};
 
+use bytemuck::Zeroable;
+
+use self::pieces::{Lack, Pieces};
 use super::{
     RenderError,
     layout::SkyMap as SkyMapLayout,
     shader::Shader,
     targets::{SkyTexels, Targets},
-    technique::{FrameInputs, Holding, Phase, Recording, Series, Technique, begin_pass},
+    technique::{FrameInputs, Holding, MapState, Phase, Recording, Series, Technique, begin_pass},
 };
 use crate::{
     catalogue::chunks::StarSet,
     gpu::{Gpu, GrowingBuffer, bind_in_order},
     plan::{
         Plan,
-        smooth_light::{SkyFace, SkyMap, SkyPlan},
+        smooth_light::{PIECE_WORDS, SkyLayout, SkyMap, SkyPart, SkyPlan},
+        stars::{
+            cull::MAX_VIEWPORTS,
+            deep::{DeepPlan, Residual},
+        },
     },
     scene::SceneSnapshot,
-    sky_pictures::SKY_FACES,
 };
+
+/// The pictures of a map that have been drawn.
+enum Drawn {
+    /// Bit i: picture i of the whole sky.
+    Whole(u32),
+    /// Pieces.
+    Pieces(Pieces),
+}
 
 /// A complete or incomplete map.
 struct Held {
     stars: Arc<StarSet>,
     map: SkyMap,
-    /// Bit i: picture i has been drawn.
-    faces: u32,
+    drawn: Drawn,
+}
+
+impl Held {
+    fn is(&self, map: &SkyMap, stars: &Arc<StarSet>) -> bool {
+        self.map == *map && Arc::ptr_eq(&self.stars, stars)
+    }
 }
 
 /// Map of one series of frames.
 struct SeriesMap {
     held: Option<Held>,
+    /// The map that the last frame could have read.
+    last: Option<SkyMap>,
     texels: GrowingBuffer,
+    /// Where the pictures that are drawn now are stored, by viewport.
+    packed: Vec<layout::PackedPicture>,
 }
 
 impl SeriesMap {
     fn new() -> Self {
-        Self { held: None, texels: GrowingBuffer::new("smooth light", wgpu::BufferUsages::STORAGE) }
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        Self { held: None, last: None, texels: GrowingBuffer::new("smooth light", usage), packed: Vec::new() }
+    }
+
+    /// Finds places for the pictures of a part that is drawn now.
+    fn place(&mut self, gpu: &Gpu, part: &SkyPart, deep: &DeepPlan) {
+        let Some(Held { drawn, .. }) = &mut self.held else { return };
+        self.packed.clear();
+        for (viewport, number) in part.numbers().iter().enumerate() {
+            let (first_texel, width) = match (&mut *drawn, part.map.layout) {
+                (Drawn::Whole(pictures), SkyLayout::Whole { side }) => {
+                    *pictures |= 1 << number;
+                    (number * side * side, side)
+                }
+                (Drawn::Pieces(pieces), _) => {
+                    let residual = deep.residuals.get(viewport).copied().unwrap_or_default();
+                    let lack = (residual.missing > 0).then(|| Lack { residual, keys: deep.missing.clone() });
+                    let (place, lost) = pieces.draw(*number, lack);
+                    let (width, words) = pieces.words(*number);
+                    let first = pieces.first_word(place);
+                    if let Some(texels) = self.texels.held() {
+                        let at = |word: u32| u64::from(word) * 4;
+                        gpu.queue.write_buffer(texels, at(first), bytemuck::cast_slice(&words));
+                        gpu.queue.write_buffer(texels, at(*number), &first.to_le_bytes());
+                        if let Some(lost) = lost {
+                            gpu.queue.write_buffer(texels, at(lost), &0_u32.to_le_bytes());
+                        }
+                    }
+                    (first + PIECE_WORDS, width)
+                }
+                (Drawn::Whole(_), SkyLayout::Pieces(_)) => unreachable!("a map keeps its layout"),
+            };
+            self.packed.push(layout::PackedPicture { first_texel, width, unused_0: 0, unused_1: 0 });
+        }
     }
 }
 
@@ -59,7 +116,7 @@ impl SmoothLight {
         Self { pack: OnceLock::new(), maps: Vec::new() }
     }
 
-    fn pack(&self, recording: &mut Recording<'_>, face: &SkyFace, batch: usize) {
+    fn pack(&self, recording: &mut Recording<'_>, part: &SkyPart, batch: usize) {
         let gpu = recording.gpu;
         let map = &self.maps[recording.frame.series.slot];
         let Some(texels) = map.texels.held() else {
@@ -68,13 +125,16 @@ impl SmoothLight {
         let picture = recording.targets.picture(batch);
         let parameters = layout::PackParameters {
             plane_pixels: picture.plane_pixels,
-            side: face.map.side,
-            first_texel: face.number * face.map.side * face.map.side,
-            units_per_cd_m2: (1.0 / face.map.unit_cd_m2) as f32,
+            units_per_cd_m2: (1.0 / part.map.unit_cd_m2) as f32,
+            unused_0: 0,
+            unused_1: 0,
         };
+        let mut packed = [layout::PackedPicture::zeroed(); MAX_VIEWPORTS];
+        packed[..map.packed.len()].copy_from_slice(&map.packed);
         let parameters = gpu.frame_uniform("smooth light parameters", &parameters);
+        let packed = gpu.frame_uniform("smooth light pictures", &packed);
         let pipeline = self.pack.get_or_init(|| gpu.compute_pipeline(&Shader::new("smooth_light/pack").source()));
-        let buffers = [&parameters, picture.tiles, picture.pixels, texels];
+        let buffers = [&parameters, picture.tiles, picture.pixels, texels, &packed];
         let group = bind_in_order(gpu, pipeline, 0, &buffers);
         let [columns, rows, tiles] = recording.targets.batches[batch].grid;
         let mut pass = begin_pass(recording.encoder, recording.timer, "smooth light");
@@ -95,12 +155,57 @@ impl Technique for SmoothLight {
         Ok(())
     }
 
-    fn missing(&self, plan: &Plan, scene: &SceneSnapshot, series: Series) -> Vec<SkyFace> {
-        let Some(map) = plan.smooth_light.map.as_ref().map(|sky| sky.map) else { return Vec::new() };
-        let held = self.maps.get(series.slot).and_then(|map| map.held.as_ref());
-        let held = held.filter(|held| held.map == map && Arc::ptr_eq(&held.stars, &scene.stars));
-        let present = held.map_or(0, |held| held.faces);
-        (0..SKY_FACES).filter(|number| present & 1 << number == 0).map(|number| SkyFace { map, number }).collect()
+    fn map_parts(&mut self, gpu: &Gpu, plan: &Plan, scene: &SceneSnapshot, series: Series) -> Vec<SkyPart> {
+        self.maps.resize_with(series.slots, SeriesMap::new);
+        let own = &mut self.maps[series.slot];
+        let Some(SkyPlan { map, read, .. }) = &plan.smooth_light.map else {
+            own.last = None;
+            return Vec::new();
+        };
+        own.last = Some(*map);
+        let has_room = |drawn: &Drawn| match drawn {
+            Drawn::Whole(_) => true,
+            Drawn::Pieces(pieces) => pieces.have_room(read.len()),
+        };
+        if own.held.as_ref().is_none_or(|held| !held.is(map, &scene.stars) || !has_room(&held.drawn)) {
+            let (drawn, bytes) = match map.layout {
+                SkyLayout::Whole { side } => {
+                    (Drawn::Whole(0), 4 * u64::from(side) * u64::from(side) * read.len() as u64)
+                }
+                SkyLayout::Pieces(grid) => {
+                    let pieces = Pieces::new(grid, read.len(), gpu.max_binding_bytes());
+                    let bytes = pieces.bytes();
+                    (Drawn::Pieces(pieces), bytes)
+                }
+            };
+            own.texels.with_room(gpu, bytes);
+            own.held = Some(Held { stars: Arc::clone(&scene.stars), map: *map, drawn });
+        }
+        let to_draw = match own.held.as_mut().map(|held| &mut held.drawn) {
+            Some(Drawn::Whole(drawn)) => read.iter().copied().filter(|number| *drawn & 1 << number == 0).collect(),
+            Some(Drawn::Pieces(pieces)) => pieces.to_draw(read, |lack| are_read(scene, lack)),
+            None => Vec::new(),
+        };
+        SkyPart::of(*map, &to_draw)
+    }
+
+    fn map_state(&self, plan: &Plan, series: Series) -> MapState {
+        let held = self.maps.get(series.slot).and_then(|own| own.held.as_ref());
+        match (&plan.smooth_light.map, held.map(|held| &held.drawn)) {
+            (None, _) => MapState { is_drawn: true, lack: Residual::default() },
+            (Some(SkyPlan { read, .. }), Some(Drawn::Whole(drawn))) => {
+                MapState { is_drawn: read.iter().all(|number| drawn & 1 << number != 0), lack: Residual::default() }
+            }
+            (Some(SkyPlan { read, .. }), Some(Drawn::Pieces(pieces))) => {
+                MapState { is_drawn: pieces.are_drawn(read), lack: pieces.lack(read) }
+            }
+            (Some(_), None) => MapState { is_drawn: false, lack: Residual::default() },
+        }
+    }
+
+    fn is_new_map(&self, plan: &Plan, series: Series) -> bool {
+        let map = plan.smooth_light.map.as_ref().map(|sky| sky.map);
+        map.is_some() && self.maps.get(series.slot).is_none_or(|own| own.last != map)
     }
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
@@ -108,33 +213,42 @@ impl Technique for SmoothLight {
         let own = &mut self.maps[frame.series.slot];
         if let (Some(SkyPlan { map, .. }), Some(texels)) = (&frame.plan.smooth_light.map, own.texels.held()) {
             let unit_cd_m2 = map.unit_cd_m2 * frame.plan.glare.share_in_sums();
+            let (side, pieces_per_edge) = match map.layout {
+                SkyLayout::Whole { side } => (side, 0),
+                SkyLayout::Pieces(grid) => (0, grid.per_edge),
+            };
             let sky_map = SkyMapLayout {
                 unit_cd_m2: unit_cd_m2 as f32,
                 texels_per_rad: (1.0 / map.texel_rad()) as f32,
-                side: map.side,
-                unused_0: 0,
+                side,
+                pieces_per_edge,
             };
             targets.sky = Some(SkyTexels { map: sky_map, texels: texels.clone() });
         }
-        let Some(SkyFace { map, number }) = frame.plan.smooth_light.face else { return };
-        let stars = &frame.scene.stars;
-        if own.held.as_ref().is_none_or(|held| held.map != map || !Arc::ptr_eq(&held.stars, stars)) {
-            own.texels.with_room(gpu, 4 * map.texels());
-            own.held = Some(Held { stars: Arc::clone(stars), map, faces: 0 });
-        }
-        if let Some(held) = &mut own.held {
-            held.faces |= 1 << number;
+        if let Some(part) = &frame.plan.smooth_light.part {
+            own.place(gpu, part, &frame.plan.stars.deep);
         }
     }
 
     fn record(&mut self, phase: Phase, recording: &mut Recording<'_>) {
-        // Pack the picture after the resolve pass of the same phase, which comes earlier in the order of techniques.
-        if let (Phase::Resolve(batch), Some(face)) = (phase, recording.frame.plan.smooth_light.face) {
-            self.pack(recording, &face, batch);
+        // Pack the pictures after the resolve pass of the same phase, which comes earlier in the order of techniques.
+        if let (Phase::Resolve(batch), Some(part)) = (phase, recording.frame.plan.smooth_light.part) {
+            self.pack(recording, &part, batch);
         }
     }
 
     fn release(&mut self) {
         self.maps.clear();
     }
+}
+
+/// Whether stars that were missing are in memory by now; otherwise they are asked for again.
+fn are_read(scene: &SceneSnapshot, lack: &Lack) -> bool {
+    let Some(sky) = &scene.stars.deep else { return false };
+    let absent: Vec<_> = lack.keys.iter().zip(sky.pages_of(&lack.keys)).filter(|(_, page)| page.is_none()).collect();
+    let wants: Vec<_> = absent.iter().map(|(key, _)| (**key, lack.residual.cd_m2)).collect();
+    if !wants.is_empty() {
+        sky.ask(&wants);
+    }
+    wants.is_empty()
 }

@@ -177,18 +177,17 @@ pub(super) fn push_pages(
         let tiles_of = tiles_of(batch);
         for segment in 0..segments {
             let first_item = items.len();
-            for (VisiblePage { page, viewports }, place) in visible.iter().zip(places) {
+            for (VisiblePage { page, viewports, count }, place) in visible.iter().zip(places) {
                 let tiles = tiles_of(*viewports);
                 if place.segment != segment || tiles == 0 {
                     continue;
                 }
-                let count = page.stars.len() as u32;
                 let numbers = first_number(page.key);
-                for start in (0..count).step_by(ITEM_STARS as usize) {
+                for start in (0..*count).step_by(ITEM_STARS as usize) {
                     items.push(layout::StarItem {
                         origin: page.centre.to_array(),
                         first: place.first + start,
-                        count: (count - start).min(ITEM_STARS),
+                        count: (*count - start).min(ITEM_STARS),
                         tiles,
                         first_number: numbers.wrapping_add(start),
                         form: if page.key.is_composite() { COMPOSITES_OF_PAGE } else { STARS_OF_PAGE },

@@ -6,7 +6,7 @@ use crate::{
     gpu::{self, Gpu, Variants, dispatch_rows},
     photometry::blackbody::ln_luminance_cd_m2,
     plan::{
-        Plan,
+        Plan, SmoothLightPlan,
         stars::{
             range::FixedPoint,
             travel::{SHIFTED_STEPS, TABLE_STEPS, colour_of_step, temperature_of_shifted_step_k},
@@ -90,7 +90,11 @@ impl StarPass {
     ) {
         let occlusion = &sums.occlusion;
         let mut of_pages = None;
-        // Stars of pages are too faint for the separate sums of bright ones, and no map leaves them out.
+        // The limit between a frame and the map of faint light that it reads.
+        let SmoothLightPlan { map, part } = &plan.smooth_light;
+        let read_lx = map.as_ref().map(|sky| sky.map.below_lx);
+        let drawn_lx = part.as_ref().map(|part| part.map.below_lx);
+        // Stars of pages are too faint for the separate sums of bright ones.
         for draw in draws.iter().filter(|draw| !(draw.from_pages && is_bright)) {
             let pipeline = &self.pipeline(gpu, occlusion.present, draw.from_pages);
             if of_pages != Some(draw.from_pages) {
@@ -102,8 +106,11 @@ impl StarPass {
             let [items_per_row, rows] = dispatch_rows(gpu, draw.item_count);
             let parameters = layout::StarParameters {
                 units_per_lx: range.units_per_lx as f32,
-                faintest_lx: range.faintest_lx as f32,
-                brightest_lx: if draw.from_pages { f32::INFINITY } else { range.brightest_lx as f32 },
+                faintest_lx: read_lx.filter(|_| draw.from_pages).unwrap_or(range.faintest_lx) as f32,
+                brightest_lx: match draw.from_pages {
+                    true => drawn_lx.map_or(f32::INFINITY, |lx| lx as f32),
+                    false => range.brightest_lx as f32,
+                },
                 item_count: draw.item_count,
                 items_per_row,
                 camera: plan.views.camera_pc.as_vec3().to_array(),

@@ -1,19 +1,22 @@
-//! The map of faint light: six round pictures of the whole sky, fixed in the world, which contain the sum of all stars that are only a few
+//! The map of faint light: pictures of the sky, fixed in the world, which contain the sum of all stars that are only a few
 //! steps bright in a display image. A frame reads the map pixel by pixel, so that its cost does not depend on the number of these
 //! stars. The map is made again for another camera position, and is reused while the camera turns.
 //!
-//! The pictures are those of [`crate::sky_pictures`]: no star is cut by an edge. A star is divided among nine texels (the quadratic B-spline), and a
+//! Wide views read the six round pictures of the whole sky of [`crate::sky_pictures`]. The texels of narrow windows are too small for that: they read
+//! the pieces of [`pieces`], of which only those in view are drawn. In both, no star is cut by an edge.
+//!
+//! A star is divided among nine texels (the quadratic B-spline), and a
 //! pixel is interpolated between four (the tent): on average a variance of (1/4 + 1/6) texels^2. [`TEXEL_PX`] makes it equal to that of the tent, 1/6 px^2,
 //! with which exact images draw such stars. With the tent in both places, the error would vary more with the place of a star among the texels.
 
-use std::{
-    f64::consts::PI,
-    sync::{Arc, Weak},
-};
+pub mod pieces;
+
+use std::sync::{Arc, Weak};
 
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
+use self::pieces::{PIECE_SIDE, PieceFrame, PieceGrid, SIZES_PER_OCTAVE};
 use super::{
     Approximation, Limits, Plan, PlanError, SkyUse,
     budget::ErrorBudget,
@@ -22,8 +25,9 @@ use super::{
     kept::Kept,
     settings::{ExposureSettings, GlareMethod, RenderSettings, StarMethod},
     stars::{
-        cull::{light_at, near_stars},
-        deep::DIRECT_CELL_PX,
+        Stars,
+        cull::{CullSettings, Field, light_at, near_stars},
+        deep::{DIRECT_CELL_PX, layers_from},
     },
     technique::{PlanInputs, Step, Technique},
 };
@@ -31,20 +35,31 @@ use crate::{
     catalogue::{
         StarRecord,
         chunks::{Chunk, StarSet},
-        deep::LAYERS,
+        deep::{
+            BUCKET_ORDER, BUCKETS, LAYERS,
+            index::Segments,
+            live::{
+                PageKey,
+                detail::{Detail, cell_rad_of},
+            },
+        },
         packed::{PackedStar, temperature_of_step_k},
     },
     photometry::glare::GlareKernelName,
-    sky_pictures::{SkyPictures, world_from_face},
-    units::{PARSEC_M, illuminance_lx_from_magnitude, magnitude_from_illuminance_lx},
+    sky_pictures::{SKY_FACES, SkyPictures, world_from_face},
+    units::{PARSEC_M, magnitude_from_illuminance_lx},
     view::{
         Rig, RigError, View, ViewKind, Viewport,
-        projection::{FisheyeMapping, Projection},
+        projection::{BoundingCone, FisheyeMapping, Projection},
     },
 };
 
 /// Side of a texel at the centre of a view, pixels.
-pub(super) const TEXEL_PX: f64 = 0.632;
+const TEXEL_PX: f64 = 0.632;
+/// The same in pieces of a map of a deep store, whose stars exact images draw with the B-spline: its variance is 1/4 px^2.
+const TEXEL_OF_DEEP_PX: f64 = 0.775;
+/// Largest cell of the composite stars of a deep store, pixels: less than [`DIRECT_CELL_PX`], because interpolation adds to the error.
+const CELL_PX: f64 = 0.66;
 /// Illuminance of the brightest star of the map over the solid angle of the smallest pixel, in steps of the display image.
 const BRIGHTEST_STEPS: f64 = 1.8;
 /// Least ratio of the smallest pixel to the central one (solid angles), and greatest ratio of the central pixels of two views, for which
@@ -53,6 +68,23 @@ const LEAST_PIXEL_RATIO: f64 = 0.45;
 const MOST_VIEW_RATIO: f64 = 1.25;
 /// Greatest distance of an eye from the camera for which the map's stars have the right direction.
 const FARTHEST_EYE_M: f64 = 1e9;
+
+/// Number of pictures that are drawn in one frame of their own.
+pub const PICTURES_AT_ONCE: usize = 16;
+/// Words of a piece before its texels.
+pub const PIECE_WORDS: u32 = 12;
+
+/// Pictures of a map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SkyLayout {
+    /// Six round pictures of the whole sky, of this side in texels.
+    Whole {
+        /// Side of a picture.
+        side: u32,
+    },
+    /// Pieces, of which those in view are drawn.
+    Pieces(PieceGrid),
+}
 
 /// A map that a frame reads.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,17 +97,19 @@ pub struct SkyMap {
     pub faintest_lx: f64,
     /// Unit of its texels: a step of the display image, cd/m^2.
     pub unit_cd_m2: f64,
-    /// Side of a picture, texels.
-    pub side: u32,
+    /// Its pictures.
+    pub layout: SkyLayout,
+    /// Side of a texel at the centre of a view for which it was made, pixels.
+    texel_px: f64,
 }
 
-/// One of the pictures of a map.
+/// Pictures of a map that are drawn together.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SkyFace {
+pub struct SkyPart {
     /// The map.
     pub map: SkyMap,
-    /// Index of the picture: +x, +y, +z, -x, -y, -z of the world.
-    pub number: u32,
+    numbers: [u32; PICTURES_AT_ONCE],
+    count: usize,
 }
 
 impl SkyMap {
@@ -84,18 +118,17 @@ impl SkyMap {
         self.place_pc * PARSEC_M
     }
 
-    fn pictures(&self) -> SkyPictures {
-        SkyPictures { side: self.side }
-    }
-
-    /// Half of a picture's field of view, rad.
-    pub fn half_fov_rad(&self) -> f64 {
-        0.5 * f64::from(self.side) * self.texel_rad()
-    }
-
-    /// Angle of a texel along the radius, rad.
+    /// Angle of a texel along the radius, rad; of pieces its tangent at their centre.
     pub fn texel_rad(&self) -> f64 {
-        self.pictures().texel_rad()
+        match self.layout {
+            SkyLayout::Whole { side } => SkyPictures { side }.texel_rad(),
+            SkyLayout::Pieces(grid) => grid.texel,
+        }
+    }
+
+    /// Largest cell of composite stars in its pictures, the root of its area over that of a texel.
+    pub fn cell_texels(&self) -> f64 {
+        CELL_PX / self.texel_px
     }
 
     /// Least illuminance of the stars outside the map, lx, with a margin for the rounding of their positions in other chunks.
@@ -103,25 +136,48 @@ impl SkyMap {
         self.below_lx * (1.0 - 1e-5)
     }
 
-    /// Number of texels of all pictures.
-    pub fn texels(&self) -> u64 {
-        self.pictures().texels()
+    fn view(&self, number: u32) -> Result<View, RigError> {
+        let (kind, world_from_view) = match self.layout {
+            SkyLayout::Whole { side } => {
+                let fov_rad = f64::from(side) * self.texel_rad();
+                let kind = ViewKind::Fisheye { size: [side; 2], mapping: FisheyeMapping::Equidistant, fov_rad };
+                (kind, world_from_face(number))
+            }
+            SkyLayout::Pieces(grid) => {
+                let PieceFrame { world_from_piece, size } = grid.frame(number);
+                let fov_y_rad = 2.0 * (0.5 * f64::from(size[1]) * grid.texel).atan();
+                (ViewKind::Perspective { size, fov_y_rad }, world_from_piece)
+            }
+        };
+        View::new(&format!("sky-{number}"), kind, DQuat::from_mat3(&world_from_view), DVec3::ZERO)
     }
 }
 
-impl SkyFace {
-    /// The picture as a rig of one view, for a camera along the world axes.
+impl SkyPart {
+    /// Divides pictures of a map among frames.
+    pub fn of(map: SkyMap, numbers: &[u32]) -> Vec<Self> {
+        let at_once = if matches!(map.layout, SkyLayout::Whole { .. }) { 1 } else { PICTURES_AT_ONCE };
+        let part = |some: &[u32]| {
+            let mut numbers = [0; PICTURES_AT_ONCE];
+            numbers[..some.len()].copy_from_slice(some);
+            Self { map, numbers, count: some.len() }
+        };
+        numbers.chunks(at_once).map(part).collect()
+    }
+
+    /// Numbers of the pictures: of the whole sky +x, +y, +z, -x, -y, -z of the world.
+    pub fn numbers(&self) -> &[u32] {
+        &self.numbers[..self.count]
+    }
+
+    /// The pictures as a rig, for a camera along the world axes.
     ///
     /// # Errors
     ///
     /// None for a map within the limits.
     pub fn rig(&self) -> Result<Rig, RigError> {
-        let kind = ViewKind::Fisheye {
-            size: [self.map.side; 2],
-            mapping: FisheyeMapping::Equidistant,
-            fov_rad: 2.0 * self.map.half_fov_rad(),
-        };
-        Rig::new(vec![View::new("sky", kind, DQuat::from_mat3(&world_from_face(self.number)), DVec3::ZERO)?])
+        let views: Result<Vec<View>, RigError> = self.numbers().iter().map(|number| self.map.view(*number)).collect();
+        Rig::new(views?)
     }
 
     /// Settings for drawing the picture: only the faint stars, without glare.
@@ -137,15 +193,15 @@ impl SkyFace {
 
 /// Inputs for the choice of a map.
 struct SkyInputs<'a> {
-    pub settings: &'a RenderSettings,
-    pub stars: &'a Arc<StarSet>,
-    pub camera_pc: DVec3,
+    settings: &'a RenderSettings,
+    stars: &'a Arc<StarSet>,
+    camera_pc: DVec3,
     /// Drawn viewports.
-    pub viewports: &'a [Viewport],
+    viewports: &'a [Viewport],
+    cull: CullSettings,
     /// Step of the display image, cd/m^2.
-    pub step_cd_m2: f64,
-    pub faintest_lx: f64,
-    pub limits: &'a Limits,
+    step_cd_m2: f64,
+    limits: &'a Limits,
 }
 
 /// A map that a frame reads, and the stars that it contains or leaves.
@@ -153,10 +209,25 @@ struct SkyInputs<'a> {
 pub struct SkyPlan {
     /// The map.
     pub map: SkyMap,
-    /// Number of stars in the map.
+    /// Number of stars in the map over the whole sky. Of a deep store those of the layers of which the frame draws none itself.
     pub in_map: u64,
+    /// Number of stars of each chunk of the scene in the map.
+    in_map_of_chunk: Arc<[u64]>,
     /// The other stars, in separate, full chunks, since only few stars of each chunk of the scene are left.
     pub others: Arc<StarSet>,
+    /// Numbers of the pictures that the frame reads.
+    pub read: Arc<[u32]>,
+    /// Number of stars and composite stars of a deep store that the views would draw without the map; and by how many at least the map must reduce it to
+    /// be worth its cost.
+    deep_in_view: [f64; 2],
+}
+
+impl SkyPlan {
+    /// Whether the map is worth its cost if the frame still draws this number of stars of a deep store itself.
+    pub(super) fn pays(&self, drawn: u64) -> bool {
+        let [without, least] = self.deep_in_view;
+        without - drawn as f64 >= least
+    }
 }
 
 /// The map of faint light of a frame.
@@ -164,8 +235,8 @@ pub struct SkyPlan {
 pub struct SmoothLightPlan {
     /// The map that the frame reads; `None`: it draws all stars individually.
     pub map: Option<SkyPlan>,
-    /// The picture of a map that the frame draws.
-    pub face: Option<SkyFace>,
+    /// The pictures of a map that the frame draws.
+    pub part: Option<SkyPart>,
 }
 
 /// Plans [`SmoothLightPlan`], and keeps how the last map divides the stars.
@@ -177,31 +248,50 @@ pub(super) struct SmoothLight {
 impl SmoothLight {
     /// Chooses the map for these views and divides the stars; `None`: no map fits, or it is not worth its cost.
     fn choose(&mut self, inputs: &SkyInputs<'_>) -> Option<SkyPlan> {
-        let map = fitting(inputs)?;
-        // The light of a deep store cannot be divided between map and frame.
-        let deep_from_lx = illuminance_lx_from_magnitude(f64::from(LAYERS[0].magnitude));
-        if inputs.stars.deep.is_some() && map.below_lx < deep_from_lx {
-            return None;
-        }
         let SkyInputs { stars, viewports, .. } = inputs;
+        let (map, read) = fitting(inputs)?;
         let pixels: f64 = viewports.iter().map(|viewport| viewport.size().map(f64::from).iter().product::<f64>()).sum();
-        let share: f64 = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum::<f64>() / (4.0 * PI);
-        let pays = |in_map: f64| in_map * share >= costs::BUILT_IN.map_from_stars_per_pixel * pixels;
-        // The composite stars of a deep store, if they were drawn directly.
-        let deep = stars.deep.as_ref().map_or(0.0, |deep| {
-            let cells = 4.0 * PI / (DIRECT_CELL_PX * finest_pixel_rad(viewports).unwrap_or(PI)).powi(2);
-            cells.min(deep.store().index().stars() as f64)
-        });
+        let pays_from = costs::BUILT_IN.map_from_stars_per_pixel * pixels;
+        let deep = deep_in_view(inputs);
         // Check before dividing the stars.
-        if !pays(stars.stars.len() as f64 + deep) {
+        if in_view(inputs, &|chunk| stars.chunks[chunk].count.into()) + deep < pays_from {
             return None;
         }
         let is_of = |held: &Weak<StarSet>| held.upgrade().is_some_and(|held| Arc::ptr_eq(&held, stars));
         let held = self.divided.as_ref().filter(|(set, divided)| divided.map == map && is_of(set));
         let divided = held.map_or_else(|| divide(stars, map), |(_, divided)| divided.clone());
+        let of_chunks = in_view(inputs, &|chunk| divided.in_map_of_chunk[chunk]);
+        let divided = SkyPlan { read, deep_in_view: [deep, pays_from - of_chunks], ..divided };
         self.divided = Some((Arc::downgrade(stars), divided.clone()));
-        pays(divided.in_map as f64 + deep).then_some(divided)
+        divided.pays(0).then_some(divided)
     }
+}
+
+/// Number of stars that views see, from the number in each chunk.
+fn in_view(inputs: &SkyInputs<'_>, of_chunk: &(dyn Fn(usize) -> u64 + Sync)) -> f64 {
+    let SkyInputs { stars, camera_pc, viewports, cull, .. } = inputs;
+    let fields: Vec<Field> = viewports.iter().map(|viewport| Field::new(viewport, cull)).collect();
+    let chunks = stars.chunks.par_iter().enumerate();
+    let seen = chunks.filter(|(_, chunk)| fields.iter().any(|field| field.may_see(chunk, *camera_pc)));
+    seen.map(|(index, _)| of_chunk(index)).sum::<u64>() as f64
+}
+
+/// Number of stars and composite stars of a deep store that these views would draw without a map.
+fn deep_in_view(inputs: &SkyInputs<'_>) -> f64 {
+    let SkyInputs { stars, viewports, cull, .. } = inputs;
+    let Some((deep, pixel_rad)) = stars.deep.as_ref().zip(finest_pixel_rad(viewports)) else { return 0.0 };
+    let fields: Vec<Field> = viewports.iter().map(|viewport| Field::new(viewport, cull)).collect();
+    let cells = (cell_rad_of(BUCKET_ORDER) / (DIRECT_CELL_PX * pixel_rad)).powi(2);
+    let of_bucket = |bucket: u64| {
+        let (axis, half_angle_rad) = PageKey::Tile { plane: 0, cell: bucket as u32 }.cone();
+        let is_seen = fields.iter().any(|field| field.touches_cone(BoundingCone { axis, half_angle_rad }));
+        let mut count = 0_u64;
+        if is_seen {
+            Detail::Stars.pages(bucket, LAYERS.len(), |leaf| count += u64::from(leaf.stars(deep.store())));
+        }
+        cells.min(count as f64)
+    };
+    (0..BUCKETS).into_par_iter().map(of_bucket).sum()
 }
 
 impl Technique for SmoothLight {
@@ -226,12 +316,12 @@ impl Technique for SmoothLight {
                         stars: &inputs.scene.stars,
                         camera_pc: plan.views.camera_pc,
                         viewports: &plan.views.viewports,
+                        cull: Stars::cull_settings(inputs, plan, plan.stars.faintest_lx),
                         step_cd_m2,
-                        faintest_lx: plan.stars.faintest_lx,
                         limits: inputs.limits,
                     })
                 });
-                plan.smooth_light.face = if let SkyUse::Face(face) = inputs.sky { Some(face) } else { None };
+                plan.smooth_light.part = if let SkyUse::Part(part) = inputs.sky { Some(part) } else { None };
             }
             Step::Report => {
                 let read = plan.smooth_light.map.as_ref().zip(plan.display.step_cd_m2.zip(plan.display.budget));
@@ -254,24 +344,67 @@ fn map_error(map: &SkyMap, viewports: &[Viewport], step_cd_m2: f64, budget: Erro
     budget.bound_in_steps(name, steps, BRIGHTEST_STEPS * (1.0 + 1e-9))
 }
 
-fn fitting(inputs: &SkyInputs<'_>) -> Option<SkyMap> {
-    let SkyInputs { settings, viewports, step_cd_m2, faintest_lx, .. } = *inputs;
+/// The map for these views, with the numbers of the pictures that they read: of the whole sky, or in pieces.
+fn fitting(inputs: &SkyInputs<'_>) -> Option<(SkyMap, Arc<[u32]>)> {
+    let SkyInputs { settings, viewports, step_cd_m2, cull, limits, .. } = *inputs;
     if settings.stars.method != StarMethod::Auto {
         return None;
     }
-    let middle = finest_pixel_rad(viewports)?;
-    let smallest_sr = viewports.iter().map(|v| v.projection.smallest_pixel_sr()).fold(f64::INFINITY, f64::min);
-    let map = SkyMap {
+    let pixel_rad = finest_pixel_rad(viewports)?;
+    let map = |below_lx: f64, texel_px: f64, layout: SkyLayout| SkyMap {
         place_pc: map_place_pc(inputs.camera_pc),
-        below_lx: BRIGHTEST_STEPS * step_cd_m2 * smallest_sr,
-        faintest_lx,
+        below_lx,
+        faintest_lx: cull.faintest_lx,
         unit_cd_m2: step_cd_m2,
-        side: SkyPictures::of_texels(TEXEL_PX * middle).side,
+        layout,
+        texel_px,
     };
-    (4 * map.texels() <= inputs.limits.max_binding_bytes
-        && map.side <= inputs.limits.max_view_side_px
-        && map.below_lx > faintest_lx)
-        .then_some(map)
+    let smallest_sr = viewports.iter().map(|v| v.projection.smallest_pixel_sr()).fold(f64::INFINITY, f64::min);
+    let whole = SkyPictures::of_texels(TEXEL_PX * pixel_rad);
+    let whole_below_lx = BRIGHTEST_STEPS * step_cd_m2 * smallest_sr;
+    // Layers of a deep store that are drawn one by one.
+    let layers = |below_lx: f64| if inputs.stars.deep.is_some() { layers_from(below_lx) } else { 0 };
+    let is_whole = 4 * whole.texels() <= limits.max_binding_bytes
+        && whole.side <= limits.max_view_side_px
+        // For pictures of the whole sky, all stars of such a layer would have to be read.
+        && layers(whole_below_lx) == 0;
+    let (map, read) = if is_whole {
+        let layout = SkyLayout::Whole { side: whole.side };
+        (map(whole_below_lx, TEXEL_PX, layout), (0..SKY_FACES).collect())
+    } else {
+        let texel_px = if inputs.stars.deep.is_some() { TEXEL_OF_DEEP_PX } else { TEXEL_PX };
+        let grid = PieceGrid::of_texels(texel_px * pixel_rad)?;
+        // The limit of a star's light keeps its value while a zoom does not change the texels.
+        let area_sr = (grid.texel / texel_px).powi(2);
+        let kept = 2.0 / SIZES_PER_OCTAVE;
+        let ratio = (((smallest_sr / area_sr).log2() / kept).floor() * kept).exp2();
+        let map = map(BRIGHTEST_STEPS * step_cd_m2 * area_sr * ratio, texel_px, SkyLayout::Pieces(grid));
+        (map, pieces_in(&grid, viewports, &cull))
+    };
+    let words = match map.layout {
+        SkyLayout::Whole { .. } => 0,
+        SkyLayout::Pieces(grid) => piece_words(&grid, read.len() as u64),
+    };
+    let is_possible = 4 * words <= limits.max_binding_bytes
+        && map.below_lx > cull.faintest_lx
+        // With all layers one by one there are no composite stars for the map.
+        && layers(map.below_lx) < LAYERS.len();
+    is_possible.then_some((map, read))
+}
+
+/// Words of a map with places for this number of pieces: the table of the pieces, then the pieces.
+pub fn piece_words(grid: &PieceGrid, places: u64) -> u64 {
+    u64::from(grid.pieces()) + places * u64::from(PIECE_WORDS + PIECE_SIDE * PIECE_SIDE)
+}
+
+/// The pieces that views see.
+fn pieces_in(grid: &PieceGrid, viewports: &[Viewport], cull: &CullSettings) -> Arc<[u32]> {
+    let fields: Vec<Field> = viewports.iter().map(|viewport| Field::new(viewport, cull)).collect();
+    let sees = |number: &u32| {
+        let (cone, corners) = (grid.cone(*number), grid.corners(*number));
+        fields.iter().any(|field| field.touches_polygon(cone, &corners))
+    };
+    (0..grid.pieces()).into_par_iter().filter(sees).collect::<Vec<u32>>().into()
 }
 
 /// Whether the texels of one map have the right size for all of these views.
@@ -314,9 +447,19 @@ fn divide(set: &StarSet, map: SkyMap) -> SkyPlan {
         (in_map, others)
     };
     let divided: Vec<_> = set.chunks.par_iter().map(of_chunk).collect();
-    let in_map = divided.iter().map(|(in_map, _)| in_map).sum();
-    let others = divided.into_iter().flat_map(|(_, others)| others).collect();
-    SkyPlan { map, in_map, others: Arc::new(StarSet::from_records(others)) }
+    let (in_map_of_chunk, others): (Vec<u64>, Vec<Vec<StarRecord>>) = divided.into_iter().unzip();
+    let of_deep = set.deep.as_ref().map_or(0, |deep| {
+        let layers = &deep.store().index().leaves[layers_from(map.below_lx)..];
+        layers.iter().map(Segments::stars).sum()
+    });
+    SkyPlan {
+        map,
+        in_map: in_map_of_chunk.iter().sum::<u64>() + of_deep,
+        in_map_of_chunk: in_map_of_chunk.into(),
+        others: Arc::new(StarSet::from_records(others.into_iter().flatten().collect())),
+        read: Arc::default(),
+        deep_in_view: [0.0; 2],
+    }
 }
 
 /// A star of the scene as a catalogue record. Packed again it has exactly the same light, so it gets the same kernel.
@@ -336,8 +479,10 @@ fn record_of(map: &SkyMap, chunk: &Chunk, place: DVec3, star: &PackedStar) -> St
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
-    use crate::sky_pictures::SKY_FACES;
+    use crate::units::illuminance_lx_from_magnitude;
 
     fn map(side: u32) -> SkyMap {
         SkyMap {
@@ -345,7 +490,8 @@ mod tests {
             below_lx: illuminance_lx_from_magnitude(8.0),
             faintest_lx: illuminance_lx_from_magnitude(12.0),
             unit_cd_m2: 1e-5,
-            side,
+            layout: SkyLayout::Whole { side },
+            texel_px: TEXEL_PX,
         }
     }
 
@@ -372,9 +518,9 @@ mod tests {
     fn every_direction_is_in_the_picture_of_its_largest_axis() {
         for side in [64, 838, 2400] {
             let map = map(side);
-            let viewports: Vec<Viewport> = (0..SKY_FACES)
-                .flat_map(|number| SkyFace { map, number }.rig().unwrap().viewports(DQuat::IDENTITY))
-                .collect();
+            let parts = SkyPart::of(map, &[0, 1, 2, 3, 4, 5]);
+            let viewports: Vec<Viewport> =
+                parts.iter().flat_map(|part| part.rig().unwrap().viewports(DQuat::IDENTITY)).collect();
             for i in 0..2000 {
                 let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / 2000.0;
                 let (sin, cos) = (f64::from(i) * 2.399_963).sin_cos();

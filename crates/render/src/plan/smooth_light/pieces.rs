@@ -1,0 +1,204 @@
+//! A map of the sky in pieces: small flat pictures, each around its own direction, fixed in the world. A narrow view needs few of them, so they may have
+//! smaller texels than pictures of the whole sky, and while the camera turns only those are drawn that come into view.
+//!
+//! A face of a cube around the camera is divided into `per_edge` by `per_edge` pieces by lines of constant [`edge_from_tangent`] of the two tangents. Such a
+//! piece is a quadrilateral with straight edges in its own flat picture. Shader: `shaders/shared/sky_pieces.wgsl`.
+
+use glam::{DMat3, DVec2, DVec3};
+
+use crate::{sky_pictures::world_from_face, view::projection::BoundingCone};
+
+/// Greatest side of a picture, texels.
+pub const PIECE_SIDE: u32 = 256;
+/// Greatest number of pieces along the edge of a face.
+pub const MOST_PER_EDGE: u32 = 256;
+/// Texels around a piece. The pixels of a plain block read the piece of the middle of a part of 8 by 8 pixels: up to 5.7 pixels of 1.25 times the size
+/// of the finest view, and two texels for the tent and rounding.
+const MARGIN_TEXELS: f64 = 14.0;
+/// Texels have sizes in steps, of which this number doubles them: a zoom changes them rarely.
+pub const SIZES_PER_OCTAVE: f64 = 16.0;
+/// Makes pieces nearly equally large.
+pub const PIECE_EVENNESS: f64 = 0.4;
+
+/// A division of the sky into pieces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PieceGrid {
+    /// Pieces along the edge of a face.
+    pub per_edge: u32,
+    /// Tangent of the angle of a texel at the centre of a picture.
+    pub texel: f64,
+}
+
+/// The picture of a piece.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PieceFrame {
+    /// Columns: right, up, and backwards, world axes.
+    pub world_from_piece: DMat3,
+    /// Width and height, texels.
+    pub size: [u32; 2],
+}
+
+/// Coordinate on a face, from -1 to 1, of the tangent of an angle.
+fn edge_from_tangent(tangent: f64) -> f64 {
+    tangent * (1.0 + PIECE_EVENNESS) / (1.0 + PIECE_EVENNESS * tangent.abs())
+}
+
+/// The inverse of [`edge_from_tangent`].
+fn tangent_from_edge(edge: f64) -> f64 {
+    edge / (1.0 + PIECE_EVENNESS - PIECE_EVENNESS * edge.abs())
+}
+
+impl PieceGrid {
+    /// The fewest pieces with texels of about this angle, rad; `None`: there would be too many.
+    pub fn of_texels(texel_rad: f64) -> Option<Self> {
+        let texel = ((texel_rad.log2() * SIZES_PER_OCTAVE).round() / SIZES_PER_OCTAVE).exp2();
+        // A piece at the centre of a face is nearly a square.
+        let at_centre = 2.0 * tangent_from_edge(1.0) / (1.0 + PIECE_EVENNESS) / (f64::from(PIECE_SIDE) * texel);
+        let fewest = at_centre.max(1.0).floor();
+        (texel > 0.0 && fewest <= f64::from(MOST_PER_EDGE)).then_some(())?;
+        (fewest as u32..=MOST_PER_EDGE).map(|per_edge| Self { per_edge, texel }).find(Self::fits)
+    }
+
+    /// Whether the pictures of all pieces are within their limit: the largest ones are at the corners of a face, in the middle of its edges, and at its centre.
+    fn fits(&self) -> bool {
+        let [middle, end] = [self.per_edge / 2, self.per_edge - 1];
+        [[end, end], [middle, end], [end, middle], [middle, middle]]
+            .into_iter()
+            .all(|[column, row]| self.frame(row * self.per_edge + column).size.iter().all(|side| *side <= PIECE_SIDE))
+    }
+
+    /// Number of pieces of the sky.
+    pub fn pieces(&self) -> u32 {
+        6 * self.per_edge * self.per_edge
+    }
+
+    /// Number of the piece that contains a direction (not 0), world axes.
+    pub fn piece_of(&self, towards: DVec3) -> u32 {
+        let axis = towards.abs().max_position();
+        let sign = 1_f64.copysign(towards[axis]);
+        let tangents = DVec2::new(sign * towards[(axis + 2) % 3], -towards[(axis + 1) % 3]) / towards[axis].abs();
+        let place = tangents.to_array().map(|tangent| {
+            let along = 0.5 * (edge_from_tangent(tangent) + 1.0) * f64::from(self.per_edge);
+            (along as u32).min(self.per_edge - 1)
+        });
+        let face = axis as u32 + if sign < 0.0 { 3 } else { 0 };
+        (face * self.per_edge + place[1]) * self.per_edge + place[0]
+    }
+
+    /// The direction of a place on a face: column and row in pieces. Not a unit vector.
+    fn direction(&self, face: u32, column: f64, row: f64) -> DVec3 {
+        let tangent = |along: f64| tangent_from_edge(2.0 * along / f64::from(self.per_edge) - 1.0);
+        world_from_face(face) * DVec3::new(tangent(column), -tangent(row), -1.0)
+    }
+
+    /// Face, column and row of a piece.
+    fn place(&self, number: u32) -> (u32, f64, f64) {
+        let column = number % self.per_edge;
+        let row = number / self.per_edge % self.per_edge;
+        (number / self.per_edge / self.per_edge, f64::from(column), f64::from(row))
+    }
+
+    /// The corners of a piece in order, unit vectors.
+    pub fn corners(&self, number: u32) -> [DVec3; 4] {
+        let (face, column, row) = self.place(number);
+        [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+            .map(|[x, y]| self.direction(face, column + x, row + y).normalize())
+    }
+
+    /// A cone with all of a piece.
+    pub fn cone(&self, number: u32) -> BoundingCone {
+        let corners = self.corners(number);
+        let axis = corners.iter().sum::<DVec3>().normalize();
+        let half_angle_rad = corners.map(|corner| axis.angle_between(corner)).into_iter().fold(0.0, f64::max);
+        BoundingCone { axis, half_angle_rad: half_angle_rad + 1e-9 }
+    }
+
+    /// The picture of a piece: its axes along the columns of the face.
+    pub fn frame(&self, number: u32) -> PieceFrame {
+        let (face, column, row) = self.place(number);
+        let backward = -self.direction(face, column + 0.5, row + 0.5).normalize();
+        let along = self.direction(face, column + 0.75, row + 0.5) - self.direction(face, column + 0.25, row + 0.5);
+        let right = along.reject_from_normalized(backward).normalize();
+        let world_from_piece = DMat3::from_cols(right, backward.cross(right), backward);
+        let most = self.corners(number).map(|corner| {
+            let in_piece = world_from_piece.transpose() * corner;
+            DVec2::new(in_piece.x, in_piece.y).abs() / -in_piece.z
+        });
+        let most = most.into_iter().fold(DVec2::ZERO, DVec2::max) / self.texel + MARGIN_TEXELS;
+        PieceFrame { world_from_piece, size: most.to_array().map(|half| 2 * half.ceil() as u32) }
+    }
+}
+
+impl PieceFrame {
+    /// Position of a direction in the picture, texels: the centre of the first texel is at 0.5.
+    #[cfg(test)]
+    fn texel_of(&self, grid: &PieceGrid, towards: DVec3) -> DVec2 {
+        let in_piece = self.world_from_piece.transpose() * towards;
+        let [width, height] = self.size.map(f64::from);
+        0.5 * DVec2::new(width, height) + DVec2::new(in_piece.x, -in_piece.y) / -in_piece.z / grid.texel
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+
+    /// Directions everywhere on a sphere.
+    fn directions(count: u32) -> impl Iterator<Item = DVec3> {
+        (0..count).map(move |i| {
+            let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(count);
+            let (sin, cos) = (f64::from(i) * 2.399_963).sin_cos();
+            DVec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z
+        })
+    }
+
+    #[test]
+    fn every_direction_is_inside_the_picture_of_its_piece() {
+        for texel_rad in [3e-2, 3.8e-4, 1e-4] {
+            let grid = PieceGrid::of_texels(texel_rad).unwrap();
+            let mut least = f64::INFINITY;
+            for towards in directions(20_000) {
+                let number = grid.piece_of(towards);
+                assert!(number < grid.pieces());
+                let frame = grid.frame(number);
+                let texel = frame.texel_of(&grid, towards);
+                let [width, height] = frame.size.map(f64::from);
+                let inside = texel.min(DVec2::new(width, height) - texel).min_element();
+                least = least.min(inside);
+                assert!(grid.cone(number).axis.angle_between(towards) <= grid.cone(number).half_angle_rad);
+            }
+            assert!(least >= MARGIN_TEXELS - 1e-6, "{texel_rad}: {least}");
+        }
+    }
+
+    #[test]
+    fn pictures_are_within_their_limit_and_well_filled() {
+        for texel_rad in [8e-4, 3.8e-4, 2e-4] {
+            let grid = PieceGrid::of_texels(texel_rad).unwrap();
+            assert!((grid.texel / texel_rad - 1.0).abs() < 0.022, "{grid:?}");
+            let frames = (0..grid.pieces()).map(|number| grid.frame(number));
+            let texels: u64 = frames
+                .map(|frame| {
+                    assert!(frame.size.iter().all(|side| *side <= PIECE_SIDE), "{frame:?}");
+                    u64::from(frame.size[0]) * u64::from(frame.size[1])
+                })
+                .sum();
+            // Texels of all pictures over those of the sky.
+            let ratio = texels as f64 * grid.texel.powi(2) / (4.0 * std::f64::consts::PI);
+            assert!((1.0..1.6).contains(&ratio), "{grid:?}: {ratio}");
+        }
+        assert_eq!(PieceGrid::of_texels(1e-6), None);
+        assert_eq!(PieceGrid::of_texels(0.0), None);
+    }
+
+    #[test]
+    fn a_piece_is_a_right_handed_picture_that_looks_outwards() {
+        let grid = PieceGrid { per_edge: 5, texel: 2e-3 };
+        for number in 0..grid.pieces() {
+            let PieceFrame { world_from_piece, .. } = grid.frame(number);
+            assert!((world_from_piece.determinant() - 1.0).abs() < 1e-12);
+            assert_eq!(grid.piece_of(-world_from_piece.z_axis), number);
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! Which pieces of a map are drawn, and where their texels are in its buffer.
+//!
+//! No shader: places in a buffer, which `shaders/shared/sky_pieces.wgsl` reads.
+//! No twin: places in a buffer.
+
+use std::collections::HashMap;
+
+use crate::{
+    catalogue::deep::live::PageKey,
+    plan::{
+        smooth_light::{
+            PIECE_WORDS, piece_words,
+            pieces::{PIECE_SIDE, PieceFrame, PieceGrid},
+        },
+        stars::deep::Residual,
+    },
+};
+
+/// Least number of places.
+const LEAST_PLACES: u64 = 64;
+
+/// Stars that were missing when a piece was drawn.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Lack {
+    /// The error of that.
+    pub residual: Residual,
+    /// Their pages, also those of other pieces that were drawn with it.
+    pub keys: Vec<PageKey>,
+}
+
+/// A piece that has a place.
+#[derive(Debug)]
+struct Piece {
+    place: u32,
+    /// Number of the last frame that read it.
+    used: u64,
+    lack: Option<Lack>,
+}
+
+/// Places of the pieces of a map.
+#[derive(Debug)]
+pub(super) struct Pieces {
+    grid: PieceGrid,
+    places: u32,
+    free: Vec<u32>,
+    held: HashMap<u32, Piece>,
+    frame: u64,
+}
+
+impl Pieces {
+    /// Places for twice the pieces that a frame reads, if the buffer may be so large.
+    pub(super) fn new(grid: PieceGrid, read: usize, most_bytes: u64) -> Self {
+        let words_of_one = piece_words(&grid, 1) - piece_words(&grid, 0);
+        let most = (most_bytes / 4).saturating_sub(piece_words(&grid, 0)) / words_of_one;
+        let places = (2 * read as u64).max(LEAST_PLACES).min(most) as u32;
+        Self { grid, places, free: (0..places).rev().collect(), held: HashMap::new(), frame: 0 }
+    }
+
+    /// Bytes of the buffer.
+    pub(super) fn bytes(&self) -> u64 {
+        4 * piece_words(&self.grid, u64::from(self.places))
+    }
+
+    /// Whether all pieces of a frame have places.
+    pub(super) fn have_room(&self, read: usize) -> bool {
+        read <= self.places as usize
+    }
+
+    /// Notes the pieces that a frame reads, and returns those that are to be drawn: absent ones, then those whose stars `are_read` by now.
+    pub(super) fn to_draw(&mut self, read: &[u32], mut are_read: impl FnMut(&Lack) -> bool) -> Vec<u32> {
+        self.frame += 1;
+        let mut absent = Vec::new();
+        let mut improved = Vec::new();
+        for number in read {
+            match self.held.get_mut(number) {
+                None => absent.push(*number),
+                Some(piece) => {
+                    piece.used = self.frame;
+                    if piece.lack.as_ref().is_some_and(&mut are_read) {
+                        improved.push(*number);
+                    }
+                }
+            }
+        }
+        absent.extend(improved);
+        absent
+    }
+
+    /// Whether all of these pieces have been drawn.
+    pub(super) fn are_drawn(&self, read: &[u32]) -> bool {
+        read.iter().all(|number| self.held.contains_key(number))
+    }
+
+    /// What is missing of the stars of these pieces.
+    pub(super) fn lack(&self, read: &[u32]) -> Residual {
+        let mut all = Residual::default();
+        read.iter().filter_map(|number| self.held.get(number)?.lack.as_ref()).for_each(|lack| all.add(lack.residual));
+        all
+    }
+
+    /// Gives a piece that is drawn now a place. Returns it, and the piece that has lost it.
+    pub(super) fn draw(&mut self, number: u32, lack: Option<Lack>) -> (u32, Option<u32>) {
+        let used = self.frame;
+        if let Some(piece) = self.held.get_mut(&number) {
+            piece.lack = lack;
+            return (piece.place, None);
+        }
+        let (place, lost) = match self.free.pop() {
+            Some(place) => (place, None),
+            None => {
+                let oldest = self.held.iter().min_by_key(|(number, piece)| (piece.used, **number));
+                let lost = oldest.map(|(number, piece)| (piece.place, *number));
+                if let Some((_, number)) = lost {
+                    self.held.remove(&number);
+                }
+                lost.map_or((0, None), |(place, number)| (place, Some(number)))
+            }
+        };
+        self.held.insert(number, Piece { place, used, lack });
+        (place, lost)
+    }
+
+    /// Index of the first word of a place.
+    pub(super) fn first_word(&self, place: u32) -> u32 {
+        self.grid.pieces() + place * (PIECE_WORDS + PIECE_SIDE * PIECE_SIDE)
+    }
+
+    /// Width of a piece's picture, texels, and the words before its texels: for each axis of the picture, right and down in texels and outwards, a
+    /// vector in world axes and a fourth word. Those are the position of the centre, from the centre of the first texel on, and the width.
+    pub(super) fn words(&self, number: u32) -> (u32, [u32; PIECE_WORDS as usize]) {
+        let PieceFrame { world_from_piece, size: [width, height] } = self.grid.frame(number);
+        let per_texel = 1.0 / self.grid.texel;
+        let right = (per_texel * world_from_piece.x_axis).as_vec3();
+        let down = (-per_texel * world_from_piece.y_axis).as_vec3();
+        let outwards = (-world_from_piece.z_axis).as_vec3();
+        let centre = |side: u32| 0.5 * side as f32 - 0.5;
+        let numbers = [
+            [right.x, right.y, right.z, centre(width)],
+            [down.x, down.y, down.z, centre(height)],
+            [outwards.x, outwards.y, outwards.z, 0.0],
+        ];
+        let mut words = [0; PIECE_WORDS as usize];
+        for (word, number) in words.iter_mut().zip(numbers.as_flattened()) {
+            *word = number.to_bits();
+        }
+        words[PIECE_WORDS as usize - 1] = width;
+        (width, words)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pieces_that_were_not_read_for_the_longest_time_lose_their_places() {
+        let grid = PieceGrid::of_texels(1e-2).unwrap();
+        let mut pieces = Pieces::new(grid, 1, 4 * piece_words(&grid, 3));
+        assert_eq!((pieces.places, pieces.have_room(3), pieces.have_room(4)), (3, true, false));
+        assert_eq!(pieces.to_draw(&[1, 2], |_| true), [1, 2]);
+        assert_eq!([1, 2].map(|number| pieces.draw(number, None)), [(0, None), (1, None)]);
+        assert!(pieces.are_drawn(&[1, 2]) && !pieces.are_drawn(&[1, 3]));
+        assert_eq!(pieces.to_draw(&[2, 3], |_| true), [3]);
+        assert_eq!(pieces.draw(3, None), (2, None));
+        assert_eq!(pieces.to_draw(&[3, 4], |_| true), [4]);
+        assert_eq!(pieces.draw(4, None), (0, Some(1)));
+        assert_eq!(pieces.to_draw(&[3, 4, 5], |_| true), [5]);
+        assert_eq!(pieces.draw(5, None), (1, Some(2)));
+        assert_eq!(pieces.first_word(1) - pieces.first_word(0), 12 + 256 * 256);
+    }
+
+    #[test]
+    fn a_piece_without_all_stars_is_drawn_again_when_they_have_been_read() {
+        let grid = PieceGrid::of_texels(1e-2).unwrap();
+        let mut pieces = Pieces::new(grid, 4, u64::MAX);
+        let keys = vec![PageKey::Leaf { layer: 1, cell: 9 }];
+        let residual = Residual { cd_m2: 3e-7, missing: 1 };
+        pieces.to_draw(&[7, 8], |_| true);
+        pieces.draw(7, Some(Lack { residual, keys }));
+        pieces.draw(8, None);
+        assert_eq!((pieces.lack(&[7, 8]), pieces.lack(&[8])), (residual, Residual::default()));
+        assert_eq!(pieces.to_draw(&[7, 8], |_| false), [0; 0]);
+        assert_eq!(pieces.to_draw(&[7, 8], |lack| lack.keys.len() == 1), [7]);
+        pieces.draw(7, None);
+        assert_eq!(pieces.lack(&[7, 8]), Residual::default());
+        assert_eq!(pieces.to_draw(&[7, 8], |_| true), [0; 0]);
+    }
+}
