@@ -85,6 +85,8 @@ pub struct Renderer {
     limits: Limits,
     /// One planner per series of frames, and one for its meters.
     planners: Vec<Planner>,
+    /// Plans pictures of maps of faint light: the others keep what they hold for frames.
+    map_planner: Planner,
     techniques: Vec<Box<dyn Technique + Send>>,
     /// Impostor atlases baked in advance.
     baked: BakedImpostors,
@@ -152,6 +154,7 @@ impl Renderer {
         Self {
             limits: gpu.limits(),
             planners: vec![Planner::new()],
+            map_planner: Planner::new(),
             techniques: sequence::techniques(&gpu, &baked),
             baked,
             pipelines_ahead: PipelinesAhead::default(),

@@ -35,8 +35,6 @@ use crate::{
 
 /// Maximum number of frames in flight.
 const MOST_IN_FLIGHT: usize = 2;
-/// Frames in which a map of faint light is drawn that no frame waits for. More may come into view in a frame than is drawn in one of them.
-const FRAMES_OF_A_MAP: usize = 4;
 
 /// A frame submitted to the device. Pass it to [`Renderer::finish`] to get its result. If it is dropped, later frames
 /// of the renderer wait for it and discard it.
@@ -196,7 +194,7 @@ impl Renderer {
         let slot = series.slot;
         let waits = request.sky_map != SkyMapUse::InTurn;
         let plan_frame = |own: &mut Self, outputs| {
-            own.plan_with_stars(slot, waits, |planner, limits| {
+            plan_with_stars((&mut own.planners[slot], &own.limits), waits, |planner, limits| {
                 planner.plan(snapshot, rig, settings, adapted_ev100, outputs, limits)
             })
         };
@@ -246,27 +244,6 @@ impl Renderer {
         Ok(SubmittedFrame { token })
     }
 
-    /// Plans a frame. If it waits for the stars of a deep store, the missing ones are read, and the frame is planned again.
-    fn plan_with_stars(
-        &mut self,
-        slot: usize,
-        waits: bool,
-        make: impl Fn(&mut Planner, &Limits) -> Result<Plan, PlanError>,
-    ) -> Result<Plan, PlanError> {
-        let plan = make(&mut self.planners[slot], &self.limits)?;
-        let deep = &plan.stars.deep;
-        match &deep.sky {
-            Some(sky) if waits && !deep.missing.is_empty() => {
-                // The next plan refuses what is damaged, unless the settings skip it.
-                if let Err(error) = sky.load(&deep.missing) {
-                    tracing::debug!("the frame lacks stars: {error}");
-                }
-                make(&mut self.planners[slot], &self.limits)
-            }
-            _ => Ok(plan),
-        }
-    }
-
     /// Draws the missing pictures of the map of faint light, or some of them, and states in the plan what their stars lack. Returns whether the map is
     /// complete.
     fn draw_sky(
@@ -277,17 +254,18 @@ impl Renderer {
         sky_map: SkyMapUse,
         series: Series,
     ) -> Result<bool, RenderError> {
-        // A map that the next frame may not read any more, as in a zoom, is not begun.
         let in_turn = sky_map == SkyMapUse::InTurn;
         let is_new = self.techniques.iter().any(|technique| technique.is_new_map(plan, series));
         let Self { techniques, gpu, .. } = self;
         let parts: Vec<SkyPart> =
             techniques.iter_mut().flat_map(|technique| technique.map_parts(gpu, plan, snapshot, series)).collect();
         let Some(map) = &plan.smooth_light.map else { return Ok(true) };
-        let most = match (in_turn, is_new && matches!(map.map.layout, SkyLayout::Pieces(_))) {
-            (true, true) => 0,
-            (true, false) => map.read.len().div_ceil(FRAMES_OF_A_MAP * PICTURES_AT_ONCE).max(1),
-            (false, _) => usize::MAX,
+        let most = match map.map.layout {
+            SkyLayout::Whole { .. } if in_turn => 1,
+            // A map that the next frame may not read any more, as in a zoom, is not begun.
+            SkyLayout::Pieces(_) if in_turn && is_new => 0,
+            // Drawing the pieces in view takes hardly longer than drawing their stars in the frame.
+            SkyLayout::Whole { .. } | SkyLayout::Pieces(_) => usize::MAX,
         };
         for part in parts.iter().take(most) {
             self.draw_sky_part(part, snapshot, settings, sky_map, series)?;
@@ -321,7 +299,8 @@ impl Renderer {
         let settings = part.settings(settings);
         let outputs = PlanOutputs { sky: SkyUse::Part(*part), ..PlanOutputs::new(Output::Hdr) };
         let waits = sky_map != SkyMapUse::InTurn;
-        let planned = self.plan_with_stars(series.slot, waits, |planner, limits| {
+        (self.map_planner.culling, self.map_planner.unit_factor) = (self.culling, self.unit_factor);
+        let planned = plan_with_stars((&mut self.map_planner, &self.limits), waits, |planner, limits| {
             planner.plan(&sky, &rig, &settings, None, outputs, limits)
         });
         let plan = match planned {
@@ -333,7 +312,7 @@ impl Renderer {
             return Ok(());
         }
         let wanted = [Wanted { hdr_stays: true, ..Wanted::default() }; PICTURES_AT_ONCE];
-        let wanted = &wanted[..part.numbers().len()];
+        let wanted = &wanted[..part.pictures().len()];
         let outputs = Outputs { wanted, presentations: &[] };
         let inputs = FrameInputs { plan: &plan, scene: &sky, outputs, catalogue_order: None, series, metered: None };
         // No data is read back.
@@ -430,5 +409,25 @@ impl Renderer {
             self.spare_slots.push(slot);
         }
         result
+    }
+}
+
+/// Plans a frame. If it waits for the stars of a deep store, the missing ones are read, and the frame is planned again.
+fn plan_with_stars(
+    (planner, limits): (&mut Planner, &Limits),
+    waits: bool,
+    make: impl Fn(&mut Planner, &Limits) -> Result<Plan, PlanError>,
+) -> Result<Plan, PlanError> {
+    let plan = make(planner, limits)?;
+    let deep = &plan.stars.deep;
+    match &deep.sky {
+        Some(sky) if waits && !deep.missing.is_empty() => {
+            // The next plan refuses what is damaged, unless the settings skip it.
+            if let Err(error) = sky.load(&deep.missing) {
+                tracing::debug!("the frame lacks stars: {error}");
+            }
+            make(planner, limits)
+        }
+        _ => Ok(plan),
     }
 }

@@ -3,7 +3,7 @@
 use super::{DisplayedStars, guard::Lit, planned_ev100};
 use crate::{
     plan::{
-        ExposureSource, Plan, PlanError,
+        ExposureSource, Plan, PlanError, SkyUse,
         asteroids::glare::clouds_of,
         bodies::seen::{BodyPlan, plan_bodies},
         kept::Kept,
@@ -13,7 +13,7 @@ use crate::{
         technique::{PlanInputs, Step, Technique},
     },
     scene::{SceneSnapshot, bodies::suns},
-    view::Rig,
+    view::{Rig, Viewport},
 };
 
 /// Exposure of a frame.
@@ -61,9 +61,11 @@ impl Exposure {
     /// Finds the exposure that follows from the plan.
     fn plan_exposure(inputs: &PlanInputs<'_>, kept: &mut Kept, plan: &mut Plan) {
         let settings = inputs.settings;
-        let all_viewports = &plan.views.all_viewports;
-        let pictures = kept.pictures.for_viewports(all_viewports);
-        let displayed_stars = DisplayedStars::new(settings, all_viewports, &pictures);
+        // The pictures of a map of faint light have the exposure of its frames.
+        let is_of_map = matches!(inputs.sky, SkyUse::Part(_));
+        let viewports: &[Viewport] = if is_of_map { &[] } else { &plan.views.all_viewports };
+        let pictures = kept.pictures.for_viewports(viewports);
+        let displayed_stars = DisplayedStars::new(settings, viewports, &pictures);
         let planned_ev100 = if let ExposureSource::Planned(ev100) = inputs.exposure {
             Some(ev100)
         } else {

@@ -16,7 +16,7 @@ use std::sync::{Arc, Weak};
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use self::pieces::{PIECE_SIDE, PieceFrame, PieceGrid, SIZES_PER_OCTAVE};
+use self::pieces::{PIECE_SIDE, PieceFrame, PieceGrid, SIZES_PER_OCTAVE, SkyPicture, WantedPicture};
 use super::{
     Approximation, Limits, Plan, PlanError, SkyUse,
     budget::ErrorBudget,
@@ -27,7 +27,7 @@ use super::{
     stars::{
         Stars,
         cull::{CullSettings, Field, light_at, near_stars},
-        deep::{DIRECT_CELL_PX, layers_from},
+        deep::layers_from,
     },
     technique::{PlanInputs, Step, Technique},
 };
@@ -35,14 +35,7 @@ use crate::{
     catalogue::{
         StarRecord,
         chunks::{Chunk, StarSet},
-        deep::{
-            BUCKET_ORDER, BUCKETS, LAYERS,
-            index::Segments,
-            live::{
-                PageKey,
-                detail::{Detail, cell_rad_of},
-            },
-        },
+        deep::{LAYERS, index::Segments},
         packed::{PackedStar, temperature_of_step_k},
     },
     photometry::glare::GlareKernelName,
@@ -50,7 +43,7 @@ use crate::{
     units::{PARSEC_M, magnitude_from_illuminance_lx},
     view::{
         Rig, RigError, View, ViewKind, Viewport,
-        projection::{BoundingCone, FisheyeMapping, Projection},
+        projection::{FisheyeMapping, Projection},
     },
 };
 
@@ -58,19 +51,21 @@ use crate::{
 const TEXEL_PX: f64 = 0.632;
 /// The same in pieces of a map of a deep store, whose stars exact images draw with the B-spline: its variance is 1/4 px^2.
 const TEXEL_OF_DEEP_PX: f64 = 0.775;
-/// Largest cell of the composite stars of a deep store, pixels: less than [`DIRECT_CELL_PX`], because interpolation adds to the error.
-const CELL_PX: f64 = 0.66;
+/// Largest cell of the composite stars of a deep store, pixels: less than [`super::stars::deep::DIRECT_CELL_PX`], because interpolation adds to the error.
+pub(super) const CELL_PX: f64 = 0.66;
 /// Illuminance of the brightest star of the map over the solid angle of the smallest pixel, in steps of the display image.
 const BRIGHTEST_STEPS: f64 = 1.8;
 /// Least ratio of the smallest pixel to the central one (solid angles), and greatest ratio of the central pixels of two views, for which
 /// one map has a suitable resolution.
 const LEAST_PIXEL_RATIO: f64 = 0.45;
+/// The same ratio of pixels for pieces, whose texels have several sizes.
+const LEAST_RATIO_OF_PIECES: f64 = 0.1;
 const MOST_VIEW_RATIO: f64 = 1.25;
 /// Greatest distance of an eye from the camera for which the map's stars have the right direction.
 const FARTHEST_EYE_M: f64 = 1e9;
 
 /// Number of pictures that are drawn in one frame of their own.
-pub const PICTURES_AT_ONCE: usize = 16;
+pub const PICTURES_AT_ONCE: usize = 8;
 /// Words of a piece before its texels.
 pub const PIECE_WORDS: u32 = 12;
 
@@ -108,7 +103,7 @@ pub struct SkyMap {
 pub struct SkyPart {
     /// The map.
     pub map: SkyMap,
-    numbers: [u32; PICTURES_AT_ONCE],
+    pictures: [SkyPicture; PICTURES_AT_ONCE],
     count: usize,
 }
 
@@ -118,7 +113,7 @@ impl SkyMap {
         self.place_pc * PARSEC_M
     }
 
-    /// Angle of a texel along the radius, rad; of pieces its tangent at their centre.
+    /// Angle of a texel along the radius of a picture of the whole sky, rad; of pieces the least tangent at their centre.
     pub fn texel_rad(&self) -> f64 {
         match self.layout {
             SkyLayout::Whole { side } => SkyPictures { side }.texel_rad(),
@@ -136,38 +131,38 @@ impl SkyMap {
         self.below_lx * (1.0 - 1e-5)
     }
 
-    fn view(&self, number: u32) -> Result<View, RigError> {
+    fn view(&self, picture: SkyPicture) -> Result<View, RigError> {
         let (kind, world_from_view) = match self.layout {
             SkyLayout::Whole { side } => {
                 let fov_rad = f64::from(side) * self.texel_rad();
                 let kind = ViewKind::Fisheye { size: [side; 2], mapping: FisheyeMapping::Equidistant, fov_rad };
-                (kind, world_from_face(number))
+                (kind, world_from_face(picture.number))
             }
             SkyLayout::Pieces(grid) => {
-                let PieceFrame { world_from_piece, size } = grid.frame(number);
-                let fov_y_rad = 2.0 * (0.5 * f64::from(size[1]) * grid.texel).atan();
+                let PieceFrame { world_from_piece, size, texel } = grid.frame(picture);
+                let fov_y_rad = 2.0 * (0.5 * f64::from(size[1]) * texel).atan();
                 (ViewKind::Perspective { size, fov_y_rad }, world_from_piece)
             }
         };
-        View::new(&format!("sky-{number}"), kind, DQuat::from_mat3(&world_from_view), DVec3::ZERO)
+        View::new(&format!("sky-{}", picture.number), kind, DQuat::from_mat3(&world_from_view), DVec3::ZERO)
     }
 }
 
 impl SkyPart {
     /// Divides pictures of a map among frames.
-    pub fn of(map: SkyMap, numbers: &[u32]) -> Vec<Self> {
+    pub fn of(map: SkyMap, pictures: &[SkyPicture]) -> Vec<Self> {
         let at_once = if matches!(map.layout, SkyLayout::Whole { .. }) { 1 } else { PICTURES_AT_ONCE };
-        let part = |some: &[u32]| {
-            let mut numbers = [0; PICTURES_AT_ONCE];
-            numbers[..some.len()].copy_from_slice(some);
-            Self { map, numbers, count: some.len() }
+        let part = |some: &[SkyPicture]| {
+            let mut pictures = [SkyPicture::default(); PICTURES_AT_ONCE];
+            pictures[..some.len()].copy_from_slice(some);
+            Self { map, pictures, count: some.len() }
         };
-        numbers.chunks(at_once).map(part).collect()
+        pictures.chunks(at_once).map(part).collect()
     }
 
-    /// Numbers of the pictures: of the whole sky +x, +y, +z, -x, -y, -z of the world.
-    pub fn numbers(&self) -> &[u32] {
-        &self.numbers[..self.count]
+    /// The pictures. Numbers of those of the whole sky: +x, +y, +z, -x, -y, -z of the world.
+    pub fn pictures(&self) -> &[SkyPicture] {
+        &self.pictures[..self.count]
     }
 
     /// The pictures as a rig, for a camera along the world axes.
@@ -176,7 +171,8 @@ impl SkyPart {
     ///
     /// None for a map within the limits.
     pub fn rig(&self) -> Result<Rig, RigError> {
-        let views: Result<Vec<View>, RigError> = self.numbers().iter().map(|number| self.map.view(*number)).collect();
+        let views: Result<Vec<View>, RigError> =
+            self.pictures().iter().map(|picture| self.map.view(*picture)).collect();
         Rig::new(views?)
     }
 
@@ -215,18 +211,16 @@ pub struct SkyPlan {
     in_map_of_chunk: Arc<[u64]>,
     /// The other stars, in separate, full chunks, since only few stars of each chunk of the scene are left.
     pub others: Arc<StarSet>,
-    /// Numbers of the pictures that the frame reads.
-    pub read: Arc<[u32]>,
-    /// Number of stars and composite stars of a deep store that the views would draw without the map; and by how many at least the map must reduce it to
-    /// be worth its cost.
-    deep_in_view: [f64; 2],
+    /// The pictures that the frame reads.
+    pub read: Arc<[WantedPicture]>,
+    /// Number of stars and composite stars of a deep store that the map must save a frame, besides the other stars in it, to be worth its cost.
+    least_saved: f64,
 }
 
 impl SkyPlan {
-    /// Whether the map is worth its cost if the frame still draws this number of stars of a deep store itself.
-    pub(super) fn pays(&self, drawn: u64) -> bool {
-        let [without, least] = self.deep_in_view;
-        without - drawn as f64 >= least
+    /// Whether the map is worth its cost if it saves a frame this number of stars and composite stars of a deep store.
+    pub(super) fn pays(&self, saved: u64) -> bool {
+        saved as f64 >= self.least_saved
     }
 }
 
@@ -252,18 +246,18 @@ impl SmoothLight {
         let (map, read) = fitting(inputs)?;
         let pixels: f64 = viewports.iter().map(|viewport| viewport.size().map(f64::from).iter().product::<f64>()).sum();
         let pays_from = costs::BUILT_IN.map_from_stars_per_pixel * pixels;
-        let deep = deep_in_view(inputs);
         // Check before dividing the stars.
-        if in_view(inputs, &|chunk| stars.chunks[chunk].count.into()) + deep < pays_from {
+        let has_deep = stars.deep.is_some();
+        if !has_deep && in_view(inputs, &|chunk| stars.chunks[chunk].count.into()) < pays_from {
             return None;
         }
         let is_of = |held: &Weak<StarSet>| held.upgrade().is_some_and(|held| Arc::ptr_eq(&held, stars));
         let held = self.divided.as_ref().filter(|(set, divided)| divided.map == map && is_of(set));
         let divided = held.map_or_else(|| divide(stars, map), |(_, divided)| divided.clone());
         let of_chunks = in_view(inputs, &|chunk| divided.in_map_of_chunk[chunk]);
-        let divided = SkyPlan { read, deep_in_view: [deep, pays_from - of_chunks], ..divided };
+        let divided = SkyPlan { read, least_saved: pays_from - of_chunks, ..divided };
         self.divided = Some((Arc::downgrade(stars), divided.clone()));
-        divided.pays(0).then_some(divided)
+        (has_deep || divided.pays(0)).then_some(divided)
     }
 }
 
@@ -274,24 +268,6 @@ fn in_view(inputs: &SkyInputs<'_>, of_chunk: &(dyn Fn(usize) -> u64 + Sync)) -> 
     let chunks = stars.chunks.par_iter().enumerate();
     let seen = chunks.filter(|(_, chunk)| fields.iter().any(|field| field.may_see(chunk, *camera_pc)));
     seen.map(|(index, _)| of_chunk(index)).sum::<u64>() as f64
-}
-
-/// Number of stars and composite stars of a deep store that these views would draw without a map.
-fn deep_in_view(inputs: &SkyInputs<'_>) -> f64 {
-    let SkyInputs { stars, viewports, cull, .. } = inputs;
-    let Some((deep, pixel_rad)) = stars.deep.as_ref().zip(finest_pixel_rad(viewports)) else { return 0.0 };
-    let fields: Vec<Field> = viewports.iter().map(|viewport| Field::new(viewport, cull)).collect();
-    let cells = (cell_rad_of(BUCKET_ORDER) / (DIRECT_CELL_PX * pixel_rad)).powi(2);
-    let of_bucket = |bucket: u64| {
-        let (axis, half_angle_rad) = PageKey::Tile { plane: 0, cell: bucket as u32 }.cone();
-        let is_seen = fields.iter().any(|field| field.touches_cone(BoundingCone { axis, half_angle_rad }));
-        let mut count = 0_u64;
-        if is_seen {
-            Detail::Stars.pages(bucket, LAYERS.len(), |leaf| count += u64::from(leaf.stars(deep.store())));
-        }
-        cells.min(count as f64)
-    };
-    (0..BUCKETS).into_par_iter().map(of_bucket).sum()
 }
 
 impl Technique for SmoothLight {
@@ -344,13 +320,12 @@ fn map_error(map: &SkyMap, viewports: &[Viewport], step_cd_m2: f64, budget: Erro
     budget.bound_in_steps(name, steps, BRIGHTEST_STEPS * (1.0 + 1e-9))
 }
 
-/// The map for these views, with the numbers of the pictures that they read: of the whole sky, or in pieces.
-fn fitting(inputs: &SkyInputs<'_>) -> Option<(SkyMap, Arc<[u32]>)> {
+/// The map for these views, with the pictures that they read: of the whole sky, or in pieces.
+fn fitting(inputs: &SkyInputs<'_>) -> Option<(SkyMap, Arc<[WantedPicture]>)> {
     let SkyInputs { settings, viewports, step_cd_m2, cull, limits, .. } = *inputs;
     if settings.stars.method != StarMethod::Auto {
         return None;
     }
-    let pixel_rad = finest_pixel_rad(viewports)?;
     let map = |below_lx: f64, texel_px: f64, layout: SkyLayout| SkyMap {
         place_pc: map_place_pc(inputs.camera_pc),
         below_lx,
@@ -360,26 +335,27 @@ fn fitting(inputs: &SkyInputs<'_>) -> Option<(SkyMap, Arc<[u32]>)> {
         texel_px,
     };
     let smallest_sr = viewports.iter().map(|v| v.projection.smallest_pixel_sr()).fold(f64::INFINITY, f64::min);
-    let whole = SkyPictures::of_texels(TEXEL_PX * pixel_rad);
-    let whole_below_lx = BRIGHTEST_STEPS * step_cd_m2 * smallest_sr;
+    let below_lx = BRIGHTEST_STEPS * step_cd_m2 * smallest_sr;
     // Layers of a deep store that are drawn one by one.
     let layers = |below_lx: f64| if inputs.stars.deep.is_some() { layers_from(below_lx) } else { 0 };
-    let is_whole = 4 * whole.texels() <= limits.max_binding_bytes
-        && whole.side <= limits.max_view_side_px
-        // For pictures of the whole sky, all stars of such a layer would have to be read.
-        && layers(whole_below_lx) == 0;
-    let (map, read) = if is_whole {
-        let layout = SkyLayout::Whole { side: whole.side };
-        (map(whole_below_lx, TEXEL_PX, layout), (0..SKY_FACES).collect())
+    let whole = finest_pixel_rad(viewports, LEAST_PIXEL_RATIO).map(|rad| SkyPictures::of_texels(TEXEL_PX * rad));
+    let whole = whole.filter(|whole| {
+        4 * whole.texels() <= limits.max_binding_bytes
+            && whole.side <= limits.max_view_side_px
+            // For pictures of the whole sky, all stars of such a layer would have to be read.
+            && layers(below_lx) == 0
+    });
+    let (map, read) = if let Some(SkyPictures { side }) = whole {
+        let read = (0..SKY_FACES).map(|number| WantedPicture { number, level: 0.0 }).collect();
+        (map(below_lx, TEXEL_PX, SkyLayout::Whole { side }), read)
     } else {
+        finest_pixel_rad(viewports, LEAST_RATIO_OF_PIECES)?;
         let texel_px = if inputs.stars.deep.is_some() { TEXEL_OF_DEEP_PX } else { TEXEL_PX };
-        let grid = PieceGrid::of_texels(texel_px * pixel_rad)?;
+        let grid = PieceGrid::of_texels(texel_px * smallest_sr.sqrt())?;
         // The limit of a star's light keeps its value while a zoom does not change the texels.
-        let area_sr = (grid.texel / texel_px).powi(2);
-        let kept = 2.0 / SIZES_PER_OCTAVE;
-        let ratio = (((smallest_sr / area_sr).log2() / kept).floor() * kept).exp2();
-        let map = map(BRIGHTEST_STEPS * step_cd_m2 * area_sr * ratio, texel_px, SkyLayout::Pieces(grid));
-        (map, pieces_in(&grid, viewports, &cull))
+        let most_sr = (grid.texel / texel_px).powi(2) * (-2.0 / SIZES_PER_OCTAVE).exp2();
+        let map = map(below_lx.min(BRIGHTEST_STEPS * step_cd_m2 * most_sr), texel_px, SkyLayout::Pieces(grid));
+        (map, pieces_in(&grid, texel_px, viewports, &cull))
     };
     let words = match map.layout {
         SkyLayout::Whole { .. } => 0,
@@ -397,23 +373,31 @@ pub fn piece_words(grid: &PieceGrid, places: u64) -> u64 {
     u64::from(grid.pieces()) + places * u64::from(PIECE_WORDS + PIECE_SIDE * PIECE_SIDE)
 }
 
-/// The pieces that views see.
-fn pieces_in(grid: &PieceGrid, viewports: &[Viewport], cull: &CullSettings) -> Arc<[u32]> {
+/// The pieces that views see, with texels of `texel_px` of their smallest pixels there.
+fn pieces_in(grid: &PieceGrid, texel_px: f64, viewports: &[Viewport], cull: &CullSettings) -> Arc<[WantedPicture]> {
     let fields: Vec<Field> = viewports.iter().map(|viewport| Field::new(viewport, cull)).collect();
-    let sees = |number: &u32| {
-        let (cone, corners) = (grid.cone(*number), grid.corners(*number));
-        fields.iter().any(|field| field.touches_polygon(cone, &corners))
+    let wanted = |number: u32| {
+        let (cone, corners) = (grid.cone(number), grid.corners(number));
+        let seeing = viewports.iter().zip(&fields).filter(|(_, field)| field.touches_polygon(cone, &corners));
+        let pixels_rad = seeing.map(|(viewport, _)| {
+            let in_view = viewport.world_from_view.conjugate() * cone.axis;
+            let extent = viewport.projection.mapping().pixel_extent_rad(in_view);
+            let near_sr = extent.map_or(0.0, |[long, short]| long * short);
+            near_sr.max(viewport.projection.smallest_pixel_sr()).sqrt()
+        });
+        let finest_rad = pixels_rad.fold(f64::INFINITY, f64::min);
+        finest_rad.is_finite().then(|| grid.wanted(number, texel_px * finest_rad))
     };
-    (0..grid.pieces()).into_par_iter().filter(sees).collect::<Vec<u32>>().into()
+    (0..grid.pieces()).into_par_iter().filter_map(wanted).collect::<Vec<_>>().into()
 }
 
 /// Whether the texels of one map have the right size for all of these views.
 pub(super) fn fit_one_map(viewports: &[Viewport]) -> bool {
-    finest_pixel_rad(viewports).is_some()
+    finest_pixel_rad(viewports, LEAST_PIXEL_RATIO).is_some()
 }
 
-/// The smallest central pixel of the views, rad; `None`: no map fits all of them.
-fn finest_pixel_rad(viewports: &[Viewport]) -> Option<f64> {
+/// The smallest central pixel of the views, rad; `None`: no map fits all of them. Pixels of a view may have this ratio to the central one.
+fn finest_pixel_rad(viewports: &[Viewport], least_ratio: f64) -> Option<f64> {
     let fits = |viewport: &Viewport| {
         let projection = &viewport.projection;
         let is_smooth = match projection {
@@ -422,7 +406,7 @@ fn finest_pixel_rad(viewports: &[Viewport]) -> Option<f64> {
             _ => false,
         };
         is_smooth
-            && projection.smallest_pixel_sr() >= LEAST_PIXEL_RATIO * projection.middle_pixel_rad().powi(2)
+            && projection.smallest_pixel_sr() >= least_ratio * projection.middle_pixel_rad().powi(2)
             && viewport.eye_offset_m.length() <= FARTHEST_EYE_M
     };
     let middle = viewports.iter().map(|viewport| viewport.projection.middle_pixel_rad());
@@ -458,7 +442,7 @@ fn divide(set: &StarSet, map: SkyMap) -> SkyPlan {
         in_map_of_chunk: in_map_of_chunk.into(),
         others: Arc::new(StarSet::from_records(others.into_iter().flatten().collect())),
         read: Arc::default(),
-        deep_in_view: [0.0; 2],
+        least_saved: 0.0,
     }
 }
 
@@ -518,7 +502,7 @@ mod tests {
     fn every_direction_is_in_the_picture_of_its_largest_axis() {
         for side in [64, 838, 2400] {
             let map = map(side);
-            let parts = SkyPart::of(map, &[0, 1, 2, 3, 4, 5]);
+            let parts = SkyPart::of(map, &[0, 1, 2, 3, 4, 5].map(|number| SkyPicture { number, level: 0 }));
             let viewports: Vec<Viewport> =
                 parts.iter().flat_map(|part| part.rig().unwrap().viewports(DQuat::IDENTITY)).collect();
             for i in 0..2000 {

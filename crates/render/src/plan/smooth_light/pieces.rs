@@ -2,19 +2,28 @@
 //! smaller texels than pictures of the whole sky, and while the camera turns only those are drawn that come into view.
 //!
 //! A face of a cube around the camera is divided into `per_edge` by `per_edge` pieces by lines of constant [`edge_from_tangent`] of the two tangents. Such a
-//! piece is a quadrilateral with straight edges in its own flat picture. Shader: `shaders/shared/sky_pieces.wgsl`.
+//! piece is a quadrilateral with straight edges in its own flat picture. The texels of a picture have one of several sizes, because pixels at the edge of a
+//! flat view are smaller than at its centre. Shader: `shaders/shared/sky_pieces.wgsl`.
 
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::{sky_pictures::world_from_face, view::projection::BoundingCone};
 
 /// Greatest side of a picture, texels.
-pub const PIECE_SIDE: u32 = 256;
+pub const PIECE_SIDE: u32 = 384;
 /// Greatest number of pieces along the edge of a face.
 pub const MOST_PER_EDGE: u32 = 256;
 /// Texels around a piece. The pixels of a plain block read the piece of the middle of a part of 8 by 8 pixels: up to 5.7 pixels of 1.25 times the size
-/// of the finest view, and two texels for the tent and rounding.
-const MARGIN_TEXELS: f64 = 14.0;
+/// of the finest view, [`LEVELS_READ`] larger, and two texels for the tent and rounding.
+const MARGIN_TEXELS: f64 = 18.0;
+/// Levels of texels of which one doubles their size.
+const LEVELS_PER_OCTAVE: f64 = 4.0;
+/// The coarsest level.
+const COARSEST_LEVEL: u8 = 12;
+/// A picture is not read if its level differs by more than this from the one that is wanted.
+const LEVELS_READ: f32 = 2.0;
+/// It is drawn again, when there is time, if its level differs by more than this.
+const LEVELS_KEPT: f32 = 0.75;
 /// Texels have sizes in steps, of which this number doubles them: a zoom changes them rarely.
 pub const SIZES_PER_OCTAVE: f64 = 16.0;
 /// Makes pieces nearly equally large.
@@ -25,8 +34,43 @@ pub const PIECE_EVENNESS: f64 = 0.4;
 pub struct PieceGrid {
     /// Pieces along the edge of a face.
     pub per_edge: u32,
-    /// Tangent of the angle of a texel at the centre of a picture.
+    /// Tangent of the angle of the finest texels at the centre of a picture.
     pub texel: f64,
+}
+
+/// A picture of the sky that a frame reads.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WantedPicture {
+    /// Number of the picture.
+    pub number: u32,
+    /// Level of its texels: 0 are the finest ones.
+    pub level: f32,
+}
+
+/// A picture of the sky that is drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SkyPicture {
+    /// Number of the picture.
+    pub number: u32,
+    /// Level of its texels.
+    pub level: u8,
+}
+
+impl WantedPicture {
+    /// The picture that is drawn for this.
+    pub fn drawn(&self) -> SkyPicture {
+        SkyPicture { number: self.number, level: self.level.round() as u8 }
+    }
+
+    /// Whether a picture of the same number with texels of this level may be read.
+    pub fn accepts(&self, level: u8) -> bool {
+        (f32::from(level) - self.level).abs() <= LEVELS_READ
+    }
+
+    /// Whether it is as good as one that is drawn now.
+    pub fn keeps(&self, level: u8) -> bool {
+        (f32::from(level) - self.level).abs() <= LEVELS_KEPT
+    }
 }
 
 /// The picture of a piece.
@@ -36,6 +80,8 @@ pub struct PieceFrame {
     pub world_from_piece: DMat3,
     /// Width and height, texels.
     pub size: [u32; 2],
+    /// Tangent of the angle of a texel at its centre.
+    pub texel: f64,
 }
 
 /// Coordinate on a face, from -1 to 1, of the tangent of an angle.
@@ -62,9 +108,16 @@ impl PieceGrid {
     /// Whether the pictures of all pieces are within their limit: the largest ones are at the corners of a face, in the middle of its edges, and at its centre.
     fn fits(&self) -> bool {
         let [middle, end] = [self.per_edge / 2, self.per_edge - 1];
-        [[end, end], [middle, end], [end, middle], [middle, middle]]
-            .into_iter()
-            .all(|[column, row]| self.frame(row * self.per_edge + column).size.iter().all(|side| *side <= PIECE_SIDE))
+        [[end, end], [middle, end], [end, middle], [middle, middle]].into_iter().all(|[column, row]| {
+            let picture = SkyPicture { number: row * self.per_edge + column, level: 0 };
+            self.frame(picture).size.iter().all(|side| *side <= PIECE_SIDE)
+        })
+    }
+
+    /// A piece with texels of about this angle, rad.
+    pub fn wanted(&self, number: u32, texel_rad: f64) -> WantedPicture {
+        let level = LEVELS_PER_OCTAVE * (texel_rad / self.texel).log2();
+        WantedPicture { number, level: level.clamp(0.0, f64::from(COARSEST_LEVEL)) as f32 }
     }
 
     /// Number of pieces of the sky.
@@ -114,7 +167,8 @@ impl PieceGrid {
     }
 
     /// The picture of a piece: its axes along the columns of the face.
-    pub fn frame(&self, number: u32) -> PieceFrame {
+    pub fn frame(&self, SkyPicture { number, level }: SkyPicture) -> PieceFrame {
+        let texel = self.texel * (f64::from(level) / LEVELS_PER_OCTAVE).exp2();
         let (face, column, row) = self.place(number);
         let backward = -self.direction(face, column + 0.5, row + 0.5).normalize();
         let along = self.direction(face, column + 0.75, row + 0.5) - self.direction(face, column + 0.25, row + 0.5);
@@ -124,18 +178,18 @@ impl PieceGrid {
             let in_piece = world_from_piece.transpose() * corner;
             DVec2::new(in_piece.x, in_piece.y).abs() / -in_piece.z
         });
-        let most = most.into_iter().fold(DVec2::ZERO, DVec2::max) / self.texel + MARGIN_TEXELS;
-        PieceFrame { world_from_piece, size: most.to_array().map(|half| 2 * half.ceil() as u32) }
+        let most = most.into_iter().fold(DVec2::ZERO, DVec2::max) / texel + MARGIN_TEXELS;
+        PieceFrame { world_from_piece, size: most.to_array().map(|half| 2 * half.ceil() as u32), texel }
     }
 }
 
 impl PieceFrame {
     /// Position of a direction in the picture, texels: the centre of the first texel is at 0.5.
     #[cfg(test)]
-    fn texel_of(&self, grid: &PieceGrid, towards: DVec3) -> DVec2 {
+    fn texel_of(&self, towards: DVec3) -> DVec2 {
         let in_piece = self.world_from_piece.transpose() * towards;
         let [width, height] = self.size.map(f64::from);
-        0.5 * DVec2::new(width, height) + DVec2::new(in_piece.x, -in_piece.y) / -in_piece.z / grid.texel
+        0.5 * DVec2::new(width, height) + DVec2::new(in_piece.x, -in_piece.y) / -in_piece.z / self.texel
     }
 }
 
@@ -158,11 +212,11 @@ mod tests {
         for texel_rad in [3e-2, 3.8e-4, 1e-4] {
             let grid = PieceGrid::of_texels(texel_rad).unwrap();
             let mut least = f64::INFINITY;
-            for towards in directions(20_000) {
+            for (index, towards) in directions(20_000).enumerate() {
                 let number = grid.piece_of(towards);
                 assert!(number < grid.pieces());
-                let frame = grid.frame(number);
-                let texel = frame.texel_of(&grid, towards);
+                let frame = grid.frame(SkyPicture { number, level: (index % 13) as u8 });
+                let texel = frame.texel_of(towards);
                 let [width, height] = frame.size.map(f64::from);
                 let inside = texel.min(DVec2::new(width, height) - texel).min_element();
                 least = least.min(inside);
@@ -174,10 +228,10 @@ mod tests {
 
     #[test]
     fn pictures_are_within_their_limit_and_well_filled() {
-        for texel_rad in [8e-4, 3.8e-4, 2e-4] {
+        for texel_rad in [8e-4, 3.8e-4, 1.5e-4] {
             let grid = PieceGrid::of_texels(texel_rad).unwrap();
             assert!((grid.texel / texel_rad - 1.0).abs() < 0.022, "{grid:?}");
-            let frames = (0..grid.pieces()).map(|number| grid.frame(number));
+            let frames = (0..grid.pieces()).map(|number| grid.frame(SkyPicture { number, level: 0 }));
             let texels: u64 = frames
                 .map(|frame| {
                     assert!(frame.size.iter().all(|side| *side <= PIECE_SIDE), "{frame:?}");
@@ -193,10 +247,22 @@ mod tests {
     }
 
     #[test]
+    fn a_picture_is_kept_while_its_texels_have_about_the_right_size() {
+        let grid = PieceGrid { per_edge: 5, texel: 2e-3 };
+        let wanted = grid.wanted(9, 2.9e-3);
+        assert_eq!(wanted.drawn(), SkyPicture { number: 9, level: 2 });
+        assert!((grid.frame(wanted.drawn()).texel / 2e-3 - 2.0_f64.sqrt()).abs() < 1e-9);
+        assert!(wanted.keeps(2) && !wanted.keeps(1) && !wanted.keeps(3));
+        assert!(grid.wanted(9, 2.6e-3).keeps(1) && grid.wanted(9, 2.6e-3).keeps(2));
+        assert!(wanted.accepts(1) && wanted.accepts(4) && !wanted.accepts(5));
+        assert_eq!([1e-9, 1.0].map(|texel_rad| grid.wanted(9, texel_rad).drawn().level), [0, 12]);
+    }
+
+    #[test]
     fn a_piece_is_a_right_handed_picture_that_looks_outwards() {
         let grid = PieceGrid { per_edge: 5, texel: 2e-3 };
         for number in 0..grid.pieces() {
-            let PieceFrame { world_from_piece, .. } = grid.frame(number);
+            let PieceFrame { world_from_piece, .. } = grid.frame(SkyPicture { number, level: 3 });
             assert!((world_from_piece.determinant() - 1.0).abs() < 1e-12);
             assert_eq!(grid.piece_of(-world_from_piece.z_axis), number);
         }

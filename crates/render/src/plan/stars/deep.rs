@@ -84,8 +84,6 @@ pub(super) struct DeepInputs<'a> {
     pub cull: CullSettings,
     /// Largest cell, pixels.
     pub cell_px: f64,
-    /// Solid angle of these pixels; `None`: they are those of the viewports.
-    pub pixel_sr: Option<f64>,
     pub drawn: Drawn,
     pub magnitude_limit: f64,
     pub every_star: bool,
@@ -115,6 +113,15 @@ pub struct Residual {
     pub missing: u64,
 }
 
+/// What is missing of the stars of a picture.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Lack {
+    /// The error of that.
+    pub residual: Residual,
+    /// The pages.
+    pub keys: Vec<PageKey>,
+}
+
 /// Deep stars of a frame.
 #[derive(Clone, Debug, Default)]
 pub struct DeepPlan {
@@ -126,8 +133,8 @@ pub struct DeepPlan {
     pub missing: Vec<PageKey>,
     /// What these may change.
     pub residual: Residual,
-    /// The residual of each viewport.
-    pub residuals: Vec<Residual>,
+    /// What is missing in each viewport.
+    pub lacks: Vec<Lack>,
     /// Codes of a display image of 8 bits per cd/m^2, at most; 0: not known.
     pub codes_per_cd_m2: f64,
     /// Bound of the light of all drawn pages, lx.
@@ -167,7 +174,7 @@ pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
     let mut plan = DeepPlan {
         faintest_lx: f64::INFINITY,
         device_bytes: inputs.memory_bytes / 2,
-        residuals: vec![Residual::default(); inputs.viewports.len()],
+        lacks: vec![Lack::default(); inputs.viewports.len()],
         ..DeepPlan::default()
     };
     if inputs.magnitude_limit <= RESIDENT_TO_MAGNITUDE {
@@ -219,6 +226,17 @@ pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
         sky.ask(&wants);
     }
     Ok(plan)
+}
+
+/// Number of stars and composite stars of the pages that views need.
+pub(super) fn count(inputs: &DeepInputs<'_>) -> u64 {
+    if inputs.magnitude_limit <= RESIDENT_TO_MAGNITUDE {
+        return 0;
+    }
+    let fields: Vec<Field> = inputs.viewports.iter().map(|viewport| Field::new(viewport, &inputs.cull)).collect();
+    let parts = (0..BUCKETS).into_par_iter().flat_map_iter(|bucket| parts_of(inputs, &fields, bucket));
+    let pages = parts.map(|part| visible_pages(inputs, &fields, part));
+    pages.map(|part| bytes_of(inputs.sky, &[part])).sum::<u64>() / size_of::<PageStar>() as u64
 }
 
 /// Memory on the host that the pages of a plan may take, bytes.
@@ -317,7 +335,7 @@ fn parts_of(inputs: &DeepInputs<'_>, fields: &[Field], bucket: u64) -> Vec<Part>
         if !sees(inputs, field, axis, half_angle_rad) {
             continue;
         }
-        let pixel_sr = inputs.pixel_sr.unwrap_or_else(|| pixel_sr_near(viewport, axis, half_angle_rad));
+        let pixel_sr = pixel_sr_near(viewport, axis, half_angle_rad);
         let detail = match is_divisible(inputs) {
             true => Detail::for_cells(inputs.cell_px * pixel_sr.sqrt(), leaves_of(inputs, pixel_sr)),
             false => Detail::Stars,
@@ -452,16 +470,17 @@ impl DeepPlan {
             }
         };
         let error_cd_m2 = error_lx / wanted.part.pixel_sr;
-        let before = wants.len();
+        let of_page = Residual { cd_m2: error_cd_m2, missing: 1 };
         for key in missing() {
+            self.residual.add(of_page);
             self.missing.push(key);
             wants.push((key, error_cd_m2));
-        }
-        let residual = Residual { cd_m2: error_cd_m2, missing: (wants.len() - before) as u64 };
-        self.residual.add(residual);
-        for (index, of_viewport) in self.residuals.iter_mut().enumerate() {
-            if wanted.part.viewports & 1 << index != 0 {
-                of_viewport.add(residual);
+            for (index, lack) in self.lacks.iter_mut().enumerate() {
+                // Coarser stars stand in for the whole part.
+                if wanted.part.viewports & 1 << index != 0 {
+                    lack.residual.add(of_page);
+                    lack.keys.push(key);
+                }
             }
         }
     }

@@ -24,7 +24,7 @@ use crate::{
         budget::CODES,
         kept::Kept,
         settings::RenderSettings,
-        smooth_light::SkyPart,
+        smooth_light::{CELL_PX, SkyPart},
         technique::{CheckInputs, PlanInputs, Step, Technique},
     },
     units::{PARSEC_M, illuminance_lx_from_magnitude},
@@ -86,9 +86,10 @@ impl Stars {
         visible
     }
 
-    /// Selects the pages of the scene's deep store, and asks for those that turning views need next.
-    fn select_deep(&mut self, inputs: &PlanInputs<'_>, plan: &mut Plan) -> Result<(), PlanError> {
-        let Some(sky) = inputs.scene.stars.deep.as_ref() else { return Ok(()) };
+    /// Selects the pages of the scene's deep store, and asks for those that turning views need next. Returns false if the map of faint light that the
+    /// frame would read is not worth its cost.
+    fn select_deep(&mut self, inputs: &PlanInputs<'_>, plan: &mut Plan) -> Result<bool, PlanError> {
+        let Some(sky) = inputs.scene.stars.deep.as_ref() else { return Ok(true) };
         let start = Instant::now();
         let settings = &inputs.settings.stars;
         let map = plan.smooth_light.map.as_ref().map(|sky| sky.map);
@@ -104,7 +105,6 @@ impl Stars {
             viewports: &plan.views.viewports,
             cull: Self::cull_settings(inputs, plan, plan.stars.faintest_lx),
             cell_px: part.map_or(DIRECT_CELL_PX, |map| map.cell_texels()),
-            pixel_sr: None,
             drawn,
             magnitude_limit: settings.magnitude_limit,
             every_star: settings.every_star,
@@ -114,19 +114,26 @@ impl Stars {
         let white_cd_m2 = plan.exposure.expected_ev100.map_or(f64::INFINITY, white_luminance_cd_m2);
         let codes_per_cd_m2 = CODES * inputs.settings.tone_map.greatest_slope() / white_cd_m2;
         plan.stars.deep = DeepPlan { codes_per_cd_m2, ..deep::select(&deep)? };
+        if let Some(sky) = &plan.smooth_light.map {
+            let without =
+                deep::count(&DeepInputs { drawn: Drawn::All { seen_cd_m2: plan.display.seen_cd_m2 }, ..deep });
+            if !sky.pays(without.saturating_sub(plan.stars.deep.stars)) {
+                return Ok(false);
+            }
+        }
         if part.is_none()
             && let Some(turned) = self.turning.ahead(deep.viewports, start)
         {
             // What the views come to is drawn as part of the map.
-            let ahead = map.map_or(deep, |map| {
-                let pixel_sr = Some(map.texel_rad().powi(2));
-                let drawn = Drawn::Fainter { below_lx: map.below_lx };
-                DeepInputs { drawn, cell_px: map.cell_texels(), pixel_sr, ..deep }
+            let ahead = map.map_or(deep, |map| DeepInputs {
+                drawn: Drawn::Fainter { below_lx: map.below_lx },
+                cell_px: CELL_PX,
+                ..deep
             });
             deep::ask_ahead(&ahead, &turned, &plan.stars.deep);
         }
         plan.stars.cull_ms += start.elapsed().as_secs_f64() * 1e3;
-        Ok(())
+        Ok(true)
     }
 
     /// States how coarse the stars of a deep store are, and what is missing of them.
@@ -178,9 +185,7 @@ impl Stars {
         let is_selected = match self.select_deep(inputs, plan) {
             // The stars that the map leaves to the frame do not fit into the memory; composite stars may.
             Err(PlanError::DeepMemory { .. }) if plan.smooth_light.map.is_some() => false,
-            selected => {
-                selected.map(|()| plan.smooth_light.map.as_ref().is_none_or(|sky| sky.pays(plan.stars.deep.stars)))?
-            }
+            selected => selected?,
         };
         if !is_selected {
             plan.smooth_light.map = None;

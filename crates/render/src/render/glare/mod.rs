@@ -45,6 +45,10 @@ impl Technique for Glare {
     }
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
+        // The frame that reads a map of faint light needs what is held; the pictures of the map have no glare.
+        if frame.plan.smooth_light.part.is_some() {
+            return;
+        }
         let method = frame.plan.glare.method;
         if method != GlareMethod::SkyCube {
             self.sky_cube.release_series(frame.series);

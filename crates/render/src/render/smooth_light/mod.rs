@@ -12,7 +12,7 @@ use std::sync::{Arc, OnceLock};
 
 use bytemuck::Zeroable;
 
-use self::pieces::{Lack, Pieces};
+use self::pieces::Pieces;
 use super::{
     RenderError,
     layout::SkyMap as SkyMapLayout,
@@ -25,10 +25,10 @@ use crate::{
     gpu::{Gpu, GrowingBuffer, bind_in_order},
     plan::{
         Plan,
-        smooth_light::{PIECE_WORDS, SkyLayout, SkyMap, SkyPart, SkyPlan},
+        smooth_light::{PIECE_WORDS, SkyLayout, SkyMap, SkyPart, SkyPlan, pieces::WantedPicture},
         stars::{
             cull::MAX_VIEWPORTS,
-            deep::{DeepPlan, Residual},
+            deep::{DeepPlan, Lack, Residual},
         },
     },
     scene::SceneSnapshot,
@@ -75,22 +75,22 @@ impl SeriesMap {
     fn place(&mut self, gpu: &Gpu, part: &SkyPart, deep: &DeepPlan) {
         let Some(Held { drawn, .. }) = &mut self.held else { return };
         self.packed.clear();
-        for (viewport, number) in part.numbers().iter().enumerate() {
+        for (viewport, picture) in part.pictures().iter().enumerate() {
+            let number = picture.number;
             let (first_texel, width) = match (&mut *drawn, part.map.layout) {
                 (Drawn::Whole(pictures), SkyLayout::Whole { side }) => {
                     *pictures |= 1 << number;
                     (number * side * side, side)
                 }
                 (Drawn::Pieces(pieces), _) => {
-                    let residual = deep.residuals.get(viewport).copied().unwrap_or_default();
-                    let lack = (residual.missing > 0).then(|| Lack { residual, keys: deep.missing.clone() });
-                    let (place, lost) = pieces.draw(*number, lack);
-                    let (width, words) = pieces.words(*number);
+                    let lack = deep.lacks.get(viewport).filter(|lack| !lack.keys.is_empty()).cloned();
+                    let (place, lost) = pieces.draw(*picture, lack);
+                    let (width, words) = pieces.words(*picture);
                     let first = pieces.first_word(place);
                     if let Some(texels) = self.texels.held() {
                         let at = |word: u32| u64::from(word) * 4;
                         gpu.queue.write_buffer(texels, at(first), bytemuck::cast_slice(&words));
-                        gpu.queue.write_buffer(texels, at(*number), &first.to_le_bytes());
+                        gpu.queue.write_buffer(texels, at(number), &first.to_le_bytes());
                         if let Some(lost) = lost {
                             gpu.queue.write_buffer(texels, at(lost), &0_u32.to_le_bytes());
                         }
@@ -182,7 +182,10 @@ impl Technique for SmoothLight {
             own.held = Some(Held { stars: Arc::clone(&scene.stars), map: *map, drawn });
         }
         let to_draw = match own.held.as_mut().map(|held| &mut held.drawn) {
-            Some(Drawn::Whole(drawn)) => read.iter().copied().filter(|number| *drawn & 1 << number == 0).collect(),
+            Some(Drawn::Whole(drawn)) => {
+                let pictures = read.iter().map(WantedPicture::drawn);
+                pictures.filter(|picture| *drawn & 1 << picture.number == 0).collect()
+            }
             Some(Drawn::Pieces(pieces)) => pieces.to_draw(read, |lack| are_read(scene, lack)),
             None => Vec::new(),
         };
@@ -193,9 +196,10 @@ impl Technique for SmoothLight {
         let held = self.maps.get(series.slot).and_then(|own| own.held.as_ref());
         match (&plan.smooth_light.map, held.map(|held| &held.drawn)) {
             (None, _) => MapState { is_drawn: true, lack: Residual::default() },
-            (Some(SkyPlan { read, .. }), Some(Drawn::Whole(drawn))) => {
-                MapState { is_drawn: read.iter().all(|number| drawn & 1 << number != 0), lack: Residual::default() }
-            }
+            (Some(SkyPlan { read, .. }), Some(Drawn::Whole(drawn))) => MapState {
+                is_drawn: read.iter().all(|wanted| drawn & 1 << wanted.number != 0),
+                lack: Residual::default(),
+            },
             (Some(SkyPlan { read, .. }), Some(Drawn::Pieces(pieces))) => {
                 MapState { is_drawn: pieces.are_drawn(read), lack: pieces.lack(read) }
             }
