@@ -182,3 +182,36 @@ fn views_unsuitable_for_a_map_use_none() {
         assert!(frame.views.iter().all(|view| view.stars_in_map == 0));
     }
 }
+
+/// The air dims stars near the horizon. Those that it dims below the limit of the map are not in the map, so the frame draws them.
+#[test]
+fn stars_that_the_air_dims_are_drawn_beside_the_map() {
+    let galaxy = "scene.catalogues=[{ galaxy = { stars = 1200000, seed = 1, fainter_than = 3.5 } }]";
+    let exposure = format!("exposure={{ mode = \"manual\", ev100 = {EV100} }}");
+    let (scene, _, settings) = configured("tonight.toml", &[galaxy, &exposure]);
+    let rig = rig(vec![("dome", ViewKind::DomeMaster { size: 512, fov_rad: PI, tilt_rad: 0.0 })]);
+    let mut renderer = renderer();
+    let mut frame = |sky_map: SkyMapUse, magnitude_limit: f64| {
+        let mut settings = settings.clone();
+        settings.stars.magnitude_limit = magnitude_limit;
+        let request = FrameRequest::new(&scene, &rig).settings(&settings).wanted(Wanted::hdr());
+        renderer.render(request.drawn_for(Output::Display).sky_map(sky_map)).unwrap()
+    };
+    // Light from altitudes of 4 to 12 degrees.
+    let near_horizon_lx = |frame: &Frame| -> f64 {
+        let pixels = frame.images[0].hdr.as_ref().unwrap().iter().enumerate();
+        let is_low = |index: usize| {
+            let [x, y] = [index % 512, index / 512].map(|place| place as f64 + 0.5 - 256.0);
+            (78.0..86.0).contains(&(90.0 * x.hypot(y) / 256.0))
+        };
+        pixels.filter(|(index, _)| is_low(*index)).map(|(_, pixel)| f64::from(pixel[1]) * f64::from(pixel[3])).sum()
+    };
+    let map = frame(SkyMapUse::Wait, 30.0);
+    assert!(map.views[0].stars_in_map > 100_000, "{}", map.views[0].stars_in_map);
+    let [with_map, star_by_star] = [&map, &frame(SkyMapUse::Off, 30.0)].map(near_horizon_lx);
+    // Light of the stars alone: without those that are fainter than magnitude 0 there is nearly none.
+    let of_stars = star_by_star - near_horizon_lx(&frame(SkyMapUse::Off, 0.0));
+    let error = (with_map - star_by_star) / of_stars;
+    println!("error of the light of stars near the horizon: {error:.1e}");
+    assert!(error.abs() < 5e-3, "{error}");
+}

@@ -186,7 +186,7 @@ impl Technique for SmoothLight {
                 let pictures = read.iter().map(WantedPicture::drawn);
                 pictures.filter(|picture| *drawn & 1 << picture.number == 0).collect()
             }
-            Some(Drawn::Pieces(pieces)) => pieces.to_draw(read, |lack| are_read(scene, lack)),
+            Some(Drawn::Pieces(pieces)) => pieces.missing(read, |lack| are_read(scene, lack)),
             None => Vec::new(),
         };
         SkyPart::of(*map, &to_draw)

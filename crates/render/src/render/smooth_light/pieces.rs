@@ -60,7 +60,7 @@ impl Pieces {
 
     /// Notes the pieces that a frame reads, and returns those that are to be drawn: absent ones, then some of those whose stars `are_read` by now.
     /// A piece with texels of a quite different size is absent, and others with texels of another size are drawn again too.
-    pub(super) fn to_draw(
+    pub(super) fn missing(
         &mut self,
         read: &[WantedPicture],
         mut are_read: impl FnMut(&Lack) -> bool,
@@ -173,14 +173,14 @@ mod tests {
         let grid = PieceGrid::of_texels(1e-2).unwrap();
         let mut pieces = Pieces::new(grid, 1, 4 * piece_words(&grid, 3));
         assert_eq!((pieces.places, pieces.have_room(3), pieces.have_room(4)), (3, true, false));
-        assert_eq!(numbers(pieces.to_draw(&wanted(&[1, 2]), |_| true)), [1, 2]);
+        assert_eq!(numbers(pieces.missing(&wanted(&[1, 2]), |_| true)), [1, 2]);
         assert_eq!([1, 2].map(|number| pieces.draw(finest(number), None)), [(0, None), (1, None)]);
         assert!(pieces.are_drawn(&wanted(&[1, 2])) && !pieces.are_drawn(&wanted(&[1, 3])));
-        assert_eq!(numbers(pieces.to_draw(&wanted(&[2, 3]), |_| true)), [3]);
+        assert_eq!(numbers(pieces.missing(&wanted(&[2, 3]), |_| true)), [3]);
         assert_eq!(pieces.draw(finest(3), None), (2, None));
-        assert_eq!(numbers(pieces.to_draw(&wanted(&[3, 4]), |_| true)), [4]);
+        assert_eq!(numbers(pieces.missing(&wanted(&[3, 4]), |_| true)), [4]);
         assert_eq!(pieces.draw(finest(4), None), (0, Some(1)));
-        assert_eq!(numbers(pieces.to_draw(&wanted(&[3, 4, 5]), |_| true)), [5]);
+        assert_eq!(numbers(pieces.missing(&wanted(&[3, 4, 5]), |_| true)), [5]);
         assert_eq!(pieces.draw(finest(5), None), (1, Some(2)));
         assert_eq!(pieces.first_word(1) - pieces.first_word(0), 12 + 384 * 384);
     }
@@ -192,15 +192,15 @@ mod tests {
         let keys = vec![PageKey::Leaf { layer: 1, cell: 9 }];
         let residual = Residual { cd_m2: 3e-7, missing: 1 };
         let read = wanted(&[7, 8]);
-        pieces.to_draw(&read, |_| true);
+        pieces.missing(&read, |_| true);
         pieces.draw(finest(7), Some(Lack { residual, keys }));
         pieces.draw(finest(8), None);
         assert_eq!((pieces.lack(&read), pieces.lack(&read[1..])), (residual, Residual::default()));
-        assert_eq!(numbers(pieces.to_draw(&read, |_| false)), [0; 0]);
-        assert_eq!(numbers(pieces.to_draw(&read, |lack| lack.keys.len() == 1)), [7]);
+        assert_eq!(numbers(pieces.missing(&read, |_| false)), [0; 0]);
+        assert_eq!(numbers(pieces.missing(&read, |lack| lack.keys.len() == 1)), [7]);
         pieces.draw(finest(7), None);
         assert_eq!(pieces.lack(&read), Residual::default());
-        assert_eq!(numbers(pieces.to_draw(&read, |_| true)), [0; 0]);
+        assert_eq!(numbers(pieces.missing(&read, |_| true)), [0; 0]);
     }
 
     #[test]
@@ -208,13 +208,13 @@ mod tests {
         let grid = PieceGrid::of_texels(1e-2).unwrap();
         let mut pieces = Pieces::new(grid, 4, u64::MAX);
         let at = |level: f32| vec![WantedPicture { number: 7, level }];
-        pieces.to_draw(&at(0.2), |_| true);
+        pieces.missing(&at(0.2), |_| true);
         let (place, _) = pieces.draw(finest(7), None);
-        assert_eq!(pieces.to_draw(&at(0.7), |_| true), []);
-        assert_eq!(pieces.to_draw(&at(1.9), |_| true), [SkyPicture { number: 7, level: 2 }]);
+        assert_eq!(pieces.missing(&at(0.7), |_| true), []);
+        assert_eq!(pieces.missing(&at(1.9), |_| true), [SkyPicture { number: 7, level: 2 }]);
         assert!(pieces.are_drawn(&at(1.9)) && !pieces.are_drawn(&at(2.1)));
         assert_eq!(pieces.draw(SkyPicture { number: 7, level: 2 }, None), (place, None));
-        assert_eq!(pieces.to_draw(&at(1.9), |_| true), []);
+        assert_eq!(pieces.missing(&at(1.9), |_| true), []);
         assert!(pieces.are_drawn(&at(2.1)));
     }
 }
