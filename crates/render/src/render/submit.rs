@@ -35,6 +35,8 @@ use crate::{
 
 /// Maximum number of frames in flight.
 const MOST_IN_FLIGHT: usize = 2;
+/// Maximum number of plans of a frame after stars have been read for it. Damaged stars stay missing.
+const MOST_PLANS: usize = 3;
 
 /// A frame submitted to the device. Pass it to [`Renderer::finish`] to get its result. If it is dropped, later frames
 /// of the renderer wait for it and discard it.
@@ -259,7 +261,11 @@ impl Renderer {
         let Self { techniques, gpu, .. } = self;
         let parts: Vec<SkyPart> =
             techniques.iter_mut().flat_map(|technique| technique.map_parts(gpu, plan, snapshot, series)).collect();
-        let Some(map) = &plan.smooth_light.map else { return Ok(true) };
+        let Some(map) = &plan.smooth_light.map else {
+            self.sky_targets = None;
+            return Ok(true);
+        };
+        let is_whole = matches!(map.map.layout, SkyLayout::Whole { .. });
         let most = match map.map.layout {
             SkyLayout::Whole { .. } if in_turn => 1,
             // A map that the next frame may not read any more, as in a zoom, is not begun.
@@ -278,7 +284,8 @@ impl Renderer {
                 plan.state_missing_stars(state.lack);
             }
         }
-        if parts.is_empty() {
+        // New pieces come into view again and again.
+        if is_whole && is_drawn {
             self.sky_targets = None;
         }
         Ok(is_drawn)
@@ -412,22 +419,22 @@ impl Renderer {
     }
 }
 
-/// Plans a frame. If it waits for the stars of a deep store, the missing ones are read, and the frame is planned again.
+/// Plans a frame. If it waits for the stars of a deep store, the missing ones are read, and the frame is planned again. That plan may need others: with all
+/// bright stars in memory, a map of faint light may turn out not to be worth its cost.
 fn plan_with_stars(
     (planner, limits): (&mut Planner, &Limits),
     waits: bool,
     make: impl Fn(&mut Planner, &Limits) -> Result<Plan, PlanError>,
 ) -> Result<Plan, PlanError> {
-    let plan = make(planner, limits)?;
-    let deep = &plan.stars.deep;
-    match &deep.sky {
-        Some(sky) if waits && !deep.missing.is_empty() => {
-            // The next plan refuses what is damaged, unless the settings skip it.
-            if let Err(error) = sky.load(&deep.missing) {
-                tracing::debug!("the frame lacks stars: {error}");
-            }
-            make(planner, limits)
+    let mut plan = make(planner, limits)?;
+    for _ in 0..MOST_PLANS {
+        let deep = &plan.stars.deep;
+        let Some(sky) = deep.sky.as_ref().filter(|_| waits && !deep.missing.is_empty()) else { break };
+        // The next plan refuses what is damaged, unless the settings skip it.
+        if let Err(error) = sky.load(&deep.missing) {
+            tracing::debug!("the frame lacks stars: {error}");
         }
-        _ => Ok(plan),
+        plan = make(planner, limits)?;
     }
+    Ok(plan)
 }
