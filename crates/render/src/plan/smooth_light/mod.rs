@@ -243,14 +243,17 @@ impl SmoothLight {
     /// Chooses the map for these views and divides the stars; `None`: no map fits, or it is not worth its cost.
     fn choose(&mut self, inputs: &SkyInputs<'_>) -> Option<SkyPlan> {
         let SkyInputs { stars, viewports, .. } = inputs;
-        let (map, read) = fitting(inputs)?;
+        if inputs.settings.stars.method != StarMethod::Auto {
+            return None;
+        }
         let pixels: f64 = viewports.iter().map(|viewport| viewport.size().map(f64::from).iter().product::<f64>()).sum();
         let pays_from = costs::BUILT_IN.map_from_stars_per_pixel * pixels;
-        // Check before dividing the stars.
+        // Check before looking for a map and dividing the stars.
         let has_deep = stars.deep.is_some();
         if !has_deep && in_view(inputs, &|chunk| stars.chunks[chunk].count.into()) < pays_from {
             return None;
         }
+        let (map, read) = fitting(inputs)?;
         let is_of = |held: &Weak<StarSet>| held.upgrade().is_some_and(|held| Arc::ptr_eq(&held, stars));
         let held = self.divided.as_ref().filter(|(set, divided)| divided.map == map && is_of(set));
         let divided = held.map_or_else(|| divide(stars, map), |(_, divided)| divided.clone());
@@ -322,10 +325,7 @@ fn map_error(map: &SkyMap, viewports: &[Viewport], step_cd_m2: f64, budget: Erro
 
 /// The map for these views, with the pictures that they read: of the whole sky, or in pieces.
 fn fitting(inputs: &SkyInputs<'_>) -> Option<(SkyMap, Arc<[WantedPicture]>)> {
-    let SkyInputs { settings, viewports, step_cd_m2, cull, limits, .. } = *inputs;
-    if settings.stars.method != StarMethod::Auto {
-        return None;
-    }
+    let SkyInputs { viewports, step_cd_m2, cull, limits, .. } = *inputs;
     let map = |below_lx: f64, texel_px: f64, layout: SkyLayout| SkyMap {
         place_pc: map_place_pc(inputs.camera_pc),
         below_lx,
