@@ -184,6 +184,14 @@ fn blocks(luminances: &[f64], width: usize) -> Vec<[f64; 2]> {
     blocks
 }
 
+/// The blocks of a frame have the variance of those of a frame of all stars.
+fn assert_same_variance(case: &str, frame: &Frame, stars: &Frame, width: usize) {
+    let both = blocks(&luminances(frame), width).into_iter().zip(blocks(&luminances(stars), width));
+    let (found, expected) = both.fold((0.0, 0.0), |(found, expected), ([_, a], [_, b])| (found + a, expected + b));
+    println!("{case}: variance {:.4} of that of the stars", found / expected);
+    assert!((found / expected - 1.0).abs() < 0.02, "{case}: variance {found} of {expected}");
+}
+
 /// Composite stars keep the light, its distribution and its graininess.
 #[test]
 fn composite_stars_look_like_the_stars() {
@@ -200,10 +208,7 @@ fn composite_stars_look_like_the_stars() {
         let errors = DisplayErrors::between(&stars, &composites, &settings);
         println!("{case}: 99.9 % {:.3} codes, largest {:.3}", errors.quantile(0.999), errors.quantile(1.0));
         assert!(errors.quantile(0.999) < 0.5, "{case}");
-        let both = blocks(&luminances(&composites), width).into_iter().zip(blocks(&luminances(&stars), width));
-        let (found, expected) = both.fold((0.0, 0.0), |(found, expected), ([_, a], [_, b])| (found + a, expected + b));
-        println!("{case}: variance {:.4} of that of the stars", found / expected);
-        assert!((found / expected - 1.0).abs() < 0.02, "{case}: variance {found} of {expected}");
+        assert_same_variance(case, &composites, &stars, width);
     }
 }
 
@@ -247,10 +252,7 @@ fn a_window_reads_faint_stars_from_pieces_of_a_map() {
         println!("{case}: light {:.1e}, 99.9 % {quantile:.3} codes, largest {:.3}", ratio - 1.0, errors.quantile(1.0));
         // The light of a star varies by some percent with its place among the texels, and the light of these stars is mostly that of a few hundred.
         assert!((ratio - 1.0).abs() < 4e-3 && quantile < 0.6, "{case}: {ratio} {quantile}");
-        let both = blocks(&luminances(&map), 160).into_iter().zip(blocks(&luminances(&stars), 160));
-        let (found, expected) = both.fold((0.0, 0.0), |(found, expected), ([_, a], [_, b])| (found + a, expected + b));
-        println!("{case}: variance {:.4} of that of the stars", found / expected);
-        assert!((found / expected - 1.0).abs() < 0.02, "{case}: variance {found} of {expected}");
+        assert_same_variance(case, &map, &stars, 160);
         // A sky turned by a texel fails.
         let wrong = turned(&scene, DVec3::Y, 0.775 * fov_y_deg.to_radians() / 120.0);
         let wrong = with_map(&mut renderer, &wrong, &rig, &settings, SkyMapUse::Wait);

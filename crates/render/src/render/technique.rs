@@ -71,7 +71,7 @@ pub(crate) struct Series {
 pub(crate) struct MapState {
     /// Whether all pictures that the frame reads have been drawn.
     pub is_drawn: bool,
-    /// What is missing of their stars.
+    /// Error and number of the pages that they lack.
     pub lack: Residual,
 }
 

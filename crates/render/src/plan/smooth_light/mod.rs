@@ -27,7 +27,7 @@ use super::{
     stars::{
         Stars,
         cull::{CullSettings, Field, light_at, near_stars},
-        deep::layers_from,
+        deep::{layers_from, pixel_sr_near},
     },
     technique::{PlanInputs, Step, Technique},
 };
@@ -55,11 +55,11 @@ const TEXEL_OF_DEEP_PX: f64 = 0.775;
 pub(super) const CELL_PX: f64 = 0.66;
 /// Illuminance of the brightest star of the map over the solid angle of the smallest pixel, in steps of the display image.
 const BRIGHTEST_STEPS: f64 = 1.8;
-/// Least ratio of the smallest pixel to the central one (solid angles), and greatest ratio of the central pixels of two views, for which
-/// one map has a suitable resolution.
+/// Least ratio of the smallest pixel to the central one (solid angles) for which the pictures of the whole sky have a suitable resolution.
 const LEAST_PIXEL_RATIO: f64 = 0.45;
-/// The same ratio of pixels for pieces, whose texels have several sizes.
+/// The same for pieces, whose texels have several sizes.
 const LEAST_RATIO_OF_PIECES: f64 = 0.1;
+/// Greatest ratio of the central pixels of two views that read one map.
 const MOST_VIEW_RATIO: f64 = 1.25;
 /// Greatest distance of an eye from the camera for which the map's stars have the right direction.
 const FARTHEST_EYE_M: f64 = 1e9;
@@ -363,7 +363,7 @@ fn fitting(inputs: &SkyInputs<'_>) -> Option<(SkyMap, Arc<[WantedPicture]>)> {
     };
     let is_possible = 4 * words <= limits.max_binding_bytes
         && map.below_lx > cull.faintest_lx
-        // With all layers one by one there are no composite stars for the map.
+        // If every layer is drawn star by star, the map has no composite stars.
         && layers(map.below_lx) < LAYERS.len();
     is_possible.then_some((map, read))
 }
@@ -379,12 +379,7 @@ fn pieces_in(grid: &PieceGrid, texel_px: f64, viewports: &[Viewport], cull: &Cul
     let wanted = |number: u32| {
         let (cone, corners) = (grid.cone(number), grid.corners(number));
         let seeing = viewports.iter().zip(&fields).filter(|(_, field)| field.touches_polygon(cone, &corners));
-        let pixels_rad = seeing.map(|(viewport, _)| {
-            let in_view = viewport.world_from_view.conjugate() * cone.axis;
-            let extent = viewport.projection.mapping().pixel_extent_rad(in_view);
-            let near_sr = extent.map_or(0.0, |[long, short]| long * short);
-            near_sr.max(viewport.projection.smallest_pixel_sr()).sqrt()
-        });
+        let pixels_rad = seeing.map(|(viewport, _)| pixel_sr_near(viewport, cone.axis, 0.0).sqrt());
         let finest_rad = pixels_rad.fold(f64::INFINITY, f64::min);
         finest_rad.is_finite().then(|| grid.wanted(number, texel_px * finest_rad))
     };

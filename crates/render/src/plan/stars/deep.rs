@@ -1,8 +1,8 @@
 //! Stars of a deep store in a plan: the detail in which each part of the sky is drawn, and the pages that are needed for it.
 //!
-//! A composite star has the light of all faint stars of a cell. A cell may be as large as [`DIRECT_CELL_PX`] pixels where views draw composite stars themselves,
-//! and [`crate::plan::smooth_light::SkyMap::cell_texels`] texels in the map of faint light. Where no plane is fine enough, all stars are drawn. Pages that have not been read yet
-//! are replaced by coarser ones; [`Residual`] bounds the error of that.
+//! A composite star has the light of all faint stars of a cell. A cell may be as large as [`DIRECT_CELL_PX`] pixels where views draw composite stars
+//! themselves, and [`crate::plan::smooth_light::SkyMap::cell_texels`] texels in the map of faint light. Where no plane is fine enough, all stars are drawn.
+//! Pages that have not been read yet are replaced by coarser ones; [`Residual`] bounds the error of that.
 
 use std::{
     collections::HashSet,
@@ -113,7 +113,7 @@ pub struct Residual {
     pub missing: u64,
 }
 
-/// What is missing of the stars of a picture.
+/// Stars that a picture lacks because their pages have not been read.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Lack {
     /// The error of that.
@@ -133,7 +133,7 @@ pub struct DeepPlan {
     pub missing: Vec<PageKey>,
     /// What these may change.
     pub residual: Residual,
-    /// What is missing in each viewport.
+    /// Stars that each viewport lacks; only of a plan for pictures of a map.
     pub lacks: Vec<Lack>,
     /// Codes of a display image of 8 bits per cd/m^2, at most; 0: not known.
     pub codes_per_cd_m2: f64,
@@ -171,10 +171,12 @@ struct PartPages {
 /// Stars that cannot be replaced by composite stars do not fit into the memory.
 pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
     let sky = inputs.sky;
+    // Only pictures of a map are drawn again for each of them.
+    let lacking = if matches!(inputs.drawn, Drawn::Fainter { .. }) { inputs.viewports.len() } else { 0 };
     let mut plan = DeepPlan {
         faintest_lx: f64::INFINITY,
         device_bytes: inputs.memory_bytes / 2,
-        lacks: vec![Lack::default(); inputs.viewports.len()],
+        lacks: vec![Lack::default(); lacking],
         ..DeepPlan::default()
     };
     if inputs.magnitude_limit <= RESIDENT_TO_MAGNITUDE {
@@ -371,7 +373,7 @@ fn sees(inputs: &DeepInputs<'_>, field: &Field, axis: DVec3, half_angle_rad: f64
 }
 
 /// Smallest pixel of a viewport near a direction, sr.
-fn pixel_sr_near(viewport: &Viewport, axis: DVec3, half_angle_rad: f64) -> f64 {
+pub(in crate::plan) fn pixel_sr_near(viewport: &Viewport, axis: DVec3, half_angle_rad: f64) -> f64 {
     let mapping = viewport.projection.mapping();
     let to_view = viewport.world_from_view.conjugate();
     let (right, up) = axis.any_orthonormal_pair();
@@ -422,7 +424,7 @@ impl Residual {
 }
 
 impl DeepPlan {
-    /// What a frame states of these stars.
+    /// The part of a frame's report about these stars.
     pub(super) fn report(&self) -> DeepReport {
         let Residual { cd_m2, missing } = self.residual;
         let residual_codes = if cd_m2 > 0.0 { cd_m2 * self.codes_per_cd_m2 } else { 0.0 };

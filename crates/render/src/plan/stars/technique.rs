@@ -124,7 +124,7 @@ impl Stars {
         if part.is_none()
             && let Some(turned) = self.turning.ahead(deep.viewports, start)
         {
-            // What the views come to is drawn as part of the map.
+            // Stars that come into view are drawn in the map.
             let ahead = map.map_or(deep, |map| DeepInputs {
                 drawn: Drawn::Fainter { below_lx: map.below_lx },
                 cell_px: CELL_PX,

@@ -249,8 +249,8 @@ impl Technique for SmoothLight {
 /// Whether stars that were missing are in memory by now; otherwise they are asked for again.
 fn are_read(scene: &SceneSnapshot, lack: &Lack) -> bool {
     let Some(sky) = &scene.stars.deep else { return false };
-    let absent: Vec<_> = lack.keys.iter().zip(sky.pages_of(&lack.keys)).filter(|(_, page)| page.is_none()).collect();
-    let wants: Vec<_> = absent.iter().map(|(key, _)| (**key, lack.residual.cd_m2)).collect();
+    let absent = lack.keys.iter().zip(sky.pages_of(&lack.keys)).filter(|(_, page)| page.is_none());
+    let wants: Vec<_> = absent.map(|(key, _)| (*key, lack.residual.cd_m2)).collect();
     if !wants.is_empty() {
         sky.ask(&wants);
     }

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use crate::plan::{
     smooth_light::{
         PIECE_WORDS, piece_words,
-        pieces::{PIECE_SIDE, PieceFrame, PieceGrid, SkyPicture, WantedPicture},
+        pieces::{PieceFrame, PieceGrid, SkyPicture, WantedPicture},
     },
     stars::deep::{Lack, Residual},
 };
@@ -91,7 +91,7 @@ impl Pieces {
         read.iter().all(|wanted| self.held.get(&wanted.number).is_some_and(|piece| wanted.accepts(piece.level)))
     }
 
-    /// What is missing of the stars of these pieces.
+    /// Error and number of the pages that these pieces lack.
     pub(super) fn lack(&self, read: &[WantedPicture]) -> Residual {
         let mut all = Residual::default();
         read.iter()
@@ -124,7 +124,7 @@ impl Pieces {
 
     /// Index of the first word of a place.
     pub(super) fn first_word(&self, place: u32) -> u32 {
-        self.grid.pieces() + place * (PIECE_WORDS + PIECE_SIDE * PIECE_SIDE)
+        piece_words(&self.grid, place.into()) as u32
     }
 
     /// Width of a piece's picture, texels, and the words before its texels: for each axis of the picture, right and down in texels and outwards, a
