@@ -102,8 +102,46 @@ pub struct CellFrame {
     face: usize,
     corner: [f64; 2],
     scale: f64,
+    middle: Longitude,
     /// Unit vector towards the centre, ICRS axes.
     pub centre: DVec3,
+}
+
+/// A longitude in rad, with its sine and cosine.
+#[derive(Clone, Copy, Debug)]
+struct Longitude {
+    rad: f64,
+    sin: f64,
+    cos: f64,
+}
+
+/// Differences of longitude whose sine and cosine are those of their series, with an error below 1e-17; rad.
+const NEAR_RAD: f64 = 1.0 / 64.0;
+
+impl Longitude {
+    fn new(rad: f64) -> Self {
+        let (sin, cos) = rad.sin_cos();
+        Self { rad, sin, cos }
+    }
+
+    /// Sine and cosine of another longitude. Near this one they cost a third of those of the standard library.
+    fn sin_cos_of(self, rad: f64) -> (f64, f64) {
+        let by = rad - self.rad;
+        if by.abs() > NEAR_RAD {
+            return rad.sin_cos();
+        }
+        let square = by * by;
+        let sin = by * (1.0 - square * (1.0 / 6.0 - square * (1.0 / 120.0)));
+        let cos_less_1 = -square * (0.5 - square * (1.0 / 24.0 - square * (1.0 / 720.0)));
+        (self.sin + (self.sin * cos_less_1 + self.cos * sin), self.cos + (self.cos * cos_less_1 - self.sin * sin))
+    }
+}
+
+/// A circle of latitude on the unit sphere, and a longitude.
+struct Circle {
+    longitude_rad: f64,
+    radius: f64,
+    z: f64,
 }
 
 impl CellFrame {
@@ -113,13 +151,15 @@ impl CellFrame {
         let inside = cell & ((1 << (2 * order)) - 1);
         let scale = 1.0 / f64::from(1_u32 << order);
         let corner = [gathered(inside), gathered(inside >> 1)].map(|index| f64::from(index) * scale);
-        let mut frame = Self { face, corner, scale, centre: DVec3::ZERO };
+        let mut frame = Self { face, corner, scale, middle: Longitude::new(0.0), centre: DVec3::ZERO };
+        frame.middle = Longitude::new(frame.circle([0.5, 0.5]).longitude_rad);
         frame.centre = frame.direction([0.5, 0.5]);
         frame
     }
 
-    /// Unit vector towards the place at coordinates in the cell, each 0 to 1.
-    pub fn direction(&self, inside: [f64; 2]) -> DVec3 {
+    /// The longitude of coordinates in the cell, and the circle of its latitude.
+    #[inline]
+    fn circle(&self, inside: [f64; 2]) -> Circle {
         let [x, y] = [0, 1].map(|axis| self.corner[axis] + self.scale * inside[axis]);
         let ring = FACE_RING[self.face] - x - y;
         // `width`: quarter of the ring's circumference, in the units of the longitude.
@@ -133,9 +173,24 @@ impl CellFrame {
             (1.0, z, (1.0 - z * z).sqrt())
         };
         let along = FACE_LONGITUDE[self.face] * width + x - y;
-        let longitude = if width < 1e-15 { 0.0 } else { std::f64::consts::FRAC_PI_4 * along / width };
-        let (sin, cos) = longitude.sin_cos();
-        DVec3::new(sine * cos, sine * sin, z)
+        let longitude_rad = if width < 1e-15 { 0.0 } else { std::f64::consts::FRAC_PI_4 * along / width };
+        Circle { longitude_rad, radius: sine, z }
+    }
+
+    /// Unit vector towards the place at coordinates in the cell, each 0 to 1.
+    #[inline]
+    pub fn direction(&self, inside: [f64; 2]) -> DVec3 {
+        let Circle { longitude_rad, radius, z } = self.circle(inside);
+        let (sin, cos) = self.middle.sin_cos_of(longitude_rad);
+        DVec3::new(radius * cos, radius * sin, z)
+    }
+
+    /// Unit vector towards a place in a finer cell: the number of that cell in this one, the orders between them, and the coordinates in it.
+    #[inline]
+    pub fn direction_in_finer(&self, finer: u64, orders: u8, inside: [f64; 2]) -> DVec3 {
+        let scale = 1.0 / f64::from(1_u32 << orders);
+        let [x, y] = [gathered(finer), gathered(finer >> 1)].map(f64::from);
+        self.direction([(x + inside[0]) * scale, (y + inside[1]) * scale])
     }
 
     /// Half-angle of a cone around the centre that contains the cell, rad.
@@ -207,6 +262,10 @@ pub(super) mod tests {
                 let relative = frame.centre + frame.offset(inside).as_dvec3();
                 assert!((relative - found).length() < if order == 4 { 4e-9 } else { 5e-10 });
                 assert_eq!(place.cell(order) >> 2, place.cell(order - 1));
+                // The same place as a place in a coarser cell, whose middle is farther away.
+                let coarser = CellFrame::new(order - 3, place.cell(order) >> 6);
+                let same = coarser.direction_in_finer(place.cell(order) & 63, 3, inside);
+                assert!((same - found).length() < 4e-16, "{:e}", (same - found).length());
             }
         }
         assert!(worst < 0.1e-3 * ARCSECOND_RAD, "{} mas", worst / ARCSECOND_RAD * 1e3);

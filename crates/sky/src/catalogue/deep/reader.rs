@@ -80,12 +80,15 @@ impl Leaf {
     /// Decodes a star. The pair of leaf and index always means the same star of a store.
     pub fn star(&self, index: usize) -> DeepStar {
         let word = Word::from_bits(self.words[index]);
-        DeepStar {
-            direction: self.frame.direction(word.inside()),
-            illuminance_lx: light_scale(self.layer).illuminance_lx(word.light),
-            temperature_k: temperature_k(word.temperature),
-            distance_pc: distance_pc(word.distance),
-        }
+        let (direction, illuminance_lx, distance_pc) = self.place_and_light(word);
+        DeepStar { direction, illuminance_lx, temperature_k: temperature_k(word.temperature), distance_pc }
+    }
+
+    /// Direction, illuminance at the barycentre in lx, and distance in pc (`None`: at infinity) of a star with this word, as in [`Self::star`].
+    #[inline]
+    pub(super) fn place_and_light(&self, word: Word) -> (DVec3, f64, Option<f64>) {
+        let illuminance_lx = light_scale(self.layer).illuminance_lx(word.light);
+        (self.frame.direction(word.inside()), illuminance_lx, distance_pc(word.distance))
     }
 
     /// Direction of a star minus that of the centre of the cell, for views whose pixels are finer than the steps of f32 unit vectors.

@@ -248,7 +248,7 @@ fn draw_block(
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::galaxy::generate;
+    use super::super::super::galaxy::tests::with_light;
     use super::super::check;
     use super::super::{DeepStore, LAYERS};
     use super::*;
@@ -310,7 +310,7 @@ mod tests {
         check::check(&store, true, &mut |_| ()).expect("a valid store");
 
         // Every star of the generator that is not bright is in a leaf, within the errors of its word.
-        let galaxy = generate(&parameters(150_000)).expect("made");
+        let galaxy = with_light(&parameters(150_000)).expect("made");
         let light = |layer: usize, star: &StarRecord| star.apparent_magnitude() >= f64::from(LAYERS[layer].magnitude);
         let faint: Vec<&StarRecord> =
             galaxy.stars.iter().filter(|star| light(0, star) && star.position.length() >= 100.0).collect();

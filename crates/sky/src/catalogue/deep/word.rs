@@ -25,8 +25,10 @@ use crate::{
 pub const PLACE_BITS: u32 = 17;
 /// Magnitudes from the brightest to the faintest light of a layer.
 pub const MAGNITUDES: f64 = 10.0;
-const LIGHT_STEPS: u32 = 2047;
-const TEMPERATURE_STEPS: u32 = 255;
+/// Highest code of the light.
+pub const LIGHT_STEPS: u32 = 2047;
+/// Highest code of the temperature.
+pub const TEMPERATURE_STEPS: u32 = 255;
 /// Lowest and highest temperature, K.
 pub const TEMPERATURES_K: [f64; 2] = [2000.0, 100_000.0];
 /// Nearest and farthest finite distance, pc.

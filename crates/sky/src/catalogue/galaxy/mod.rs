@@ -152,17 +152,21 @@ pub fn kept_or_generated(parameters: &GalaxyParameters) -> Result<Galaxy, Galaxy
 /// [`GalaxyError`] if a parameter is out of range, or if the model does not have enough stars.
 pub fn generate(parameters: &GalaxyParameters) -> Result<Galaxy, GalaxyError> {
     check(parameters)?;
-    let sky = Sky::new();
-    let mut stars = draw(&sky, parameters)?;
+    let mut galaxy = draw_with_light(&Sky::new(), parameters)?;
+    // The model's tables are large: they are free before the temporary list of magnitudes is allocated.
+    keep_brightest(&mut galaxy.stars, parameters.stars);
+    Ok(galaxy)
+}
+
+/// [`draw`], and the light of the fainter stars if it is requested.
+fn draw_with_light(sky: &Sky, parameters: &GalaxyParameters) -> Result<Galaxy, GalaxyError> {
+    let stars = draw(sky, parameters)?;
     // The drawn stars end at the magnitude up to which this number is expected.
     let unresolved = parameters.unresolved_light.then(|| {
         let left_out = sky.brighter_than(parameters.fainter_than.unwrap_or(f64::NEG_INFINITY));
         let faintest = sky.magnitude_with(left_out + parameters.stars as f64, FAINTEST_APPARENT_MAGNITUDE);
-        unresolved::unresolved_light(&sky, faintest)
+        unresolved::unresolved_light(sky, faintest)
     });
-    // The model's tables are large: free them before the temporary list of magnitudes is allocated.
-    drop(sky);
-    keep_brightest(&mut stars, parameters.stars);
     Ok(Galaxy { stars, unresolved })
 }
 
@@ -233,4 +237,4 @@ fn keep_brightest(stars: &mut Vec<StarRecord>, count: usize) {
 }
 
 #[cfg(test)]
-mod tests;
+pub(in crate::catalogue) mod tests;

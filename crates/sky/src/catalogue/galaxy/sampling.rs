@@ -61,8 +61,7 @@ fn density_plane(longitude: usize) -> DensityPlane {
     for latitude in 0..=LATITUDES {
         for distance in 0..=SHELLS {
             let p = corner_pc(longitude, latitude, distance);
-            let place = Place::from_sun(p.x, p.y, p.z);
-            plane[plane_index(latitude, distance)] = Population::ALL.map(|population| place.density(population) as f32);
+            plane[plane_index(latitude, distance)] = Place::from_sun(p.x, p.y, p.z).densities().map(|d| d as f32);
         }
     }
     plane
@@ -266,9 +265,8 @@ fn block_weighted_volume(sightlines: &Sightlines, block: usize) -> Vec<f64> {
                 }
                 let volume = cell.volume_pc3();
                 let p = spot.position_pc;
-                let place = Place::from_sun(p.x, p.y, p.z);
-                for (i, &population) in Population::ALL.iter().enumerate() {
-                    sums[i * MODULUS_STEPS + bin as usize] += volume * place.density(population);
+                for (i, density) in Place::from_sun(p.x, p.y, p.z).densities().into_iter().enumerate() {
+                    sums[i * MODULUS_STEPS + bin as usize] += volume * density;
                 }
             }
         }

@@ -9,6 +9,7 @@
 use super::dust;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, TAU};
+use std::sync::LazyLock;
 
 /// Number of cells around the galactic equator.
 pub const LONGITUDES: usize = 480;
@@ -53,6 +54,31 @@ pub struct Spot {
     pub extinction_mag: f64,
 }
 
+/// Functions of the corners' indices, computed once: millions of cells need them.
+struct Tables {
+    longitude_sin_cos: Vec<(f64, f64)>,
+    latitude_rad: Vec<f64>,
+    latitude_sin: Vec<f64>,
+    distance_pc: Vec<f64>,
+    /// Third power of the distance.
+    cubed_pc3: Vec<f64>,
+}
+
+static TABLES: LazyLock<Tables> = LazyLock::new(|| {
+    let latitude_rad = |i: usize| {
+        let u = 2.0 * i as f64 / LATITUDES as f64 - 1.0;
+        FRAC_PI_2 * u * (0.35 + 0.65 * u.abs().powf(1.5))
+    };
+    let distance_pc = |i: usize| NEAREST_PC * 10f64.powf(SHELL_LOG10 * i as f64);
+    Tables {
+        longitude_sin_cos: (0..=LONGITUDES).map(|i| longitude_rad(i).sin_cos()).collect(),
+        latitude_rad: (0..=LATITUDES).map(latitude_rad).collect(),
+        latitude_sin: (0..=LATITUDES).map(|i| latitude_rad(i).sin()).collect(),
+        distance_pc: (0..DISTANCES).map(distance_pc).collect(),
+        cubed_pc3: (0..DISTANCES).map(|i| distance_pc(i).powi(3)).collect(),
+    }
+});
+
 /// Longitude of corner `i`.
 pub fn longitude_rad(i: usize) -> f64 {
     i as f64 * TAU / LONGITUDES as f64
@@ -60,13 +86,12 @@ pub fn longitude_rad(i: usize) -> f64 {
 
 /// Latitude of corner `i`, from the south pole to the north pole.
 pub fn latitude_rad(i: usize) -> f64 {
-    let u = 2.0 * i as f64 / LATITUDES as f64 - 1.0;
-    FRAC_PI_2 * u * (0.35 + 0.65 * u.abs().powf(1.5))
+    TABLES.latitude_rad[i]
 }
 
 /// Distance of corner `i`, parsecs.
 pub fn distance_pc(i: usize) -> f64 {
-    NEAREST_PC * 10f64.powf(SHELL_LOG10 * i as f64)
+    TABLES.distance_pc[i]
 }
 
 /// Distance modulus of corner `i`, magnitudes.
@@ -79,24 +104,24 @@ pub fn plane_index(latitude: usize, distance: usize) -> usize {
     latitude * DISTANCES + distance
 }
 
-/// Galactic Cartesian vector at some polar coordinates.
-fn from_polar(longitude_rad: f64, sin_latitude: f64, distance_pc: f64) -> glam::DVec3 {
-    let (sin_l, cos_l) = longitude_rad.sin_cos();
+/// Galactic Cartesian vector at some polar coordinates; the longitude is given by its sine and cosine.
+fn from_polar((sin_l, cos_l): (f64, f64), sin_latitude: f64, distance_pc: f64) -> glam::DVec3 {
     let in_plane = distance_pc * (1.0 - sin_latitude * sin_latitude).max(0.0).sqrt();
     glam::DVec3::new(in_plane * cos_l, in_plane * sin_l, distance_pc * sin_latitude)
 }
 
 /// Galactic Cartesian parsecs of the corner at the three indices.
 pub fn corner_pc(longitude: usize, latitude: usize, distance: usize) -> glam::DVec3 {
-    from_polar(longitude_rad(longitude), latitude_rad(latitude).sin(), distance_pc(distance))
+    let Tables { longitude_sin_cos, latitude_sin, distance_pc, .. } = &*TABLES;
+    from_polar(longitude_sin_cos[longitude], latitude_sin[latitude], distance_pc[distance])
 }
 
 impl Cell {
     /// Volume in cubic parsecs.
     pub fn volume_pc3(self) -> f64 {
-        let height = latitude_rad(self.latitude + 1).sin() - latitude_rad(self.latitude).sin();
-        let (near, far) = (distance_pc(self.shell), distance_pc(self.shell + 1));
-        TAU / LONGITUDES as f64 * height * (far.powi(3) - near.powi(3)) / 3.0
+        let Tables { latitude_sin, cubed_pc3, .. } = &*TABLES;
+        let height = latitude_sin[self.latitude + 1] - latitude_sin[self.latitude];
+        TAU / LONGITUDES as f64 * height * (cubed_pc3[self.shell + 1] - cubed_pc3[self.shell]) / 3.0
     }
 }
 
@@ -106,7 +131,7 @@ impl Sightlines {
         let mut extinction_mag = vec![0f32; LONGITUDES * PLANE_CORNERS];
         extinction_mag.par_chunks_mut(PLANE_CORNERS).enumerate().for_each(|(longitude, plane)| {
             for (latitude, line) in plane.chunks_mut(DISTANCES).enumerate() {
-                let direction = from_polar(longitude_rad(longitude), latitude_rad(latitude).sin(), 1.0);
+                let direction = from_polar(TABLES.longitude_sin_cos[longitude], TABLES.latitude_sin[latitude], 1.0);
                 let mut sum = 0.0;
                 for shell in 0..SHELLS {
                     let (near, far) = (distance_pc(shell), distance_pc(shell + 1));
@@ -131,12 +156,12 @@ impl Sightlines {
     pub fn spot(&self, cell: Cell, across: [f64; 3]) -> Spot {
         let (west, east) = (longitude_rad(cell.longitude), longitude_rad(cell.longitude + 1));
         let (south, north) = (latitude_rad(cell.latitude), latitude_rad(cell.latitude + 1));
-        let (near, far) = (distance_pc(cell.shell), distance_pc(cell.shell + 1));
+        let Tables { latitude_sin, cubed_pc3, .. } = &*TABLES;
         let lerp = |a: f64, b: f64, t: f64| a + (b - a) * t;
 
         let longitude = lerp(west, east, across[0]);
-        let sin_latitude = lerp(south.sin(), north.sin(), across[1]);
-        let distance = lerp(near.powi(3), far.powi(3), across[2]).cbrt();
+        let sin_latitude = lerp(latitude_sin[cell.latitude], latitude_sin[cell.latitude + 1], across[1]);
+        let distance = lerp(cubed_pc3[cell.shell], cubed_pc3[cell.shell + 1], across[2]).cbrt();
 
         // Linear in longitude, latitude and the logarithm of the distance.
         let latitude_fraction = ((sin_latitude.asin() - south) / (north - south)).clamp(0.0, 1.0);
@@ -152,7 +177,7 @@ impl Sightlines {
             lerp(between(self.plane(cell.longitude)), between(self.plane(cell.longitude + 1)), across[0]);
 
         Spot {
-            position_pc: from_polar(longitude, sin_latitude, distance),
+            position_pc: from_polar(longitude.sin_cos(), sin_latitude, distance),
             modulus_mag: 5.0 * distance_log10 - 5.0 + extinction_mag,
             extinction_mag,
         }

@@ -93,7 +93,7 @@ impl GalaxyStream {
 
 #[cfg(test)]
 mod tests {
-    use super::super::generate;
+    use super::super::tests::with_light;
     use super::*;
 
     #[test]
@@ -104,7 +104,7 @@ mod tests {
         (0..stream.blocks())
             .try_for_each(|block| stream.draw(block, 0, &mut |star| streamed.push(star)))
             .expect("enough stars");
-        let kept = generate(&parameters).expect("enough stars").stars;
+        let kept = with_light(&parameters).expect("enough stars").stars;
         assert!(streamed.len() > 20_000 && streamed.len() < 21_000, "{}", streamed.len());
         let mut left = streamed.iter();
         assert!(kept.iter().all(|star| left.any(|other| other == star)), "the same stars in the same order");

@@ -10,6 +10,8 @@
 //! 2008 and Bland-Hawthorn and Gerhard 2016 (lengths, thick disc, halo, position of the Sun), Dwek et al. 1995
 //! (bulge, model G2).
 
+use std::sync::LazyLock;
+
 /// Distance of the Sun from the galactic centre, parsecs.
 pub const SUN_RADIUS_PC: f64 = 8200.0;
 /// Height of the Sun above the galactic plane, parsecs.
@@ -86,6 +88,11 @@ pub struct Place {
     radius2: f64,
 }
 
+/// Exponential disc for the radial and the vertical argument of a place.
+fn disc([radial_pc, vertical_pc]: [f64; 2], length_pc: f64, height_pc: f64) -> f64 {
+    (-radial_pc / length_pc - vertical_pc / height_pc).exp()
+}
+
 impl Place {
     /// The position at galactic Cartesian parsecs from the Sun.
     pub fn from_sun(x_pc: f64, y_pc: f64, z_pc: f64) -> Self {
@@ -95,8 +102,8 @@ impl Place {
 
     /// Distance from the axis with a rounded peak, minus its value at the Sun's distance; parsecs.
     fn radial_argument(self) -> f64 {
-        let at_sun = SUN_RADIUS_PC.hypot(ROUNDED_RADIUS_PC);
-        (self.radius2 + ROUNDED_RADIUS_PC * ROUNDED_RADIUS_PC).sqrt() - at_sun
+        static AT_SUN: LazyLock<f64> = LazyLock::new(|| SUN_RADIUS_PC.hypot(ROUNDED_RADIUS_PC));
+        (self.radius2 + ROUNDED_RADIUS_PC * ROUNDED_RADIUS_PC).sqrt() - *AT_SUN
     }
 
     /// Height above or below the plane with a rounded peak, zero in the plane; parsecs.
@@ -106,7 +113,20 @@ impl Place {
 
     /// Exponential disc of a scale length and height (parsecs), 1 in the plane at the Sun's distance.
     pub fn exponential_disc(self, length_pc: f64, height_pc: f64) -> f64 {
-        (-self.radial_argument() / length_pc - self.vertical_argument() / height_pc).exp()
+        disc([self.radial_argument(), self.vertical_argument()], length_pc, height_pc)
+    }
+
+    /// Relative densities of all populations, as [`Place::density`] has them, in the order of [`Population::ALL`].
+    pub fn densities(self) -> [f64; POPULATIONS] {
+        let arguments = [self.radial_argument(), self.vertical_argument()];
+        Population::ALL.map(|population| match population {
+            Population::YoungDisc | Population::IntermediateDisc | Population::OldDisc => {
+                disc(arguments, THIN_LENGTH_PC, population.thin_disc_height_pc())
+            }
+            Population::ThickDisc => disc(arguments, THICK_LENGTH_PC, THICK_HEIGHT_PC),
+            Population::Bulge => self.bulge(),
+            Population::Halo => self.halo(),
+        })
     }
 
     /// Relative density of a population (see the module head).
@@ -122,7 +142,8 @@ impl Place {
     }
 
     fn bulge(self) -> f64 {
-        let (sin, cos) = BULGE_ANGLE_DEG.to_radians().sin_cos();
+        static ANGLE: LazyLock<(f64, f64)> = LazyLock::new(|| BULGE_ANGLE_DEG.to_radians().sin_cos());
+        let (sin, cos) = *ANGLE;
         // The near end points towards the Sun (-x) and to positive longitudes (+y).
         let along = (-cos * self.x + sin * self.y) / BULGE_AXES_PC[0];
         let across = (sin * self.x + cos * self.y) / BULGE_AXES_PC[1];
@@ -154,6 +175,14 @@ mod tests {
             } else {
                 assert!((density - 1.0).abs() < 1e-12, "{population:?}: {density}");
             }
+        }
+    }
+
+    #[test]
+    fn densities_of_all_populations_are_those_of_each() {
+        for [x, y, z] in [[0.0, 0.0, 0.0], [8000.0, 300.0, -200.0], [-30_000.0, 20_000.0, 5_000.0]] {
+            let place = Place::from_sun(x, y, z);
+            assert_eq!(place.densities(), Population::ALL.map(|population| place.density(population)));
         }
     }
 

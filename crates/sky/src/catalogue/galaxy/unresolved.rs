@@ -28,7 +28,7 @@ use super::{
         LATITUDES, LONGITUDES, SHELLS, corner_pc, distance_modulus_mag, distance_pc, latitude_rad, longitude_rad,
         plane_index,
     },
-    structure::{Place, Population},
+    structure::Place,
 };
 use crate::{
     catalogue::{diffuse::DiffuseSky, healpix::s10_cd_m2},
@@ -143,13 +143,14 @@ fn model(sky: &Sky, fainter_than_mag: f64) -> Vec<Corner> {
                 let (near, far) = (distance_pc(shell - 1), distance_pc(shell + 1));
                 let modulus_mag = distance_modulus_mag(shell);
                 let p = corner_pc(longitude, latitude, shell);
-                let place = Place::from_sun(p.x, p.y, p.z);
+                let densities = Place::from_sun(p.x, p.y, p.z).densities();
                 // Cubic parsecs per sr, and the illuminance of a star of absolute magnitude 0 there.
                 let volume = (far.powi(3) - near.powi(3)) / 3.0;
                 let of_0_lx = |dust_mag: f64| ILLUMINANCE_MAG_0_LX * 10_f64.powf(-0.4 * (modulus_mag + dust_mag));
                 let reddened = REDDENING.map(|ratio| of_0_lx(ratio * dust_mag));
-                for (function, population) in sky.functions().iter().zip(Population::ALL) {
-                    let stars = volume * place.density(population);
+                let dimmed = of_0_lx(dust_mag);
+                for (function, density) in sky.functions().iter().zip(densities) {
+                    let stars = volume * density;
                     if stars < 1e-9 {
                         continue;
                     }
@@ -159,7 +160,7 @@ fn model(sky: &Sky, fainter_than_mag: f64) -> Vec<Corner> {
                         corner.unresolved[c] += stars * reddened[c] * light[c];
                     }
                     corner.resolved +=
-                        stars * of_0_lx(dust_mag) * (rec709::luminance(brighter) - rec709::luminance(light));
+                        stars * dimmed * (rec709::luminance(brighter) - rec709::luminance(light));
                 }
             }
             corner.dust_mag = f64::from(extinction[plane_index(latitude, LANES_SHELL)]);

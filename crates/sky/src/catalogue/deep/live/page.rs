@@ -4,17 +4,19 @@
 //! from `camera` (pc from the barycentre), it is in the direction g - camera p, where p is its parallax in 1/pc times the length of g. So a star has the
 //! same accuracy at 100 pc and at infinity, and numbers of f32 have steps of 0.2 mas in cells of order 6.
 
+use std::sync::LazyLock;
+
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 
 use super::super::super::epoch::Epoch;
-use super::super::super::packed::PackedStar;
+use super::super::super::packed::{MIN_TEMPERATURE_K, PackedStar};
 use super::super::cells::CellFrame;
 use super::super::composite::Composite;
 use super::super::error::DeepError;
-use super::super::reader::{DeepStar, DeepStore, Leaf};
-use super::super::tile::{Tile, cells_per_tile, tile_order, words_of_tile};
-use super::super::word::DISTANCES_PC;
+use super::super::reader::{DeepStore, Leaf, light_scale};
+use super::super::tile::{Tile, tile_order, words_of_tile};
+use super::super::word::{DISTANCES_PC, LIGHT_STEPS, TEMPERATURE_STEPS, Word, temperature_k};
 use super::super::{LAYERS, PLANES};
 use crate::photometry::rec709::luminance;
 
@@ -98,6 +100,28 @@ impl PageStar {
     }
 }
 
+/// Parts of [`PackedStar::light`] for the codes of a layer. A star has the bits of both of its codes.
+struct PackedLights {
+    of_light: Vec<u32>,
+    of_temperature: Vec<u32>,
+}
+
+/// The table of a layer: its logarithms would take longer than everything else of a star.
+fn packed_lights(layer: usize) -> &'static PackedLights {
+    static TABLES: LazyLock<[PackedLights; LAYERS.len()]> = LazyLock::new(|| {
+        std::array::from_fn(|layer| {
+            let packed = |illuminance_lx, temperature_k| PackedStar::new(Vec3::ZERO, illuminance_lx, temperature_k).light;
+            let of_light = |code| packed(light_scale(layer).illuminance_lx(code), MIN_TEMPERATURE_K);
+            let of_temperature = |code| packed(0.0, temperature_k(code));
+            PackedLights {
+                of_light: (0..=LIGHT_STEPS).map(of_light).collect(),
+                of_temperature: (0..=TEMPERATURE_STEPS).map(of_temperature).collect(),
+            }
+        })
+    });
+    &TABLES[layer]
+}
+
 /// The stars of a leaf or tile.
 #[derive(Clone, Debug)]
 pub struct Page {
@@ -179,9 +203,11 @@ impl Page {
         let frame = PageFrame::new(leaf.frame.centre);
         let key = PageKey::Leaf { layer: leaf.layer as u8, cell: leaf.cell as u32 };
         let mut page = Self::empty(key, frame.centre, leaf.words.len());
-        for index in 0..leaf.words.len() {
-            let DeepStar { direction, illuminance_lx, temperature_k, distance_pc } = leaf.star(index);
-            let light = PackedStar::new(Vec3::ZERO, illuminance_lx, temperature_k).light;
+        let lights = packed_lights(leaf.layer);
+        for bits in &leaf.words {
+            let word = Word::from_bits(*bits);
+            let (direction, illuminance_lx, distance_pc) = leaf.place_and_light(word);
+            let light = lights.of_light[word.light as usize] | lights.of_temperature[word.temperature as usize];
             page.add(frame.star(seen_place(epoch, direction, distance_pc), light), illuminance_lx);
         }
         page
@@ -190,13 +216,14 @@ impl Page {
     /// The composite stars of a tile. Its identity is 0.
     pub(super) fn of_tile(plane: usize, cell: u64, tile: &Tile, epoch: &Epoch) -> Self {
         let order = PLANES[plane].order;
-        let frame = PageFrame::new(CellFrame::new(tile_order(order), cell).centre);
+        let cells = CellFrame::new(tile_order(order), cell);
+        let orders = order - tile_order(order);
+        let frame = PageFrame::new(cells.centre);
         let key = PageKey::Tile { plane: plane as u8, cell: cell as u32 };
         let mut page = Self::empty(key, frame.centre, tile.bits.len());
-        let first = cell * cells_per_tile(order) as u64;
         for (inner, bits) in tile.cells.iter().zip(&tile.bits) {
             let composite = Composite::from_bits(*bits);
-            let direction = CellFrame::new(order, first + u64::from(*inner)).direction(composite.inside);
+            let direction = cells.direction_in_finer(u64::from(*inner), orders, composite.inside);
             let distance_pc = (composite.parallax > 0.0).then(|| composite.parallax.recip());
             let star = frame.star(seen_place(epoch, direction, distance_pc), (bits >> LIGHT_SHIFT) as u32);
             page.add(star, luminance(composite.light_lx));

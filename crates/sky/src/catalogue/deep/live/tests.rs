@@ -5,7 +5,10 @@ use std::time::Instant;
 
 use super::super::super::epoch::Vantage;
 use super::super::super::packed::PackedStar;
-use super::super::LAYERS;
+use super::super::cells::CellFrame;
+use super::super::composite::Composite;
+use super::super::tile::cells_per_tile;
+use super::super::{LAYERS, PLANES};
 use super::super::test_stores::{built, stars};
 use super::*;
 use crate::photometry::rec709::luminance;
@@ -55,6 +58,7 @@ fn pages_have_the_places_and_the_light_of_leaves() {
             assert!(towards.angle_between(axis) <= half_angle_rad);
             let light = PackedStar { offset_pc: [0.0; 3], light: star.light }.illuminance_at_1_pc_lx() * factor;
             assert!((light / exact.illuminance_lx - 1.0).abs() < 4e-5);
+            assert_eq!(star.light, PackedStar::new(glam::Vec3::ZERO, exact.illuminance_lx, exact.temperature_k).light);
             assert_eq!(page.is_distance_known(star), exact.distance_pc.is_some());
             // From another place.
             let camera_pc = DVec3::new(3.0, -40.0, 20.0);
@@ -66,6 +70,27 @@ fn pages_have_the_places_and_the_light_of_leaves() {
         }
     }
     assert!(worst < 0.5e-3 * ARCSECOND_RAD, "{} mas", worst / ARCSECOND_RAD * 1e3);
+}
+
+#[test]
+fn composite_stars_of_pages_are_in_their_cells() {
+    let sky = opened();
+    let (mut seen, mut worst): (u32, f64) = (0, 0.0);
+    for key in keys(&sky, Detail::Composites { leaves: 0, order: 9 }).into_iter().take(200) {
+        let PageKey::Tile { plane, cell } = key else { continue };
+        let (order, tile) = (PLANES[usize::from(plane)].order, sky.store().tile(usize::from(plane), u64::from(cell)));
+        let tile = tile.expect("a tile");
+        let page = sky.read(key).expect("a page");
+        for ((inner, bits), star) in tile.cells.iter().zip(&tile.bits).zip(&page.stars) {
+            let finer = u64::from(cell) * cells_per_tile(order) as u64 + u64::from(*inner);
+            let exact = CellFrame::new(order, finer).direction(Composite::from_bits(*bits).inside);
+            let found = page.seen(star, DVec3::ZERO).0.normalize();
+            worst = worst.max(found.cross(exact).length() / ARCSECOND_RAD * 1e3);
+            seen += 1;
+        }
+    }
+    // The steps of f32 numbers in a tile of 3.7 degrees.
+    assert!(seen > 100 && worst < 1.0, "{seen} stars, {worst} mas");
 }
 
 #[test]
