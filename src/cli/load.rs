@@ -26,11 +26,12 @@ pub struct LoadedScene {
     pub prepared: Result<(), RenderError>,
 }
 
-/// Loads the scene of a configuration and meanwhile compiles the pipelines for display and HDR images of all views. The progress is also
+/// Loads the scene of a configuration and meanwhile compiles the pipelines for the `wanted` images of all views. The progress is also
 /// stated to `told`.
 pub fn scene(
     config: &Config,
     groups: &[FrameGroup],
+    wanted: Wanted,
     renderer: &mut Renderer,
     told: Option<&StartProgress>,
 ) -> Result<LoadedScene, CliError> {
@@ -42,7 +43,7 @@ pub fn scene(
             let progress = Progress::of_start(told, "shaders");
             let mut report_step = |step| progress.prepare_step(step);
             let prepared = groups.iter().try_for_each(|FrameGroup { rig, settings, .. }| {
-                renderer.prepare(&objects, rig, settings, Wanted::both(), &[], &mut report_step)
+                renderer.prepare(&objects, rig, settings, wanted, &[], &mut report_step)
             });
             tracing::info!("shaders ready after {:.1} s", progress.finish());
             prepared

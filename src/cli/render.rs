@@ -100,14 +100,14 @@ pub fn run(arguments: RenderArguments, options: &GpuOptions) -> Result<(), CliEr
     }
     // Load the scene and draw one frame per group of views.
     let groups = config.frame_groups()?;
-    let LoadedScene { stars, report, objects, prepared } = load::scene(config, &groups, &mut renderer, None)?;
-    prepared.map_err(|error| CliError::render(error, &config.origin))?;
-    let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
     let wanted = Wanted {
         display: arguments.files.contains(&FileKind::Png),
         hdr: arguments.files.contains(&FileKind::Exr),
         ..Wanted::default()
     };
+    let LoadedScene { stars, report, objects, prepared } = load::scene(config, &groups, wanted, &mut renderer, None)?;
+    prepared.map_err(|error| CliError::render(error, &config.origin))?;
+    let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
     let mut draw = |number: usize| -> Result<Frame, RenderError> {
         let mut frame = renderer.render(FrameRequest::for_group(&snapshot, &groups, number).wanted(wanted))?;
         if groups[number].settings.accuracy.audit {

@@ -186,8 +186,9 @@ fn access(arguments: &ServeArguments) -> AccessSource {
     })
 }
 
-/// Loads the scene and everything that the first display images need; exact images prepare their glare when they are first requested. A frame that cannot be drawn is logged here and reported
-/// to every client that requests it: the scene may have changed by then.
+/// Loads the scene and everything that the first images for displays and windows need. Shaders of other images are compiled while the daemon serves, and
+/// exact images prepare their glare when they are first requested. A frame that cannot be drawn is logged here and reported to every client that
+/// requests it: the scene may have changed by then.
 fn start(
     config: &Config,
     groups: &[FrameGroup],
@@ -195,14 +196,16 @@ fn start(
     mut renderer: Renderer,
     progress: &StartProgress,
 ) -> Result<(Renderer, SceneSnapshot, LoadReport), CliError> {
-    let LoadedScene { stars, report, objects, prepared } = load::scene(config, groups, &mut renderer, Some(progress))?;
+    let LoadedScene { stars, report, objects, prepared } =
+        load::scene(config, groups, Wanted::display(), &mut renderer, Some(progress))?;
     progress.tell("frame", "first frame".to_owned());
     let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
     let drawn = prepared.and_then(|()| {
         let mut requests = (0..groups.len()).map(|number| FrameRequest::for_group(&scene, groups, number));
         requests.try_for_each(|request| renderer.render(request.wanted(Wanted::display())).map(drop))
     });
-    if let Err(error) = drawn {
+    let later = drawn.and_then(|()| renderer.prepare_later(&scene.objects, groups, Wanted::both()));
+    if let Err(error) = later {
         tracing::warn!("the first frame cannot be drawn: {error}");
     }
     Ok((renderer, scene, report))

@@ -81,7 +81,8 @@ pub fn run(arguments: ShowArguments, options: &GpuOptions) -> Result<(), CliErro
     let mut renderer = Renderer::new(Gpu::open(options)?);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
     let ended = ended_by_signal().map_err(CliError::Runtime)?;
-    let LoadedScene { stars, objects, prepared, .. } = load::scene(&config, &groups, &mut renderer, None)?;
+    let LoadedScene { stars, objects, prepared, .. } =
+        load::scene(&config, &groups, Wanted::display(), &mut renderer, None)?;
     prepared.map_err(|error| CliError::render(error, &config.origin))?;
 
     let sizes: Vec<[u32; 2]> = of_windows.iter().filter_map(|window| size_of(window, &rig)).collect();

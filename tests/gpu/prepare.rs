@@ -7,8 +7,12 @@ use std::{
 
 use steradian::{
     Wanted,
-    plan::view_settings::{ExposureGroup, FrameGroup},
+    plan::{
+        settings::RenderSettings,
+        view_settings::{ExposureGroup, FrameGroup},
+    },
     scene::SceneSnapshot,
+    view::Rig,
 };
 
 use crate::common::{configured, new_renderer};
@@ -67,6 +71,41 @@ fn a_frame_creates_pipelines_that_were_not_prepared() {
 }
 
 #[test]
+fn exact_images_have_their_pipelines_after_the_first_frame() {
+    // With smaller pictures, display images and exact ones are the same pictures.
+    let cases: [(&str, &[&str]); 2] = [
+        ("dome.toml", &["views.dome.size=[256,256]"]),
+        ("tonight.toml", &["views.dome.size=[256,256]", "views.south.size=[256,144]"]),
+    ];
+    for (file, small) in cases {
+        let (scene, rig, settings) = configured(file, &[&[SMALL_CATALOGUE], small].concat());
+        let mut renderer = new_renderer();
+        let display = Wanted::display();
+        renderer.prepare(&scene.objects, &rig, &settings, display, &[], &mut |_| ()).unwrap();
+        renderer.warm_up(&scene, &rig, &settings, display).unwrap();
+        let of_display = renderer.gpu().made().pipelines;
+        renderer.prepare_later(&scene.objects, &[group(&rig, &settings)], Wanted::both()).unwrap();
+        let prepared = renderer.gpu().made().pipelines;
+        renderer.pipelines_ahead().compile();
+        renderer.warm_up(&scene, &rig, &settings, Wanted::both()).unwrap();
+        renderer.warm_up(&scene, &rig, &settings, Wanted::hdr()).unwrap();
+        let all = renderer.gpu().made().pipelines;
+        assert!(prepared > of_display && all == prepared, "{file}: {of_display}, then {prepared}, then {all}");
+    }
+}
+
+/// The group of a rig with one view.
+fn group(rig: &Rig, settings: &RenderSettings) -> FrameGroup {
+    FrameGroup {
+        views: vec![0],
+        rig: rig.clone(),
+        settings: settings.clone(),
+        exposure_group: ExposureGroup::General,
+        exposed_as: None,
+    }
+}
+
+#[test]
 fn frames_create_the_pipelines_of_a_later_scene() {
     let (later, rig, settings) = configured("asteroids.toml", &[SMALL_CATALOGUE, "views.0.size=[64,48]"]);
     let now = SceneSnapshot { objects: Arc::default(), ..later.clone() };
@@ -75,14 +114,7 @@ fn frames_create_the_pipelines_of_a_later_scene() {
     renderer.warm_up(&now, &rig, &settings, wanted).unwrap();
     let of_now = renderer.gpu().made().pipelines;
     let ahead = renderer.pipelines_ahead().clone();
-    let group = FrameGroup {
-        views: vec![0],
-        rig: rig.clone(),
-        settings: settings.clone(),
-        exposure_group: ExposureGroup::General,
-        exposed_as: None,
-    };
-    ahead.begin(Arc::clone(&later.objects), vec![group]);
+    ahead.begin(Arc::clone(&later.objects), vec![group(&rig, &settings)]);
     assert!(!ahead.is_done());
     let mut frames = 0;
     let begun = Instant::now();

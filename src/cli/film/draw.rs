@@ -299,6 +299,12 @@ impl Film {
         );
     }
 
+    /// Images of which the frames are made.
+    fn wanted(&self) -> Wanted {
+        // Light is added up while the shutter is open.
+        if self.shutter.is_some() { Wanted::hdr() } else { self.format.wanted() }
+    }
+
     /// Draws frames; those that exist are replaced.
     pub(super) fn draw(
         &self,
@@ -310,7 +316,7 @@ impl Film {
         let of_render = |error: RenderError| CliError::render(error, &self.inputs.config.origin);
         let groups = self.config_at(f64::from(missing[0])).frame_groups()?;
         let LoadedScene { stars, report, objects, prepared } =
-            load::scene(&self.inputs.config, &groups, renderer, None)?;
+            load::scene(&self.inputs.config, &groups, self.wanted(), renderer, None)?;
         prepared.map_err(of_render)?;
         folder.record_catalogues(self.inputs.catalogues(&report))?;
         let sources = self.inputs.config.star_sources();
@@ -384,8 +390,7 @@ impl Film {
         let mut files = Vec::new();
         for (number, group) in groups.iter().enumerate() {
             // Draw a group of views, with motion blur if requested.
-            let wanted = if self.shutter.is_some() { Wanted::hdr() } else { self.format.wanted() };
-            let request = FrameRequest::for_group(snapshot, &groups, number).wanted(wanted);
+            let request = FrameRequest::for_group(snapshot, &groups, number).wanted(self.wanted());
             let mut drawn =
                 renderer.render(request).map_err(|error| CliError::render(error, &self.inputs.config.origin))?;
             times.plan_ms += drawn.times.plan_ms;

@@ -48,13 +48,21 @@ pub(crate) struct BackgroundJobs {
 }
 
 impl BackgroundJobs {
-    /// Starts the thread; the device is opened with the first failure test.
+    /// Starts the thread; the device is opened with the first failure test. Shaders that the renderer has prepared for later images are compiled at once.
     pub(crate) fn spawn(open: OpenBeside, pipelines: PipelinesAhead) -> io::Result<Self> {
         let (jobs, given) = mpsc::channel();
         let ahead = pipelines.clone();
         thread::Builder::new().name("background_jobs".to_owned()).spawn(move || {
             threads::stand_back();
             work(&given, open, &ahead);
+        })?;
+        // Apart from the jobs, which would wait for it: it takes up to a minute when the driver's cache is empty.
+        let later = pipelines.clone();
+        thread::Builder::new().name("later_shaders".to_owned()).spawn(move || {
+            threads::stand_back();
+            if let Err(problem) = compile(&later) {
+                tracing::error!("shaders for exact images are compiled when they are first needed: {problem}");
+            }
         })?;
         Ok(Self { jobs, pipelines })
     }
@@ -116,8 +124,7 @@ fn work(given: &mpsc::Receiver<Job>, mut open: OpenBeside, pipelines: &Pipelines
             Job::Bake { reply, .. } if reply.is_closed() => {}
             // Also for a caller that has disconnected: the change that it asked for may be asked for again.
             Job::Compile { reply } => {
-                let compiled = catch_unwind(AssertUnwindSafe(|| threads::on_own_cores(|| pipelines.compile())));
-                let _ = reply.send(compiled.map_err(|payload| panicked(payload.as_ref())));
+                let _ = reply.send(compile(pipelines));
             }
             Job::Verify { check, settings, reply } => {
                 let _ = reply.send(with(&mut engine, &mut open, |engine| engine.verify(check, &settings)));
@@ -130,6 +137,12 @@ fn work(given: &mpsc::Receiver<Job>, mut open: OpenBeside, pipelines: &Pipelines
             }
         }
     }
+}
+
+/// Compiles the shaders of pipelines that were created for later frames.
+fn compile(pipelines: &PipelinesAhead) -> Result<(), String> {
+    let compiled = catch_unwind(AssertUnwindSafe(|| threads::on_own_cores(|| pipelines.compile())));
+    compiled.map_err(|payload| panicked(payload.as_ref()))
 }
 
 /// Runs work with the engine. An engine that was lost or has panicked is opened again for the next job.

@@ -309,6 +309,29 @@ impl Renderer {
         Ok(())
     }
 
+    /// Creates the pipelines for more images of these views, after those of the first frame. A software driver compiles their shaders in
+    /// [`PipelinesAhead::compile`], which may run while frames are drawn.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Renderer::prepare`].
+    pub fn prepare_later(
+        &mut self,
+        objects: &SceneObjects,
+        groups: &[FrameGroup],
+        wanted: Wanted,
+    ) -> Result<(), RenderError> {
+        let mut all = Vec::new();
+        for FrameGroup { rig, settings, .. } in groups {
+            all.extend(pictures(objects, rig, settings, wanted, &self.limits)?);
+        }
+        self.gpu.collect_shaders();
+        run(self.jobs(objects, &all, &[]), &mut |_| ());
+        self.pipelines_ahead.state().shaders = self.gpu.collected_shaders();
+        self.gpu.take_failure()?;
+        Ok(())
+    }
+
     /// Draws a frame and discards it, so that everything that the first frame needs exists and is compiled.
     ///
     /// # Errors

@@ -159,8 +159,7 @@ fn model(sky: &Sky, fainter_than_mag: f64) -> Vec<Corner> {
                     for c in 0..3 {
                         corner.unresolved[c] += stars * reddened[c] * light[c];
                     }
-                    corner.resolved +=
-                        stars * dimmed * (rec709::luminance(brighter) - rec709::luminance(light));
+                    corner.resolved += stars * dimmed * (rec709::luminance(brighter) - rec709::luminance(light));
                 }
             }
             corner.dust_mag = f64::from(extinction[plane_index(latitude, LANES_SHELL)]);

@@ -110,7 +110,8 @@ struct PackedLights {
 fn packed_lights(layer: usize) -> &'static PackedLights {
     static TABLES: LazyLock<[PackedLights; LAYERS.len()]> = LazyLock::new(|| {
         std::array::from_fn(|layer| {
-            let packed = |illuminance_lx, temperature_k| PackedStar::new(Vec3::ZERO, illuminance_lx, temperature_k).light;
+            let packed =
+                |illuminance_lx, temperature_k| PackedStar::new(Vec3::ZERO, illuminance_lx, temperature_k).light;
             let of_light = |code| packed(light_scale(layer).illuminance_lx(code), MIN_TEMPERATURE_K);
             let of_temperature = |code| packed(0.0, temperature_k(code));
             PackedLights {
