@@ -204,9 +204,10 @@ fn start(
         let mut requests = (0..groups.len()).map(|number| FrameRequest::for_group(&scene, groups, number));
         requests.try_for_each(|request| renderer.render(request.wanted(Wanted::display())).map(drop))
     });
-    let later = drawn.and_then(|()| renderer.prepare_later(&scene.objects, groups, Wanted::both()));
-    if let Err(error) = later {
+    if let Err(error) = drawn {
         tracing::warn!("the first frame cannot be drawn: {error}");
+    } else if let Err(error) = renderer.prepare_later(&scene.objects, groups, Wanted::both()) {
+        tracing::warn!("exact images cannot be drawn: {error}");
     }
     Ok((renderer, scene, report))
 }
