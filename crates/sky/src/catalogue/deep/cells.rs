@@ -115,7 +115,7 @@ struct Longitude {
     cos: f64,
 }
 
-/// Differences of longitude whose sine and cosine are those of their series, with an error below 1e-17; rad.
+/// Differences of longitude whose sine and cosine are those of their series, with an error below 5e-17; rad.
 const NEAR_RAD: f64 = 1.0 / 64.0;
 
 impl Longitude {

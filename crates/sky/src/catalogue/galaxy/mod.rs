@@ -28,6 +28,8 @@ pub mod stream;
 mod structure;
 mod unresolved;
 
+use std::borrow::Borrow;
+
 use super::{StarRecord, diffuse::DiffuseSky};
 use crate::cache;
 use rayon::prelude::*;
@@ -151,9 +153,17 @@ pub fn kept_or_generated(parameters: &GalaxyParameters) -> Result<Galaxy, Galaxy
 ///
 /// [`GalaxyError`] if a parameter is out of range, or if the model does not have enough stars.
 pub fn generate(parameters: &GalaxyParameters) -> Result<Galaxy, GalaxyError> {
+    generate_from(parameters, Sky::new)
+}
+
+/// [`generate`] from a model that is made when the parameters have been checked.
+fn generate_from<S: Borrow<Sky>>(
+    parameters: &GalaxyParameters,
+    model: impl FnOnce() -> S,
+) -> Result<Galaxy, GalaxyError> {
     check(parameters)?;
-    let mut galaxy = draw_with_light(&Sky::new(), parameters)?;
-    // The model's tables are large: they are free before the temporary list of magnitudes is allocated.
+    let mut galaxy = draw_with_light(model().borrow(), parameters)?;
+    // The model's tables are large: its own are free before the temporary list of magnitudes is allocated.
     keep_brightest(&mut galaxy.stars, parameters.stars);
     Ok(galaxy)
 }

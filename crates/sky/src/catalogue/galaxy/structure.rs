@@ -113,29 +113,32 @@ impl Place {
 
     /// Exponential disc of a scale length and height (parsecs), 1 in the plane at the Sun's distance.
     pub fn exponential_disc(self, length_pc: f64, height_pc: f64) -> f64 {
-        disc([self.radial_argument(), self.vertical_argument()], length_pc, height_pc)
+        disc(self.disc_arguments(), length_pc, height_pc)
+    }
+
+    /// The radial and the vertical argument of a disc.
+    fn disc_arguments(self) -> [f64; 2] {
+        [self.radial_argument(), self.vertical_argument()]
     }
 
     /// Relative densities of all populations, as [`Place::density`] has them, in the order of [`Population::ALL`].
     pub fn densities(self) -> [f64; POPULATIONS] {
-        let arguments = [self.radial_argument(), self.vertical_argument()];
-        Population::ALL.map(|population| match population {
-            Population::YoungDisc | Population::IntermediateDisc | Population::OldDisc => {
-                disc(arguments, THIN_LENGTH_PC, population.thin_disc_height_pc())
-            }
-            Population::ThickDisc => disc(arguments, THICK_LENGTH_PC, THICK_HEIGHT_PC),
-            Population::Bulge => self.bulge(),
-            Population::Halo => self.halo(),
-        })
+        let arguments = self.disc_arguments();
+        Population::ALL.map(|population| self.density_for(population, arguments))
     }
 
     /// Relative density of a population (see the module head).
     pub fn density(self, population: Population) -> f64 {
+        self.density_for(population, self.disc_arguments())
+    }
+
+    /// The same for known arguments of discs.
+    fn density_for(self, population: Population, arguments: [f64; 2]) -> f64 {
         match population {
             Population::YoungDisc | Population::IntermediateDisc | Population::OldDisc => {
-                self.exponential_disc(THIN_LENGTH_PC, population.thin_disc_height_pc())
+                disc(arguments, THIN_LENGTH_PC, population.thin_disc_height_pc())
             }
-            Population::ThickDisc => self.exponential_disc(THICK_LENGTH_PC, THICK_HEIGHT_PC),
+            Population::ThickDisc => disc(arguments, THICK_LENGTH_PC, THICK_HEIGHT_PC),
             Population::Bulge => self.bulge(),
             Population::Halo => self.halo(),
         }

@@ -100,28 +100,24 @@ impl PageStar {
     }
 }
 
-/// Parts of [`PackedStar::light`] for the codes of a layer. A star has the bits of both of its codes.
+/// Parts of [`PackedStar::light`] by code. A star has the bits of both of its codes.
 struct PackedLights {
-    of_light: Vec<u32>,
+    /// By layer.
+    of_light: [Vec<u32>; LAYERS.len()],
     of_temperature: Vec<u32>,
 }
 
-/// The table of a layer: its logarithms would take longer than everything else of a star.
-fn packed_lights(layer: usize) -> &'static PackedLights {
-    static TABLES: LazyLock<[PackedLights; LAYERS.len()]> = LazyLock::new(|| {
-        std::array::from_fn(|layer| {
-            let packed =
-                |illuminance_lx, temperature_k| PackedStar::new(Vec3::ZERO, illuminance_lx, temperature_k).light;
-            let of_light = |code| packed(light_scale(layer).illuminance_lx(code), MIN_TEMPERATURE_K);
-            let of_temperature = |code| packed(0.0, temperature_k(code));
-            PackedLights {
-                of_light: (0..=LIGHT_STEPS).map(of_light).collect(),
-                of_temperature: (0..=TEMPERATURE_STEPS).map(of_temperature).collect(),
-            }
-        })
-    });
-    &TABLES[layer]
-}
+/// Computed once: the logarithms would take longer than everything else of a star.
+static PACKED_LIGHTS: LazyLock<PackedLights> = LazyLock::new(|| {
+    let packed = |illuminance_lx, temperature_k| PackedStar::new(Vec3::ZERO, illuminance_lx, temperature_k).light;
+    let of_light = |layer: usize| {
+        (0..=LIGHT_STEPS).map(|code| packed(light_scale(layer).illuminance_lx(code), MIN_TEMPERATURE_K)).collect()
+    };
+    PackedLights {
+        of_light: std::array::from_fn(of_light),
+        of_temperature: (0..=TEMPERATURE_STEPS).map(|code| packed(0.0, temperature_k(code))).collect(),
+    }
+});
 
 /// The stars of a leaf or tile.
 #[derive(Clone, Debug)]
@@ -204,11 +200,12 @@ impl Page {
         let frame = PageFrame::new(leaf.frame.centre);
         let key = PageKey::Leaf { layer: leaf.layer as u8, cell: leaf.cell as u32 };
         let mut page = Self::empty(key, frame.centre, leaf.words.len());
-        let lights = packed_lights(leaf.layer);
+        let PackedLights { of_light, of_temperature } = &*PACKED_LIGHTS;
+        let of_light = &of_light[leaf.layer];
         for bits in &leaf.words {
             let word = Word::from_bits(*bits);
             let (direction, illuminance_lx, distance_pc) = leaf.place_and_light(word);
-            let light = lights.of_light[word.light as usize] | lights.of_temperature[word.temperature as usize];
+            let light = of_light[word.light as usize] | of_temperature[word.temperature as usize];
             page.add(frame.star(seen_place(epoch, direction, distance_pc), light), illuminance_lx);
         }
         page
