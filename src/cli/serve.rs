@@ -196,8 +196,10 @@ fn start(
     mut renderer: Renderer,
     progress: &StartProgress,
 ) -> Result<(Renderer, SceneSnapshot, LoadReport), CliError> {
+    let mut wanted = Wanted::display();
+    wanted |= show::wanted_by(&config.windows);
     let LoadedScene { stars, report, objects, prepared } =
-        load::scene(config, groups, Wanted::display(), &mut renderer, Some(progress))?;
+        load::scene(config, groups, wanted, &mut renderer, Some(progress))?;
     progress.tell("frame", "first frame".to_owned());
     let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
     let drawn = prepared.and_then(|()| {

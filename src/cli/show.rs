@@ -57,6 +57,13 @@ pub struct ShowArguments {
     monitors: bool,
 }
 
+/// Images that these windows show.
+pub(super) fn wanted_by(windows: &[WindowConfig]) -> Wanted {
+    let mut wanted = Wanted::default();
+    windows.iter().for_each(|window| wanted |= window.format.wanted(false));
+    wanted
+}
+
 /// Runs the command.
 pub fn run(arguments: ShowArguments, options: &GpuOptions) -> Result<(), CliError> {
     if arguments.monitors {
@@ -81,8 +88,8 @@ pub fn run(arguments: ShowArguments, options: &GpuOptions) -> Result<(), CliErro
     let mut renderer = Renderer::new(Gpu::open(options)?);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
     let ended = ended_by_signal().map_err(CliError::Runtime)?;
-    let LoadedScene { stars, objects, prepared, .. } =
-        load::scene(&config, &groups, Wanted::display(), &mut renderer, None)?;
+    let wanted = wanted_by(&of_windows);
+    let LoadedScene { stars, objects, prepared, .. } = load::scene(&config, &groups, wanted, &mut renderer, None)?;
     prepared.map_err(|error| CliError::render(error, &config.origin))?;
 
     let sizes: Vec<[u32; 2]> = of_windows.iter().filter_map(|window| size_of(window, &rig)).collect();
