@@ -3,7 +3,6 @@
 use std::{
     fs,
     io::{BufRead, BufReader},
-    net::TcpListener,
     path::Path,
     process::{Child, Command, Stdio},
     sync::{Arc, Mutex},
@@ -17,11 +16,6 @@ use steradian::service::{Client, proto};
 pub const PATIENCE: Duration = Duration::from_secs(60);
 /// Frames per second: a software driver on one core draws small views at this rate.
 pub const RATE_HZ: u32 = 10;
-
-/// Returns a free port of the loopback address.
-pub fn free_port() -> u16 {
-    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
-}
 
 /// Writes the configuration of a cluster whose nodes draw one view each; `keys` are further lines of `[cluster]`.
 pub fn configuration(folder: &Path, nodes: &[&str], endpoints: &[String], keys: &str) -> String {
@@ -134,7 +128,8 @@ impl Process {
     }
 
     pub async fn client(&self) -> Client {
-        Client::connect(&format!("http://{}", self.address)).await.unwrap()
+        let connected = Client::connect(&format!("http://{}", self.address)).await;
+        connected.unwrap_or_else(|error| panic!("{error}; the log is:\n{}", self.log()))
     }
 
     /// Waits until the statistics of the cluster satisfy a condition.

@@ -9,10 +9,11 @@ use std::{
 };
 
 use steradian::service::proto;
+use testkit::free_port;
 
 use crate::{
     certificates::Authority,
-    processes::{Process, configuration, free_port},
+    processes::{Process, configuration},
 };
 
 const NODES: [&str; 2] = ["left", "right"];

@@ -6,8 +6,9 @@ use steradian::{
     output::Encoding,
     service::{CameraUpdate, Client, ReceivedFrame},
 };
+use testkit::free_port;
 
-use crate::processes::{PATIENCE, Process, configuration, free_port};
+use crate::processes::{PATIENCE, Process, configuration};
 
 const NODES: [&str; 2] = ["left", "right"];
 

@@ -1,6 +1,6 @@
 //! Windows of several nodes show the same frames: sky stamps over all windows of one X server.
 
-use std::{net::TcpListener, time::Duration};
+use std::time::Duration;
 
 use steradian::service::{Client, proto::ClusterStats};
 use tokio::runtime::Runtime;
@@ -56,7 +56,7 @@ struct Theatre {
 
 impl Theatre {
     fn open(desktop: &Desktop, hold_s: f64) -> Self {
-        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let port = testkit::free_port();
         let nodes: String =
             NODES.iter().map(|node| format!("[[nodes]]\nname = '{node}'\nviews = ['of_{node}']\n")).collect();
         let cluster = format!(

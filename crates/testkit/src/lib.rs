@@ -6,6 +6,7 @@ pub mod figures;
 pub mod hammer;
 pub mod instruction_counts;
 mod pool;
+mod ports;
 pub mod spk;
 pub mod theatre;
 pub mod trials;
@@ -18,6 +19,7 @@ use std::{
 
 use glam::{DQuat, DVec3};
 pub use pool::{Lent, Pool};
+pub use ports::free_port;
 pub use steradian::verify::scenes::{all_views, directions_inside, hard_places, snapshot, spiral, star};
 use steradian::{
     cache::{self, Cache},

@@ -1,0 +1,29 @@
+//! Ports for servers that a test starts later.
+
+use std::{
+    fs,
+    net::TcpListener,
+    process,
+    sync::atomic::{AtomicU16, Ordering::Relaxed},
+};
+
+const FIRST: u16 = 10_000;
+
+/// Returns the first port that the system may give to a socket without a port of its own. Without a Linux kernel it is taken as the
+/// first one of the registry's dynamic ports (RFC 6335).
+fn first_of_system() -> u16 {
+    let range = fs::read_to_string("/proc/sys/net/ipv4/ip_local_port_range");
+    range.ok().and_then(|text| text.split_whitespace().next()?.parse().ok()).unwrap_or(49_152)
+}
+
+/// Returns a free port of the loopback address, another one for each call of a process.
+///
+/// The system never gives it to a socket of another test: a server can take it seconds later, and take it again after a restart.
+pub fn free_port() -> u16 {
+    static CALLS: AtomicU16 = AtomicU16::new(0);
+    let ports = first_of_system().checked_sub(FIRST).filter(|count| *count >= 1000).expect("ports below the system's");
+    // Processes that run side by side begin at distant ports.
+    let first = (process::id() % 199) as u16 * (ports / 199);
+    let next = || FIRST + (first + CALLS.fetch_add(1, Relaxed)) % ports;
+    (0..ports).map(|_| next()).find(|port| TcpListener::bind(("127.0.0.1", *port)).is_ok()).expect("a free port")
+}
