@@ -14,14 +14,18 @@
 //! errors that the exact method does not bound any tighter are added: a star may be up to [`POSITION_PX`] away from its
 //! exact position; each star is rounded by at most one unit of the fixed-point sums; and sources too faint to be drawn
 //! individually spread the light that they scatter within 1.5 pixels over the degrees around them
-//! (`docs/glare-methods.md`). Display images with a budget of 0 are drawn with the same accuracy and have the same
+//! (`docs/glare-methods.md`), stars of a deep store that within about a degree. Display images with a budget of 0 are drawn with the same accuracy and have the same
 //! tolerance.
 //!
+//! **Deep stores**: the exact image has every star. It reads the leaves around the compared pixels by itself, and shares
+//! no page with the frame. What a frame states as its residual is allowed besides.
+//!
 //! **The cost** is bounded: at most [`MOST_PIXELS`] pixels of an image and [`MOST_PIXELS_OF_FRAME`] of a frame, and one
-//! pass over the stars for each eye.
+//! pass over the stars for each eye, at most [`MOST_DEEP_STARS`] of a deep store.
 //!
 //! Content without an f64 reference here is reported as not audited: published star and glare methods, kernels that are
-//! round on the sphere, bodies and asteroids, and glare in pixels wider than 4.7 degrees. Overlays are not part of the
+//! round on the sphere, bodies and asteroids, glare in pixels wider than 4.7 degrees, and HDR images with composite
+//! stars, whose error in a pixel has no bound. Overlays are not part of the
 //! exact image: pixels that they touch are left out.
 
 mod sample;
@@ -34,7 +38,7 @@ use crate::{
         exposure::white_luminance_cd_m2, glare::split::ShownCore, rec709::luminance, tone_map::dither_threshold,
     },
     plan::{
-        ExposureSource, Limits, Output, Plan, PlanError, PlanOutputs, Planner,
+        ExposureSource, FramePlan, Limits, Output, Plan, PlanError, PlanOutputs, Planner,
         audit::{Audit, AuditedOutput, ImageAudit, WorstPixel},
         budget::ErrorBudget,
         glare::sky_cube::{shown_rad_of, smooth_angle_rad},
@@ -43,7 +47,7 @@ use crate::{
     },
     reference::{
         overlay::draw::{OverlayTarget, draw},
-        sampled::{PixelLight, SampledGlare, SampledImage, SampledSky, pixels},
+        sampled::{PixelLight, SampledGlare, SampledImage, SampledSky, pixels, stars_to_read},
         stars::splat::{Eye, Sight},
     },
     render::{Frame, FrameImage},
@@ -55,6 +59,8 @@ use crate::{
 pub const MOST_PIXELS: usize = 512;
 /// Maximum number of compared pixels per frame, except that every image gets at least 64.
 pub const MOST_PIXELS_OF_FRAME: usize = 2048;
+/// Maximum number of stars of a deep store that are read for each eye. On one core these take about two minutes.
+pub const MOST_DEEP_STARS: u64 = 300_000_000;
 /// Largest error of any pixel, in units of the budget that 99.9 % of them keep.
 pub const MOST_OVER_BUDGET: f64 = 4.0;
 /// Error that f32 arithmetic may add to a display value, codes.
@@ -115,7 +121,13 @@ pub fn audit(audited: &AuditedScene<'_>, frame: &Frame, limits: &Limits) -> Resu
         return Ok(audits);
     }
     let expected = Expected::new(audited, frame, limits)?;
-    let images = expected.images_of(audited, frame);
+    let images = match expected.images_of(audited, frame) {
+        Ok(images) => images,
+        Err(reason) => {
+            displayed.not_audited.push(reason);
+            return Ok(audits);
+        }
+    };
     for image in &images {
         if expected.has_glare() && shown_rad_of(&image.viewport.projection) > smooth_angle_rad(0) {
             let pixel_deg = image.viewport.projection.middle_pixel_rad().to_degrees();
@@ -124,14 +136,38 @@ pub fn audit(audited: &AuditedScene<'_>, frame: &Frame, limits: &Limits) -> Resu
             continue;
         }
         let own = if frame.hdr_plan.is_some() { &mut *exact } else { &mut *displayed };
-        let budget = frame.hdr_plan.as_ref().unwrap_or(&frame.plan).budget;
-        own.images.extend(image.compare_hdr(&expected, audited.settings, budget));
-        displayed.images.extend(image.compare_display(&expected, audited.settings));
+        let hdr_plan = frame.hdr_plan.as_ref().unwrap_or(&frame.plan);
+        let compared = image.compare_hdr(&expected, audited.settings, hdr_plan);
+        add(own, compared, has_composites(hdr_plan));
+        let compared = image.compare_display(&expected, audited.settings, &frame.plan);
+        let is_exact = audited.settings.accuracy.display_codes == 0.0;
+        add(displayed, compared, is_exact && has_composites(&frame.plan));
     }
     if images.is_empty() {
         displayed.not_audited.push("the frame has no images".to_owned());
     }
     Ok(audits)
+}
+
+/// Adds the errors of an image, or the reason why they have no bound.
+fn add(audit: &mut Audit, compared: Option<ImageAudit>, has_no_bound: bool) {
+    match compared {
+        Some(image) if has_no_bound => audit.not_audited.push(format!(
+            "view {}: the error of composite stars in a pixel has no bound in an exact image; with stars.every_star = true every star is drawn",
+            image.view
+        )),
+        compared => audit.images.extend(compared),
+    }
+}
+
+/// Whether composite stars were drawn in place of the stars of a deep store.
+fn has_composites(plan: &FramePlan) -> bool {
+    plan.deep.as_ref().is_some_and(|deep| deep.cell_px > 0.0)
+}
+
+/// Luminance that a pixel may be off because stars of a deep store had not been read, cd/m^2.
+fn residual_cd_m2(plan: &FramePlan) -> f64 {
+    plan.deep.as_ref().map_or(0.0, |deep| deep.residual_cd_m2)
 }
 
 /// Audits a frame and stores the results in its plans.
@@ -161,9 +197,6 @@ fn reasons_against(audited: &AuditedScene<'_>) -> Vec<String> {
     }
     if !matches!(glare, GlareMethod::None | GlareMethod::SkyCube) {
         reasons.push(format!("the glare method {}: a published method without an error budget", glare.name()));
-    }
-    if audited.scene.stars.deep.is_some() {
-        reasons.push("the stars of a deep store: the reference does not read leaves".to_owned());
     }
     if objects.surroundings.is_some() {
         reasons.push(
@@ -199,7 +232,9 @@ impl Expected {
             exposure: known.map_or(ExposureSource::Own, |_| ExposureSource::Meter),
             ..PlanOutputs::new(Output::Hdr)
         };
-        let plan = Planner::new().plan(audited.scene, audited.rig, audited.settings, known, outputs, limits)?;
+        let mut planner = Planner::new();
+        planner.asks_for_pages = false;
+        let plan = planner.plan(audited.scene, audited.rig, audited.settings, known, outputs, limits)?;
         Ok(Self { plan, white_cd_m2: white_luminance_cd_m2(frame.exposure_ev100) })
     }
 
@@ -207,8 +242,8 @@ impl Expected {
         self.plan.glare.method == GlareMethod::SkyCube
     }
 
-    /// Images of a frame, each with the sample of pixels to compare.
-    fn images_of<'a>(&'a self, audited: &AuditedScene<'_>, frame: &'a Frame) -> Vec<AuditedImage<'a>> {
+    /// Images of a frame, each with the sample of pixels to compare. The error says why the stars of a deep store are not compared.
+    fn images_of<'a>(&'a self, audited: &AuditedScene<'_>, frame: &'a Frame) -> Result<Vec<AuditedImage<'a>>, String> {
         let each = (MOST_PIXELS_OF_FRAME / frame.images.len().max(1)).max(64).min(audited.most_pixels);
         let camera = &audited.scene.camera;
         let eye = |viewport: &Viewport| Eye {
@@ -274,11 +309,19 @@ impl Expected {
                     tolerance: audited.settings.accuracy.glare,
                 }),
             };
-            let lights = pixels(&sky, &sampled);
+            if let Some(deep) = &audited.scene.stars.deep {
+                let stars = stars_to_read(deep, self.plan.stars.faintest_lx, &sampled);
+                if stars > MOST_DEEP_STARS {
+                    return Err(format!(
+                        "the deep store has {stars} stars around the compared pixels: at most {MOST_DEEP_STARS} are read"
+                    ));
+                }
+            }
+            let lights = pixels(&sky, &sampled).map_err(|error| format!("the deep store: {error}"))?;
             drop(sampled);
             seen.iter_mut().zip(lights).for_each(|(image, lights)| image.lights = lights);
         }
-        images
+        Ok(images)
     }
 }
 
@@ -357,7 +400,7 @@ impl<'a> AuditedImage<'a> {
     }
 
     /// Errors of the display image; `None` if there is no display image.
-    fn compare_display(&self, expected: &Expected, settings: &RenderSettings) -> Option<ImageAudit> {
+    fn compare_display(&self, expected: &Expected, settings: &RenderSettings, plan: &FramePlan) -> Option<ImageAudit> {
         let display = self.image.display.as_ref()?;
         let (tone_map, codes) = (&settings.tone_map, settings.accuracy.display_codes);
         let displayed = |rgb: [f64; 3]| tone_map.display_rgb(rgb, expected.white_cd_m2).map(|value| 255.0 * value);
@@ -369,7 +412,9 @@ impl<'a> AuditedImage<'a> {
                 continue;
             }
             let luminance = light.luminance_cd_m2();
-            let allowed = if codes > 0.0 { 0.0 } else { self.allowed_cd_m2(light, [*x, *y], expected, settings) };
+            let without_budget =
+                if codes > 0.0 { 0.0 } else { self.allowed_cd_m2(light, [*x, *y], expected, settings) };
+            let allowed = residual_cd_m2(plan) + without_budget;
             let [exact, least, most] =
                 [0.0, -allowed, allowed].map(|by| displayed(luminance.map(|c| (c + by).max(0.0))));
             let index = 4 * self.index_of([*x, *y]);
@@ -384,12 +429,7 @@ impl<'a> AuditedImage<'a> {
     }
 
     /// Errors of the HDR image; `None` if there is no HDR image.
-    fn compare_hdr(
-        &self,
-        expected: &Expected,
-        settings: &RenderSettings,
-        budget: Option<ErrorBudget>,
-    ) -> Option<ImageAudit> {
+    fn compare_hdr(&self, expected: &Expected, settings: &RenderSettings, plan: &FramePlan) -> Option<ImageAudit> {
         let hdr = self.image.hdr.as_ref()?;
         let mut compared = Vec::new();
         let mut left_out = 0;
@@ -398,13 +438,14 @@ impl<'a> AuditedImage<'a> {
                 left_out += 1;
                 continue;
             }
-            let within_budget = match budget {
+            let within_budget = match plan.budget {
                 Some(ErrorBudget::Hdr { relative, floor_cd_m2 }) => {
                     (relative * luminance(light.luminance_cd_m2())).max(floor_cd_m2)
                 }
                 _ => 0.0,
             };
-            let allowed = within_budget + self.allowed_cd_m2(light, [*x, *y], expected, settings);
+            let allowed =
+                residual_cd_m2(plan) + within_budget + self.allowed_cd_m2(light, [*x, *y], expected, settings);
             let drawn = hdr[self.index_of([*x, *y])];
             for (channel, exact) in light.luminance_cd_m2().into_iter().enumerate() {
                 let drawn = f64::from(drawn[channel]);

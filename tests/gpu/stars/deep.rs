@@ -62,7 +62,7 @@ fn records() -> Vec<StarRecord> {
 }
 
 /// A store of these stars, built once.
-fn store() -> &'static Path {
+pub(super) fn store() -> &'static Path {
     static STORE: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
         let folder = tempfile::tempdir().unwrap();
         let options = BuildOptions {
@@ -79,12 +79,12 @@ fn store() -> &'static Path {
     STORE.path()
 }
 
-fn scene_of(sources: &[StarSource]) -> SceneSnapshot {
+pub(super) fn scene_of(sources: &[StarSource]) -> SceneSnapshot {
     let (stars, _) = load_stars(sources, &Epoch::default(), &mut |_| {}).unwrap();
     looking(Arc::new(stars), DVec3::ZERO)
 }
 
-fn looking(stars: Arc<StarSet>, place_pc: DVec3) -> SceneSnapshot {
+pub(super) fn looking(stars: Arc<StarSet>, place_pc: DVec3) -> SceneSnapshot {
     let camera = Camera {
         position_m: place_pc * PARSEC_M,
         world_from_camera: DQuat::from_rotation_arc(DVec3::NEG_Z, TOWARDS.normalize()),
@@ -93,17 +93,17 @@ fn looking(stars: Arc<StarSet>, place_pc: DVec3) -> SceneSnapshot {
     SceneSnapshot { revision: 1, stars, objects: Arc::default(), camera }
 }
 
-fn deep_scene() -> SceneSnapshot {
+pub(super) fn deep_scene() -> SceneSnapshot {
     scene_of(&[StarSource::File(store().join("deep"))])
 }
 
-fn settings() -> RenderSettings {
+pub(super) fn settings() -> RenderSettings {
     let mut settings = RenderSettings { glare: GlareSettings::none(), ..RenderSettings::default() };
     settings.exposure = ExposureSettings::manual(-7.5);
     settings
 }
 
-fn window(fov_y_deg: f64) -> Rig {
+pub(super) fn window(fov_y_deg: f64) -> Rig {
     let kind = ViewKind::Perspective { size: [480, 360], fov_y_rad: fov_y_deg.to_radians() };
     rig(vec![("window", kind)])
 }
@@ -114,7 +114,7 @@ fn small_window(fov_y_deg: f64) -> Rig {
     rig(vec![("window", kind)])
 }
 
-fn dome() -> Rig {
+pub(super) fn dome() -> Rig {
     let kind = ViewKind::Fisheye { size: [512; 2], mapping: FisheyeMapping::Equidistant, fov_rad: 1.0 };
     rig(vec![("dome", kind)])
 }
@@ -134,7 +134,7 @@ fn light_lx(frame: &Frame) -> f64 {
     pixels.map(|pixel| f64::from(pixel[1]) * f64::from(pixel[3])).sum()
 }
 
-fn every_star(settings: &RenderSettings) -> RenderSettings {
+pub(super) fn every_star(settings: &RenderSettings) -> RenderSettings {
     let mut settings = settings.clone();
     settings.stars.every_star = true;
     settings
@@ -213,7 +213,7 @@ fn composite_stars_look_like_the_stars() {
 }
 
 /// Draws a display image that may read a map of faint light.
-fn with_map(
+pub(super) fn with_map(
     renderer: &mut Renderer,
     scene: &SceneSnapshot,
     rig: &Rig,

@@ -3,6 +3,7 @@
 mod billboards;
 mod cell_sky;
 mod deep;
+mod deep_audit;
 mod light;
 mod packed;
 mod reference;

@@ -38,6 +38,8 @@ impl Approximation {
 pub struct DeepReport {
     /// Number of stars and composite stars that were drawn, in view or near it.
     pub stars: u64,
+    /// Largest cell whose stars were drawn as a composite star, the root of its area, pixels; 0: every star was drawn.
+    pub cell_px: f64,
     /// Number of pages (leaves and tiles) that the frame lacks because they have not been read yet.
     pub missing: u64,
     /// Bound of the luminance that a pixel may lack or have in excess for that, cd/m^2.

@@ -123,6 +123,8 @@ pub struct Planner {
     kept: Kept,
     /// Whether to skip chunks of stars outside every view; false only to measure the benefit.
     pub culling: bool,
+    /// Whether to ask for pages of a deep store that are not in memory; false for plans from which nothing is drawn.
+    pub asks_for_pages: bool,
     /// Factor on the fixed-point units, normally 1. Tests raise it to provoke an overflow.
     #[doc(hidden)]
     pub unit_factor: f64,
@@ -137,7 +139,13 @@ impl Default for Planner {
 impl Planner {
     /// Creates a planner that keeps nothing yet.
     pub fn new() -> Self {
-        Self { techniques: sequence::techniques(), kept: Kept::default(), culling: true, unit_factor: 1.0 }
+        Self {
+            techniques: sequence::techniques(),
+            kept: Kept::default(),
+            culling: true,
+            asks_for_pages: true,
+            unit_factor: 1.0,
+        }
     }
 
     /// Checks that a scene can be drawn with these settings in any view, and computes data that depends on the settings alone.
@@ -228,6 +236,7 @@ impl Planner {
             clouds: &clouds,
             margin_px: margin_px(settings, &views.viewports),
             culling: self.culling,
+            asks_for_pages: self.asks_for_pages,
             unit_factor: self.unit_factor,
         };
         let mut plan = Plan { views, ..Plan::default() };

@@ -69,6 +69,8 @@ pub(super) struct PlanInputs<'a> {
     pub margin_px: f64,
     /// Whether to skip chunks of stars outside every view.
     pub culling: bool,
+    /// Whether to ask for pages of a deep store that are not in memory.
+    pub asks_for_pages: bool,
     /// Factor on the fixed-point units.
     pub unit_factor: f64,
 }

@@ -89,6 +89,8 @@ pub(super) struct DeepInputs<'a> {
     pub every_star: bool,
     /// Whether frames are drawn without leaves and tiles that are damaged.
     pub skip_damaged: bool,
+    /// Whether to ask for pages that are not in memory.
+    pub asks: bool,
     /// Memory for pages: half of it on the host, half on the device.
     pub memory_bytes: u64,
 }
@@ -165,7 +167,7 @@ struct PartPages {
     pages: Vec<(PageKey, u64)>,
 }
 
-/// Selects the pages of a frame, and asks for those that are missing.
+/// Selects the pages of a frame, and may ask for those that are missing.
 ///
 /// # Errors
 /// Stars that cannot be replaced by composite stars do not fit into the memory.
@@ -224,7 +226,7 @@ pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
         at += part.pages.len();
         plan.add_part(inputs, &fields, part, of_part, &mut wants);
     }
-    if !wants.is_empty() {
+    if inputs.asks && !wants.is_empty() {
         sky.ask(&wants);
     }
     Ok(plan)
@@ -428,7 +430,7 @@ impl DeepPlan {
     pub(super) fn report(&self) -> DeepReport {
         let Residual { cd_m2, missing } = self.residual;
         let residual_codes = if cd_m2 > 0.0 { cd_m2 * self.codes_per_cd_m2 } else { 0.0 };
-        DeepReport { stars: self.stars, missing, residual_cd_m2: cd_m2, residual_codes }
+        DeepReport { stars: self.stars, cell_px: self.cell_px, missing, residual_cd_m2: cd_m2, residual_codes }
     }
 
     /// Adds the pages of a part, or coarser ones if some of them are missing.

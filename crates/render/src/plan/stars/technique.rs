@@ -109,6 +109,7 @@ impl Stars {
             magnitude_limit: settings.magnitude_limit,
             every_star: settings.every_star,
             skip_damaged: settings.skip_damaged,
+            asks: inputs.asks_for_pages,
             memory_bytes: settings.memory.bytes,
         };
         let white_cd_m2 = plan.exposure.expected_ev100.map_or(f64::INFINITY, white_luminance_cd_m2);
@@ -122,6 +123,7 @@ impl Stars {
             }
         }
         if part.is_none()
+            && inputs.asks_for_pages
             && let Some(turned) = self.turning.ahead(deep.viewports, start)
         {
             // Stars that come into view are drawn in the map.

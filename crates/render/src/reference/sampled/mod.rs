@@ -4,9 +4,11 @@
 //! A frame in f64 takes minutes; a few hundred pixels take about as long as one pass over the catalogue. Each chunk of
 //! stars is processed separately: a star that may reach a chosen pixel is spread with the kernel that the view uses
 //! (selected by its luminance over the pixel at its position, as by `peak_luminance` in `shaders/shared/splat.wgsl`),
-//! and the chunk's stars form a tree that sums their glare ([`veil_tree`]). Chunks are distributed in a fixed way and
+//! and the chunk's stars form a tree that sums their glare ([`veil_tree`]). The leaves of a deep store are processed in
+//! the same way ([`leaves`]). Chunks are distributed in a fixed way and
 //! summed in a fixed order: the result is bit-identical for any number of threads. Units: lx, cd/m^2, pc.
 
+mod leaves;
 mod veil_tree;
 
 use std::{collections::HashMap, f64::consts::PI};
@@ -14,12 +16,14 @@ use std::{collections::HashMap, f64::consts::PI};
 use glam::{DQuat, DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
+pub use self::leaves::stars_to_read;
 use self::veil_tree::{Scattered, Source, VeilTree};
 use super::stars::splat::{Eye, Sight};
 use crate::{
     catalogue::{
         chunks::{Chunk, StarSet},
-        packed::{TEMPERATURE_STEPS, temperature_of_step_k},
+        deep::DeepError,
+        packed::{PackedStar, TEMPERATURE_STEPS, temperature_of_step_k},
         zodiacal_light::ZodiacalLight,
     },
     photometry::{
@@ -102,8 +106,9 @@ pub struct PixelLight {
     pub near_cd_m2: f64,
     /// Number of these stars.
     pub near_stars: u32,
-    /// Glare of the faint sources around the pixel, cd/m^2. Each source scatters most of it within two pixels of itself.
-    /// Here it is the mean over degrees.
+    /// Glare that is not drawn where it belongs, cd/m^2. Each faint source scatters most of it within two pixels of itself:
+    /// here it is the mean over degrees around the pixel. Glare of stars of a deep store that are within about a degree
+    /// is added.
     pub unresolved_cd_m2: f64,
     /// Whether a nearby star is so close to a threshold that f32 may draw it with another kernel, or not at all.
     pub undecided: bool,
@@ -126,6 +131,8 @@ struct Sums {
     near_lx: f64,
     near_stars: u32,
     faint: f64,
+    /// Glare of stars of a deep store that may be drawn at another place.
+    deep: f64,
     undecided: bool,
 }
 
@@ -138,13 +145,17 @@ impl Sums {
         self.near_lx += other.near_lx;
         self.near_stars += other.near_stars;
         self.faint += other.faint;
+        self.deep += other.deep;
         self.undecided |= other.undecided;
     }
 }
 
 /// Computes the chosen pixels of all images, in order. All images must have the same eye. Kernels that are round in
 /// view space ([`crate::plan::GaussianKernel::Round`]) are not drawn.
-pub fn pixels(sky: &SampledSky<'_>, images: &[SampledImage<'_>]) -> Vec<Vec<PixelLight>> {
+///
+/// # Errors
+/// A leaf of the deep store is damaged or cannot be read.
+pub fn pixels(sky: &SampledSky<'_>, images: &[SampledImage<'_>]) -> Result<Vec<Vec<PixelLight>>, DeepError> {
     let places: Vec<Places> = images.iter().map(Places::new).collect();
     let directions: Vec<Scattered> = images.iter().flat_map(Scattered::of_image).collect();
     // A colour requires an integral over the spectrum; catalogues only use these temperature steps.
@@ -159,9 +170,10 @@ pub fn pixels(sky: &SampledSky<'_>, images: &[SampledImage<'_>]) -> Vec<Vec<Pixe
     let chunks = &sky.stars.chunks;
     let part = chunks.len().div_ceil(PARTS).max(1);
     let parts: Vec<Vec<Sums>> = chunks.par_chunks(part).map(|chunks| painter.sums_of_chunks(chunks)).collect();
+    let of_leaves = sky.stars.deep.as_ref().map_or(Ok(Vec::new()), |deep| painter.sums_of_leaves(deep))?;
     // Add the parts in a fixed order.
     let mut sums = vec![Sums::default(); directions.len()];
-    for part in &parts {
+    for part in parts.iter().chain(&of_leaves) {
         sums.iter_mut().zip(part).for_each(|(sum, part)| sum.add(part));
     }
     // Convert the sums to luminance.
@@ -181,13 +193,13 @@ pub fn pixels(sky: &SampledSky<'_>, images: &[SampledImage<'_>]) -> Vec<Vec<Pixe
                 diffuse_cd_m2: diffuse_at(sky, image, [*x, *y]),
                 near_cd_m2: (1.0 - fraction) * sums.near_lx * per_sr,
                 near_stars: sums.near_stars,
-                unresolved_cd_m2: fraction * core_share * sums.faint,
+                unresolved_cd_m2: fraction * (core_share * sums.faint + sums.deep),
                 undecided: sums.undecided,
             }
         };
         image.pixels.iter().zip(sums.by_ref()).map(finished).collect()
     };
-    images.iter().map(of_image).collect()
+    Ok(images.iter().map(of_image).collect())
 }
 
 /// Diffuse light at the centre of a pixel.
@@ -212,7 +224,8 @@ fn faint_below_lx(sky: &SampledSky<'_>, images: &[SampledImage<'_>], sight: &Sig
         seen.map(|star| star.illuminance_lx).sum()
     };
     // Summed in the order of the chunks, independent of threads.
-    let light_lx: f64 = sky.stars.chunks.par_iter().map(chunk_light).collect::<Vec<_>>().iter().sum();
+    let of_chunks: f64 = sky.stars.chunks.par_iter().map(chunk_light).collect::<Vec<_>>().iter().sum();
+    let light_lx = of_chunks + sky.stars.deep.as_ref().map_or(0.0, |deep| deep.total_lx());
     let cores = images.iter().filter_map(|image| image.shown).map(|shown| shown.core.squared);
     let widest = cores.fold(0.0, f64::max);
     BRIGHTEST_VEIL * tolerance * light_lx / (4.0 * PI) / kernel.per_sr(angle_of_chord_squared(widest))
@@ -290,47 +303,81 @@ impl Painter<'_> {
         for chunk in chunks {
             stars.clear();
             stars.extend(self.stars_of(chunk));
-            let mut first = 0;
-            for (image, places) in self.images.iter().zip(self.places) {
-                let of_image = &mut sums[first..first + image.pixels.len()];
-                stars.iter().for_each(|star| spread(star, self.sky.faintest_lx, image, places, of_image));
-                first += image.pixels.len();
-            }
-            if let Some(SampledGlare { kernel, .. }) = self.sky.glare {
-                // Stars that are not drawn cause no glare.
-                let glaring = stars.iter().filter(|star| star.illuminance_lx >= self.sky.faintest_lx);
-                tree.build(glaring.map(|star| {
-                    let is_faint = star.illuminance_lx < self.faint_below_lx;
-                    let faint_lx = if is_faint { star.illuminance_lx } else { 0.0 };
-                    Source { direction: star.direction, rgb_lx: star.rgb_lx, faint_lx }
-                }));
-                for (direction, sums) in self.directions.iter().zip(&mut sums) {
-                    tree.add_veil(kernel, direction, &mut sums.veil, &mut sums.faint);
-                }
-            }
+            self.spread_all(&stars, |image| image.kernels, &mut sums);
+            let sources = stars.iter().filter_map(|star| {
+                let is_faint = star.illuminance_lx < self.faint_below_lx;
+                self.source(star, if is_faint { star.illuminance_lx } else { 0.0 })
+            });
+            self.add_veil(sources, &mut tree, &mut sums, |_, sums, _, faint| sums.faint += faint);
         }
         sums
+    }
+
+    /// Adds the images of stars. `kernels_of` returns the kernels that they have in an image.
+    fn spread_all(&self, stars: &[Star], kernels_of: impl Fn(&SampledImage<'_>) -> KernelPlan, sums: &mut [Sums]) {
+        let mut first = 0;
+        for (image, places) in self.images.iter().zip(self.places) {
+            let (kernels, of_image) = (kernels_of(image), &mut sums[first..first + image.pixels.len()]);
+            stars.iter().for_each(|star| spread(star, self.sky.faintest_lx, (image, kernels), places, of_image));
+            first += image.pixels.len();
+        }
+    }
+
+    /// A star as a source of glare; `None`: stars that are not drawn cause none.
+    fn source(&self, star: &Star, faint_lx: f64) -> Option<Source> {
+        let source = Source { direction: star.direction, rgb_lx: star.rgb_lx, faint_lx };
+        (star.illuminance_lx >= self.sky.faintest_lx).then_some(source)
+    }
+
+    /// Adds the glare of sources that form a tree. `note` gets the veil of these sources in each pixel, and the mean luminance of the faint
+    /// ones around it.
+    fn add_veil(
+        &self,
+        sources: impl Iterator<Item = Source>,
+        tree: &mut VeilTree,
+        sums: &mut [Sums],
+        note: impl Fn(&Scattered, &mut Sums, [f64; 3], f64),
+    ) {
+        let Some(SampledGlare { kernel, .. }) = self.sky.glare else { return };
+        tree.build(sources);
+        for (direction, sums) in self.directions.iter().zip(sums) {
+            let (mut veil, mut faint) = ([0.0; 3], 0.0);
+            tree.add_veil(kernel, direction, &mut veil, &mut faint);
+            (0..3).for_each(|channel| sums.veil[channel] += veil[channel]);
+            note(direction, sums, veil, faint);
+        }
     }
 
     fn stars_of<'b>(&'b self, chunk: &'b Chunk) -> impl Iterator<Item = Star> + 'b {
         self.sky.stars.stars_of(chunk).iter().filter_map(move |star| {
             let position = chunk.origin_pc + Vec3::from_array(star.offset_pc).as_dvec3();
-            let seen = self.sight.seen_star(position, chunk.at_infinity, star)?;
-            let colour = match self.sight.moves() {
-                true => rec709_in_gamut(seen.temperature_k),
-                false => self.colours[star.temperature_step() as usize],
-            };
-            Some(Star {
-                direction: seen.direction.normalize(),
-                illuminance_lx: seen.illuminance_lx,
-                rgb_lx: colour.map(|channel| channel * seen.illuminance_lx),
-            })
+            self.star(position, chunk.at_infinity, star)
+        })
+    }
+
+    /// A star at a position in pc, or in a direction if it is at infinity, as the eye sees it.
+    fn star(&self, position: DVec3, at_infinity: bool, star: &PackedStar) -> Option<Star> {
+        let seen = self.sight.seen_star(position, at_infinity, star)?;
+        let colour = match self.sight.moves() {
+            true => rec709_in_gamut(seen.temperature_k),
+            false => self.colours[star.temperature_step() as usize],
+        };
+        Some(Star {
+            direction: seen.direction.normalize(),
+            illuminance_lx: seen.illuminance_lx,
+            rgb_lx: colour.map(|channel| channel * seen.illuminance_lx),
         })
     }
 }
 
 /// Adds a star to the pixels that it reaches.
-fn spread(star: &Star, faintest_lx: f64, image: &SampledImage<'_>, places: &Places, sums: &mut [Sums]) {
+fn spread(
+    star: &Star,
+    faintest_lx: f64,
+    (image, kernels): (&SampledImage<'_>, KernelPlan),
+    places: &Places,
+    sums: &mut [Sums],
+) {
     let over_limit = star.illuminance_lx / faintest_lx;
     if over_limit < 1.0 - UNDECIDED {
         return;
@@ -343,7 +390,7 @@ fn spread(star: &Star, faintest_lx: f64, image: &SampledImage<'_>, places: &Plac
     }
     let Some([longer, shorter]) = mapping.pixel_extent_rad(direction) else { return };
     let peak_cd_m2 = star.illuminance_lx / (longer * shorter);
-    let KernelPlan { tent_below_cd_m2, gaussian_from_cd_m2, .. } = image.kernels;
+    let KernelPlan { tent_below_cd_m2, gaussian_from_cd_m2, .. } = kernels;
     let between = (peak_cd_m2 / tent_below_cd_m2 - 1.0).abs() < UNDECIDED || (over_limit - 1.0).abs() < UNDECIDED;
     let number = |x: u32, y: u32| places.numbers.get(&(y * places.size[0] + x)).copied();
     // All pixels that the star may reach with an error of its position.

@@ -28,7 +28,7 @@ const LEAF: usize = 4;
 #[derive(Clone, Copy)]
 pub(super) struct Scattered {
     /// Unit vector in world axes; 0 outside of the picture.
-    direction: DVec3,
+    pub(super) direction: DVec3,
     /// The kernel at the resolution of the pixels there.
     shown: Option<ShownCore>,
 }

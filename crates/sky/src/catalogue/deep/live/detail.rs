@@ -22,7 +22,7 @@ pub const COARSEST: u8 = COARSEST_PLANE;
 /// Order of the composite stars that are always in memory.
 pub const BASE: u8 = COARSEST;
 /// Index of their plane in [`PLANES`].
-pub(super) const BASE_PLANE: u8 = plane(0, BASE);
+pub const BASE_PLANE: u8 = plane(0, BASE);
 
 /// Index of the plane with the light that remains without the brightest layers, in cells of an order.
 const fn plane(leaves: u8, order: u8) -> u8 {

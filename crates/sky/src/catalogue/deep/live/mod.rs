@@ -21,7 +21,7 @@ pub use self::{
 use super::super::epoch::Epoch;
 use super::composite::Composite;
 use super::error::DeepError;
-use super::reader::DeepStore;
+use super::reader::{DeepStar, DeepStore};
 use super::tile::Tile;
 use super::{BUCKET_ORDER, BUCKETS, LAYERS};
 
@@ -99,13 +99,22 @@ impl DeepSky {
 
     /// Direction (of any length), and light (linear Rec. 709, lx) of the composite stars of the base, seen from a place in pc.
     pub fn base_light(&self, place_pc: DVec3) -> impl Iterator<Item = (DVec3, [f64; 3])> {
-        self.base.pages.iter().flat_map(move |page| {
-            page.stars.iter().map(move |star| {
-                let (relative, factor) = page.seen(star, place_pc);
-                let composite = Composite::from_bits(u64::from(star.light) << 32);
-                (relative, composite.light_lx.map(|light| light * factor))
-            })
+        (0..BUCKETS).flat_map(move |bucket| self.base_light_of(bucket, place_pc))
+    }
+
+    /// The same of a cell of [`super::BUCKET_ORDER`].
+    pub fn base_light_of(&self, bucket: u64, place_pc: DVec3) -> impl Iterator<Item = (DVec3, [f64; 3])> {
+        let page = &self.base.pages[bucket as usize];
+        page.stars.iter().map(move |star| {
+            let (relative, factor) = page.seen(star, place_pc);
+            let composite = Composite::from_bits(u64::from(star.light) << 32);
+            (relative, composite.light_lx.map(|light| light * factor))
         })
+    }
+
+    /// Place of a star of the store as the epoch sees it, pc.
+    pub fn place_pc(&self, star: &DeepStar) -> DVec3 {
+        page::seen_place(&self.epoch, star.direction, star.distance_pc)
     }
 
     /// The pages that are in memory, in the order of the keys; `None` for those that are not. The base always is. Pages of another epoch of the same

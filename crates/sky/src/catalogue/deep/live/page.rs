@@ -261,6 +261,6 @@ impl Page {
 }
 
 /// Place of a star of the store as an epoch sees it, pc. Stars at infinity stand at the farthest distance of a word.
-fn seen_place(epoch: &Epoch, direction: DVec3, distance_pc: Option<f64>) -> DVec3 {
+pub(super) fn seen_place(epoch: &Epoch, direction: DVec3, distance_pc: Option<f64>) -> DVec3 {
     epoch.seen_place(direction * distance_pc.unwrap_or(DISTANCES_PC[1]), true)
 }
