@@ -21,7 +21,7 @@ use steradian::{
     memory_size::MemorySize,
     plan::{
         DeepReport, Output, PlanError,
-        settings::{ExposureSettings, GlareSettings, RenderSettings, StarMethod},
+        settings::{ExposureSettings, ExposureValues, GlareSettings, Metering, RenderSettings, StarMethod},
     },
     render::{Frame, FrameRequest, RenderError, Renderer, SkyMapUse, Wanted},
     scene::{
@@ -424,13 +424,53 @@ fn pages_are_read_ahead_of_a_turning_view() {
     assert_eq!(missing_after(true), 0);
 }
 
+/// Stars that do not fit into the memory together are read while the frame is drawn: the picture is that of all of them.
+#[test]
+fn stars_beyond_the_memory_are_drawn_in_turns() {
+    let (scene, mut renderer) = (deep_scene(), renderer());
+    let whole = every_star(&settings());
+    let mut little = whole.clone();
+    little.stars.memory = MemorySize { bytes: 1 << 19 };
+    let window = window(20.0);
+    for rig in [window.clone(), dome()] {
+        let expected = draw(&mut renderer, &scene, &rig, &whole, Output::Hdr);
+        let found = draw(&mut renderer, &scene, &rig, &little, Output::Hdr);
+        assert_eq!(found.views[0].stars_drawn, expected.views[0].stars_drawn);
+        let DeepReport { stars, missing, residual_cd_m2, cell_px, .. } = found.plan.deep.clone().unwrap();
+        assert!(stars > 40_000 && missing == 0 && (residual_cd_m2, cell_px) == (0.0, 0.0), "{stars} {missing}");
+        let ratio = light_lx(&found) / light_lx(&expected);
+        let (found, expected) = (luminances(&found), luminances(&expected));
+        let off = found.iter().zip(&expected).map(|(found, expected)| (found - expected).abs()).fold(0.0, f64::max);
+        let mean = expected.iter().sum::<f64>() / expected.len() as f64;
+        println!("light {:.1e}, pixels off by {:.1e} of the mean", ratio - 1.0, off / mean);
+        // The sums have other units: each star is rounded to a 4096th of the faintest one.
+        assert!((ratio - 1.0).abs() < 1e-5 && off < 2e-2 * mean);
+    }
+    // A meter has composite stars instead, also for a live frame.
+    let spot = ExposureValues { metering: Metering::Spot, ..ExposureValues::default() };
+    let metered = RenderSettings { exposure: spot.into(), ..little.clone() };
+    let all = RenderSettings { exposure: spot.into(), ..whole.clone() };
+    let [metered, all] =
+        [metered, all].map(|settings| draw(&mut renderer, &scene, &window, &settings, Output::Hdr).metered_ev100);
+    assert!((metered - all).abs() < 1e-6, "{metered} {all}");
+    // A live frame does not wait for the disk.
+    let request = FrameRequest::new(&scene, &window).settings(&little).sky_map(SkyMapUse::InTurn);
+    assert!(matches!(renderer.render(request), Err(RenderError::Plan(PlanError::DeepMemory { .. }))));
+    // A frame that lacks a damaged leaf is never returned.
+    let folder = tempfile::tempdir().unwrap();
+    let scene = damaged_store(folder.path());
+    let request = FrameRequest::new(&scene, &window).settings(&little);
+    let error = renderer.render(request).err().unwrap().to_string();
+    assert!(error.contains("leaves-17: damaged store: leaf") && error.contains("skip_damaged"), "{error}");
+}
+
 #[test]
 fn what_cannot_be_drawn_is_refused_with_its_reason() {
     let mut renderer = renderer();
     let scene = deep_scene();
     let rig = window(20.0);
     let mut refused = |scene: &SceneSnapshot, settings: &RenderSettings| match renderer
-        .render(FrameRequest::new(scene, &rig).settings(settings))
+        .render(FrameRequest::new(scene, &rig).settings(settings).sky_map(SkyMapUse::InTurn))
     {
         Err(RenderError::Plan(error)) => error,
         other => panic!("{:?}", other.map(|frame| frame.number)),
@@ -467,21 +507,26 @@ fn what_cannot_be_drawn_is_refused_with_its_reason() {
     assert!(matches!(load(&twice), LoadError::SecondDeep { index: 1, .. }));
 }
 
-/// A damaged leaf is not drawn, and its neighbours only if the settings say so.
-#[test]
-fn frames_without_damaged_leaves_are_drawn_on_request_only() {
-    let folder = tempfile::tempdir().unwrap();
+/// A copy of the store in which leaves of V = 17 are damaged.
+pub(super) fn damaged_store(folder: &Path) -> SceneSnapshot {
     for file in std::fs::read_dir(store().join("deep")).unwrap() {
         let file = file.unwrap();
-        std::fs::copy(file.path(), folder.path().join(file.file_name())).unwrap();
+        std::fs::copy(file.path(), folder.join(file.file_name())).unwrap();
     }
-    let path = folder.path().join("leaves-17");
+    let path = folder.join("leaves-17");
     let mut bytes = std::fs::read(&path).unwrap();
     for byte in bytes.iter_mut().step_by(8 * 64) {
         *byte ^= 4;
     }
     std::fs::write(&path, bytes).unwrap();
-    let scene = scene_of(&[StarSource::File(folder.path().to_owned())]);
+    scene_of(&[StarSource::File(folder.to_owned())])
+}
+
+/// A damaged leaf is not drawn, and its neighbours only if the settings say so.
+#[test]
+fn frames_without_damaged_leaves_are_drawn_on_request_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = damaged_store(folder.path());
     let (mut renderer, rig) = (renderer(), window(20.0));
     let mut settings = every_star(&settings());
     let request = FrameRequest::new(&scene, &rig).settings(&settings);

@@ -1,6 +1,6 @@
 //! Audits of frames with the stars of a deep store: the exact image reads every star by itself.
 
-use std::{fs, path::Path, time::Duration};
+use std::time::Duration;
 
 use steradian::{
     audit::{AuditedScene, MOST_PIXELS, audit},
@@ -13,7 +13,7 @@ use steradian::{
     view::Rig,
 };
 
-use super::deep::{deep_scene, dome, every_star, scene_of, store, window};
+use super::deep::{damaged_store, deep_scene, dome, every_star, scene_of, store, window};
 use crate::common::renderer;
 
 /// The settings of a user, with glare.
@@ -82,19 +82,6 @@ fn exact_images_with_composite_stars_are_not_audited() {
     assert!(audit.not_audited.iter().all(|reason| reason.contains("stars.every_star = true")));
 }
 
-/// A copy of the store, with changed bytes.
-fn changed_store(folder: &Path, file: &str, change: impl Fn(&mut Vec<u8>)) -> SceneSnapshot {
-    for entry in fs::read_dir(store().join("deep")).unwrap() {
-        let entry = entry.unwrap();
-        fs::copy(entry.path(), folder.join(entry.file_name())).unwrap();
-    }
-    let path = folder.join(file);
-    let mut bytes = fs::read(&path).unwrap();
-    change(&mut bytes);
-    fs::write(&path, bytes).unwrap();
-    scene_of(&[StarSource::File(folder.to_owned())])
-}
-
 /// Frames without the faint stars, and with the sky turned by half a pixel.
 #[test]
 fn wrong_frames_of_a_deep_store_are_caught() {
@@ -132,8 +119,7 @@ fn a_frame_that_lacks_pages_passes_with_its_residual() {
 #[test]
 fn a_damaged_leaf_is_the_reason_for_no_audit() {
     let (folder, mut renderer, rig) = (tempfile::tempdir().unwrap(), renderer(), window(25.0));
-    let scene =
-        changed_store(folder.path(), "leaves-17", |bytes| bytes.iter_mut().step_by(512).for_each(|byte| *byte ^= 4));
+    let scene = damaged_store(folder.path());
     let mut settings = settings();
     settings.stars.skip_damaged = true;
     let frame = draw(&mut renderer, (&scene, &rig, &settings), Wanted::display(), SkyMapUse::Off);

@@ -125,6 +125,8 @@ pub struct Planner {
     pub culling: bool,
     /// Whether to ask for pages of a deep store that are not in memory; false for plans from which nothing is drawn.
     pub asks_for_pages: bool,
+    /// Whether stars of a deep store may be read while the frame is drawn, if they do not fit into the memory.
+    pub streams_stars: bool,
     /// Factor on the fixed-point units, normally 1. Tests raise it to provoke an overflow.
     #[doc(hidden)]
     pub unit_factor: f64,
@@ -144,6 +146,7 @@ impl Planner {
             kept: Kept::default(),
             culling: true,
             asks_for_pages: true,
+            streams_stars: false,
             unit_factor: 1.0,
         }
     }
@@ -237,6 +240,7 @@ impl Planner {
             margin_px: margin_px(settings, &views.viewports),
             culling: self.culling,
             asks_for_pages: self.asks_for_pages,
+            streams_stars: self.streams_stars,
             unit_factor: self.unit_factor,
         };
         let mut plan = Plan { views, ..Plan::default() };

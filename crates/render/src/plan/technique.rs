@@ -71,6 +71,8 @@ pub(super) struct PlanInputs<'a> {
     pub culling: bool,
     /// Whether to ask for pages of a deep store that are not in memory.
     pub asks_for_pages: bool,
+    /// Whether stars of a deep store may be read while the frame is drawn.
+    pub streams_stars: bool,
     /// Factor on the fixed-point units.
     pub unit_factor: f64,
 }

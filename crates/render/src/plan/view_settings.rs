@@ -135,10 +135,11 @@ pub fn spot_rig(rig: &Rig, exposure: &ExposureSettings) -> Result<Option<Rig>, R
 }
 
 /// The settings that a meter's picture is drawn with: the mean of it is metered. Pyramids of glare know what is in the picture alone, which in
-/// a spot is next to nothing, and are left out there.
+/// a spot is next to nothing, and are left out there. Composite stars have the light of every star.
 pub fn meter_settings(settings: &RenderSettings) -> RenderSettings {
     use super::settings::GlareMethod;
     let mut meter = settings.clone();
+    meter.stars.every_star = false;
     if settings.exposure.uses(Metering::Spot) && settings.glare.chosen(settings.stars.method) != GlareMethod::SkyCube {
         meter.glare = GlareSettings::none();
     }

@@ -196,6 +196,7 @@ impl Renderer {
         let slot = series.slot;
         let waits = request.sky_map != SkyMapUse::InTurn;
         let plan_frame = |own: &mut Self, outputs| {
+            own.planners[slot].streams_stars = waits;
             plan_with_stars((&mut own.planners[slot], &own.limits), waits, |planner, limits| {
                 planner.plan(snapshot, rig, settings, adapted_ev100, outputs, limits)
             })

@@ -91,6 +91,8 @@ pub(super) struct DeepInputs<'a> {
     pub skip_damaged: bool,
     /// Whether to ask for pages that are not in memory.
     pub asks: bool,
+    /// Whether stars may be read while the frame is drawn, if they do not fit into the memory.
+    pub streams: bool,
     /// Memory for pages: half of it on the host, half on the device.
     pub memory_bytes: u64,
 }
@@ -131,6 +133,8 @@ pub struct DeepPlan {
     pub sky: Option<Arc<DeepSky>>,
     /// Pages that are drawn.
     pub visible: Vec<VisiblePage>,
+    /// Leaves that do not fit into the memory together, with the viewports that may see them: they are read while the frame is drawn.
+    pub streamed: Vec<(PageKey, u64)>,
     /// Pages that were needed and not in memory.
     pub missing: Vec<PageKey>,
     /// What these may change.
@@ -208,6 +212,10 @@ pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
         let least_leaves = if let Drawn::Fainter { below_lx } = inputs.drawn { layers_from(below_lx) } else { 0 };
         let coarser = finest.coarser().filter(|coarser| is_divisible(inputs) && coarser.leaves() >= least_leaves);
         let Some(coarser) = coarser else {
+            if inputs.streams && matches!(inputs.drawn, Drawn::All { .. }) {
+                plan.stream(inputs, &pages);
+                return Ok(plan);
+            }
             return Err(PlanError::DeepMemory {
                 needed_mib: bytes.div_ceil(1 << 20) * 20 / 9 + 1,
                 memory_mib: inputs.memory_bytes >> 20,
@@ -431,6 +439,19 @@ impl DeepPlan {
         let Residual { cd_m2, missing } = self.residual;
         let residual_codes = if cd_m2 > 0.0 { cd_m2 * self.codes_per_cd_m2 } else { 0.0 };
         DeepReport { stars: self.stars, cell_px: self.cell_px, missing, residual_cd_m2: cd_m2, residual_codes }
+    }
+
+    /// Has all pages read while the frame is drawn.
+    fn stream(&mut self, inputs: &DeepInputs<'_>, pages: &[PartPages]) {
+        self.streamed = pages.iter().flat_map(|part| part.pages.iter().copied()).collect();
+        self.stars = self.streamed.iter().map(|(key, _)| u64::from(key.stars(inputs.sky.store()))).sum();
+        self.total_lx = inputs.sky.total_lx();
+        // Most stars of a layer are within a few magnitudes of its brightest ones.
+        let layers = self.streamed.iter().filter_map(|(key, _)| match key {
+            PageKey::Leaf { layer, .. } => Some(BRIGHTEST_LX[usize::from(*layer)]),
+            PageKey::Tile { .. } => None,
+        });
+        self.faintest_lx = 0.025 * layers.fold(f64::INFINITY, f64::min);
     }
 
     /// Adds the pages of a part, or coarser ones if some of them are missing.

@@ -24,7 +24,8 @@ pub struct StarSettings {
     pub magnitude_limit: f64,
     /// Deep stores: memory for the stars that are read as views need them, such as `512MiB`; at least 64 MiB.
     pub memory: MemorySize,
-    /// Deep stores: draw every star instead of composite stars, as far as `memory` holds them.
+    /// Deep stores: draw every star instead of composite stars. `render` and `film` read the stars that do not fit into `memory` while they draw; `serve`
+    /// cannot draw such views.
     pub every_star: bool,
     /// Deep stores: draw frames without the leaves and tiles that are damaged. Otherwise such a frame is an error.
     pub skip_damaged: bool,

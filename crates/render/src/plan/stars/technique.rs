@@ -110,6 +110,8 @@ impl Stars {
             every_star: settings.every_star,
             skip_damaged: settings.skip_damaged,
             asks: inputs.asks_for_pages,
+            // Nothing stands in for a damaged page here.
+            streams: inputs.streams_stars && !settings.skip_damaged,
             memory_bytes: settings.memory.bytes,
         };
         let white_cd_m2 = plan.exposure.expected_ev100.map_or(f64::INFINITY, white_luminance_cd_m2);

@@ -12,6 +12,7 @@ pub(crate) mod luminance;
 mod packed;
 mod pages;
 mod splat;
+mod streamed;
 
 use self::{
     billboards::Billboards,
@@ -22,15 +23,17 @@ use self::{
     packed::{Packed, PackedFrame},
     pages::PageBuffers,
     splat::StarPass,
+    streamed::StreamedPages,
 };
 use super::{
-    RenderError,
+    RenderError, ViewStatistics,
+    read::Places,
     targets::Targets,
     technique::{FrameInputs, Holding, Phase, PipelineJob, Recording, Technique, Wish, begin_pass},
 };
 use crate::{
-    gpu::Gpu,
-    plan::{settings::Accumulator, smooth_light::SkyPlan, stars::range::FixedPoint},
+    gpu::{Gpu, ReadbackBuffer},
+    plan::{Plan, settings::Accumulator, smooth_light::SkyPlan, stars::range::FixedPoint},
 };
 
 /// Passes and buffers of all methods. Those of the published methods are created at first use.
@@ -48,6 +51,8 @@ pub(super) struct Stars {
     /// Pages of a deep store.
     pages: PageBuffers,
     item_buffers: ItemBuffers,
+    /// Stars that are read while the frame is drawn.
+    streamed: StreamedPages,
     /// Item runs of the frame being recorded.
     runs: Vec<ItemRun>,
     /// Whether that frame reads a map of faint light.
@@ -66,6 +71,7 @@ impl Stars {
             catalogue: None,
             pages: PageBuffers::default(),
             item_buffers: ItemBuffers::new(),
+            streamed: StreamedPages::new(),
             runs: Vec::new(),
             reads_map: false,
         }
@@ -109,6 +115,7 @@ impl Stars {
                     let range = FixedPoint { units_per_lx: range.units_per_lx * share, ..range };
                     self.splat.record(gpu, &mut pass, (&range, bright), frame.plan, &sums, &self.draws(batch));
                 }
+                self.streamed.record(recording, batch, &self.splat);
             }
             Accumulator::PackedCompareExchange => {
                 let words = self.packed.clear_words(gpu, recording.encoder, frame.plan.views.batches[batch].pixels);
@@ -173,6 +180,7 @@ impl Technique for Stars {
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, _targets: &mut Targets) {
         let method = frame.plan.stars.method;
         self.reads_map = frame.plan.smooth_light.map.is_some();
+        self.streamed.begin();
         if let Some(SkyPlan { others, .. }) = &frame.plan.smooth_light.map
             && self.beside_map.as_ref().is_none_or(|stars| !stars.holds(others))
         {
@@ -208,12 +216,24 @@ impl Technique for Stars {
         }
     }
 
+    fn read(
+        &self,
+        _gpu: &Gpu,
+        _readback: &mut ReadbackBuffer,
+        _places: &Places,
+        _plan: &Plan,
+        _views: &mut [ViewStatistics],
+    ) -> Result<(), RenderError> {
+        self.streamed.result()
+    }
+
     fn release(&mut self) {
         self.held = None;
         self.beside_map = None;
         self.catalogue = None;
         self.pages = PageBuffers::default();
         self.item_buffers = ItemBuffers::new();
+        self.streamed = StreamedPages::new();
         self.runs.clear();
         self.packed.release();
         self.billboards.release();
