@@ -355,16 +355,15 @@ fn fitting(inputs: &SkyInputs<'_>) -> Option<(SkyMap, Arc<[WantedPicture]>)> {
         // The limit of a star's light keeps its value while a zoom does not change the texels.
         let most_sr = (grid.texel / texel_px).powi(2) * (-2.0 / SIZES_PER_OCTAVE).exp2();
         let map = map(below_lx.min(BRIGHTEST_STEPS * step_cd_m2 * most_sr), texel_px, SkyLayout::Pieces(grid));
+        // If every layer is drawn star by star, the map has no composite stars.
+        (layers(map.below_lx) < LAYERS.len()).then_some(())?;
         (map, pieces_in(&grid, texel_px, viewports, &cull))
     };
     let words = match map.layout {
         SkyLayout::Whole { .. } => 0,
         SkyLayout::Pieces(grid) => piece_words(&grid, read.len() as u64),
     };
-    let is_possible = 4 * words <= limits.max_binding_bytes
-        && map.below_lx > cull.faintest_lx
-        // If every layer is drawn star by star, the map has no composite stars.
-        && layers(map.below_lx) < LAYERS.len();
+    let is_possible = 4 * words <= limits.max_binding_bytes && map.below_lx > cull.faintest_lx;
     is_possible.then_some((map, read))
 }
 
@@ -383,7 +382,8 @@ fn pieces_in(grid: &PieceGrid, texel_px: f64, viewports: &[Viewport], cull: &Cul
         let finest_rad = pixels_rad.fold(f64::INFINITY, f64::min);
         finest_rad.is_finite().then(|| grid.wanted(number, texel_px * finest_rad))
     };
-    (0..grid.pieces()).into_par_iter().filter_map(wanted).collect::<Vec<_>>().into()
+    let near = grid.pieces_where(|cone| fields.iter().any(|field| field.touches_cone(cone)));
+    near.into_par_iter().filter_map(wanted).collect::<Vec<_>>().into()
 }
 
 /// Whether the texels of one map have the right size for all of these views.

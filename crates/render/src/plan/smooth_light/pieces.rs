@@ -94,6 +94,13 @@ fn tangent_from_edge(edge: f64) -> f64 {
     edge / (1.0 + PIECE_EVENNESS - PIECE_EVENNESS * edge.abs())
 }
 
+/// A cone with all of a quadrilateral on a face: edges are great circles, so that no point of it is farther from the middle than a corner.
+fn cone_around(corners: &[DVec3; 4]) -> BoundingCone {
+    let axis = corners.iter().sum::<DVec3>().normalize();
+    let half_angle_rad = corners.map(|corner| axis.angle_between(corner)).into_iter().fold(0.0, f64::max);
+    BoundingCone { axis, half_angle_rad: half_angle_rad + 1e-9 }
+}
+
 impl PieceGrid {
     /// The fewest pieces with texels of about this angle, rad; `None`: there would be too many.
     pub fn of_texels(texel_rad: f64) -> Option<Self> {
@@ -154,16 +161,44 @@ impl PieceGrid {
     /// The corners of a piece in order, unit vectors.
     pub fn corners(&self, number: u32) -> [DVec3; 4] {
         let (face, column, row) = self.place(number);
-        [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
-            .map(|[x, y]| self.direction(face, column + x, row + y).normalize())
+        self.corners_of(face, [column, row], [column + 1.0, row + 1.0])
+    }
+
+    /// The corners of a rectangle of pieces between two places, unit vectors.
+    fn corners_of(&self, face: u32, [left, top]: [f64; 2], [right, bottom]: [f64; 2]) -> [DVec3; 4] {
+        [[left, top], [right, top], [right, bottom], [left, bottom]]
+            .map(|[column, row]| self.direction(face, column, row).normalize())
     }
 
     /// A cone with all of a piece.
     pub fn cone(&self, number: u32) -> BoundingCone {
-        let corners = self.corners(number);
-        let axis = corners.iter().sum::<DVec3>().normalize();
-        let half_angle_rad = corners.map(|corner| axis.angle_between(corner)).into_iter().fold(0.0, f64::max);
-        BoundingCone { axis, half_angle_rad: half_angle_rad + 1e-9 }
+        cone_around(&self.corners(number))
+    }
+
+    /// Numbers of the pieces, ascending, of all rectangles of pieces whose cone may be seen: at least those that are seen themselves.
+    pub fn pieces_where(&self, may_see: impl Fn(BoundingCone) -> bool) -> Vec<u32> {
+        let mut found = Vec::new();
+        let mut rectangles: Vec<(u32, [u32; 2], [u32; 2])> =
+            (0..6).map(|face| (face, [0; 2], [self.per_edge; 2])).collect();
+        while let Some((face, from, to)) = rectangles.pop() {
+            let corners = self.corners_of(face, from.map(f64::from), to.map(f64::from));
+            if !may_see(cone_around(&corners)) {
+                continue;
+            }
+            let size = [to[0] - from[0], to[1] - from[1]];
+            if size == [1; 2] {
+                found.push((face * self.per_edge + from[1]) * self.per_edge + from[0]);
+                continue;
+            }
+            // Halve the longer side.
+            let side = usize::from(size[1] > size[0]);
+            let middle = from[side] + size[side] / 2;
+            let (mut first_to, mut second_from) = (to, from);
+            (first_to[side], second_from[side]) = (middle, middle);
+            rectangles.extend([(face, from, first_to), (face, second_from, to)]);
+        }
+        found.sort_unstable();
+        found
     }
 
     /// The picture of a piece: its axes along the columns of the face.
@@ -223,6 +258,21 @@ mod tests {
                 assert!(grid.cone(number).axis.angle_between(towards) <= grid.cone(number).half_angle_rad);
             }
             assert!(least >= MARGIN_TEXELS - 1e-6, "{texel_rad}: {least}");
+        }
+    }
+
+    #[test]
+    fn pieces_are_found_by_the_cones_of_rectangles() {
+        for per_edge in [1, 2, 3, 7, 20] {
+            let grid = PieceGrid { per_edge, texel: 2e-3 };
+            for (towards, radius_rad) in directions(30).zip([0.01, 0.1, 0.5, 1.5].into_iter().cycle()) {
+                let sees = |cone: BoundingCone| cone.axis.angle_between(towards) <= cone.half_angle_rad + radius_rad;
+                let found = grid.pieces_where(sees);
+                assert!(found.is_sorted() && found.iter().all(|number| sees(grid.cone(*number))));
+                let seen = directions(2000).filter(|place| place.angle_between(towards) <= radius_rad);
+                assert!(seen.map(|place| grid.piece_of(place)).all(|number| found.contains(&number)), "{grid:?}");
+                assert!(found.contains(&grid.piece_of(towards)));
+            }
         }
     }
 
