@@ -55,11 +55,11 @@ fn is_drawn(faintest_lx: f64) -> bool {
     faintest_lx < illuminance_lx_from_magnitude(f64::from(LAYERS[0].magnitude))
 }
 
-/// The leaves of a cell of the bucket order: layer and cell.
-fn leaves_of(bucket: u64) -> impl Iterator<Item = (usize, u64)> {
+/// The leaves in a cell of an order that no layer has coarser leaves than: layer and cell.
+fn leaves_of(order: u8, cell: u64) -> impl Iterator<Item = (usize, u64)> {
     LAYERS.iter().enumerate().flat_map(move |(layer, of_layer)| {
-        let shift = 2 * (of_layer.order - BUCKET_ORDER);
-        (bucket << shift..(bucket + 1) << shift).map(move |cell| (layer, cell))
+        let shift = 2 * (of_layer.order - order);
+        (cell << shift..(cell + 1) << shift).map(move |cell| (layer, cell))
     })
 }
 
@@ -70,7 +70,9 @@ pub fn stars_to_read(deep: &DeepSky, faintest_lx: f64, images: &[SampledImage<'_
     }
     let directions = directions(images);
     let read = (0..BUCKETS).into_par_iter().filter(|bucket| is_read(*bucket, &directions, faintest_lx));
-    read.flat_map_iter(leaves_of).map(|(layer, cell)| u64::from(deep.store().leaf_stars(layer, cell))).sum()
+    read.flat_map_iter(|bucket| leaves_of(BUCKET_ORDER, bucket))
+        .map(|(layer, cell)| u64::from(deep.store().leaf_stars(layer, cell)))
+        .sum()
 }
 
 impl Painter<'_> {
@@ -99,16 +101,19 @@ impl Painter<'_> {
         let kernels_of = |image: &SampledImage<'_>| KernelPlan { tent_below_cd_m2: 0.0, ..image.kernels };
         for bucket in buckets {
             if is_read(bucket, directions, self.sky.faintest_lx) {
-                let stars = self.stars_of_bucket(deep, bucket)?;
-                self.spread_all(&stars, kernels_of, &mut sums);
-                // The frame scatters their light from composite stars: that of a star next to the pixel from elsewhere.
-                let (axis, half_angle_rad) = cone_of(bucket);
-                let least_cos = (half_angle_rad + CELL_RAD).cos();
-                let sources = stars.iter().filter_map(|star| self.source(star, star.illuminance_lx));
-                self.add_veil(sources, &mut tree, &mut sums, |scattered, sums, veil, faint| {
-                    let is_next = scattered.direction.dot(axis) >= least_cos;
-                    sums.deep += share_in_cell * faint + if is_next { luminance(veil) } else { 0.0 };
-                });
+                let order = LAYERS[0].order;
+                for cell in bucket << (2 * (order - BUCKET_ORDER))..(bucket + 1) << (2 * (order - BUCKET_ORDER)) {
+                    let stars = self.stars_of_cell(deep, order, cell)?;
+                    self.spread_all(&stars, kernels_of, &mut sums);
+                    // The frame scatters their light from composite stars: that of a star next to the pixel from elsewhere.
+                    let (axis, half_angle_rad) = PageKey::Leaf { layer: 0, cell: cell as u32 }.cone();
+                    let least_cos = (half_angle_rad + CELL_RAD).cos();
+                    let sources = stars.iter().filter_map(|star| self.source(star, star.illuminance_lx));
+                    self.add_veil(sources, &mut tree, &mut sums, |scattered, sums, veil, faint| {
+                        let is_next = scattered.direction.dot(axis) >= least_cos;
+                        sums.deep += share_in_cell * faint + if is_next { luminance(veil) } else { 0.0 };
+                    });
+                }
             } else if self.sky.glare.is_some() {
                 let sources = deep.base_light_of(bucket, camera_pc).map(|(towards, rgb_lx)| Source {
                     direction: towards.normalize(),
@@ -121,10 +126,10 @@ impl Painter<'_> {
         Ok(sums)
     }
 
-    /// The stars of all leaves of a cell of the bucket order.
-    fn stars_of_bucket(&self, deep: &DeepSky, bucket: u64) -> Result<Vec<Star>, DeepError> {
+    /// The stars of all leaves in a cell of an order.
+    fn stars_of_cell(&self, deep: &DeepSky, order: u8, cell: u64) -> Result<Vec<Star>, DeepError> {
         let mut stars = Vec::new();
-        for (layer, cell) in leaves_of(bucket) {
+        for (layer, cell) in leaves_of(order, cell) {
             let leaf = deep.store().leaf(layer, cell)?;
             stars.extend((0..leaf.words.len()).filter_map(|index| {
                 let star = leaf.star(index);

@@ -197,7 +197,8 @@ impl CellFrame {
     pub fn radius_rad(&self) -> f64 {
         // The farthest points are the corners; a tenth more for the curvature of the sides.
         let corners = [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]];
-        1.1 * corners.map(|corner| self.direction(corner).angle_between(self.centre)).into_iter().fold(0.0, f64::max)
+        let chord_squared = corners.map(|corner| self.direction(corner).distance_squared(self.centre));
+        1.1 * 2.0 * (0.5 * chord_squared.into_iter().fold(0.0, f64::max).sqrt()).asin()
     }
 
     /// Direction minus [`CellFrame::centre`], ICRS axes. In cells of order 6 and finer its f32 numbers have steps below 0.2 mas, those of a

@@ -12,6 +12,8 @@
 //! per channel (V = -1.97 for white); light of V = 22 still has 8 bits. [`Quantiser`] carries the remainder of rounding from cell to cell, so
 //! that the sum over a plane is that of its stars.
 
+use std::sync::LazyLock;
+
 use super::word::{distance_code, distance_pc};
 use crate::photometry::rec709::luminance;
 
@@ -30,6 +32,25 @@ pub fn largest_lx() -> f64 {
     LARGEST_MANTISSA * f64::from(UNIT_LOG2 + LARGEST_EXPONENT).exp2()
 }
 
+/// Decoded codes: logarithms of each star would take longer than the rest of it.
+struct Codes {
+    /// Unit of the light of each exponent, lx.
+    units: [f64; 32],
+    /// Spread of the parallax, 1/pc.
+    spreads: [f64; 256],
+}
+
+static CODES: LazyLock<Codes> = LazyLock::new(|| {
+    let spread = |code: usize| match code {
+        0 => 0.0,
+        _ => LARGEST_SPREAD * 10_f64.powf(-SPREAD_DECADES * (SPREAD_STEPS + 1.0 - code as f64) / SPREAD_STEPS),
+    };
+    Codes {
+        units: std::array::from_fn(|exponent| (exponent as f64 + f64::from(UNIT_LOG2)).exp2()),
+        spreads: std::array::from_fn(spread),
+    }
+});
+
 /// A decoded composite star.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Composite {
@@ -47,17 +68,13 @@ impl Composite {
     /// The composite star of 64 bits.
     pub fn from_bits(bits: u64) -> Self {
         let field = |from: u32, width: u32| (bits >> from) as u32 & ((1 << width) - 1);
-        let unit = (f64::from(field(32, 5)) + f64::from(UNIT_LOG2)).exp2();
-        let spread = f64::from(field(0, 8));
+        let Codes { units, spreads } = &*CODES;
+        let unit = units[field(32, 5) as usize];
         Self {
             light_lx: [55, 46, 37].map(|from| f64::from(field(from, MANTISSA_BITS)) * unit),
             inside: [25, 18].map(|from| (f64::from(field(from, 7)) + 0.5) / CENTROID_STEPS),
             parallax: distance_pc(field(8, 10)).map_or(0.0, f64::recip),
-            spread: if spread == 0.0 {
-                0.0
-            } else {
-                LARGEST_SPREAD * 10_f64.powf(-SPREAD_DECADES * (SPREAD_STEPS + 1.0 - spread) / SPREAD_STEPS)
-            },
+            spread: spreads[field(0, 8) as usize],
         }
     }
 }

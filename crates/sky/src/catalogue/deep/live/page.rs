@@ -17,7 +17,7 @@ use super::super::error::DeepError;
 use super::super::reader::{DeepStore, Leaf, light_scale};
 use super::super::tile::{Tile, tile_order, words_of_tile};
 use super::super::word::{DISTANCES_PC, LIGHT_STEPS, TEMPERATURE_STEPS, Word, temperature_k};
-use super::super::{LAYERS, PLANES};
+use super::super::{BUCKET_ORDER, BUCKETS, LAYERS, PLANES};
 use crate::photometry::rec709::luminance;
 
 /// Greatest parallax of a star in a leaf, 1/pc.
@@ -44,6 +44,16 @@ pub enum PageKey {
         cell: u32,
     },
 }
+
+/// Axis and half-angle in rad of a cone around a cell.
+fn cone_of(order: u8, cell: u64) -> (DVec3, f64) {
+    let frame = CellFrame::new(order, cell);
+    (frame.centre, frame.radius_rad())
+}
+
+/// Those of the bucket order: every frame tests all of them.
+static BUCKET_CONES: LazyLock<Vec<(DVec3, f64)>> =
+    LazyLock::new(|| (0..BUCKETS).map(|cell| cone_of(BUCKET_ORDER, cell)).collect());
 
 impl PageKey {
     /// Order of its cell.
@@ -76,8 +86,8 @@ impl PageKey {
 
     /// Axis, a unit vector, and half-angle in rad of a cone with all stars of the cell.
     pub fn cone(self) -> (DVec3, f64) {
-        let frame = CellFrame::new(self.order(), self.cell());
-        (frame.centre, frame.radius_rad())
+        let (order, cell) = (self.order(), self.cell());
+        if order == BUCKET_ORDER { BUCKET_CONES[cell as usize] } else { cone_of(order, cell) }
     }
 }
 
