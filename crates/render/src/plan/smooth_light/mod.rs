@@ -49,12 +49,15 @@ use crate::{
 
 /// Side of a texel at the centre of a view, pixels.
 const TEXEL_PX: f64 = 0.632;
-/// The same in pieces of a map of a deep store, whose stars exact images draw with the B-spline: its variance is 1/4 px^2.
-const TEXEL_OF_DEEP_PX: f64 = 0.775;
+/// The same for a deep store, whose faint stars exact images draw with the B-spline: in pictures of the whole sky, and in pieces. Measured with
+/// `benches/deep_patches.rs`: larger ones than those of the same variance have smaller errors.
+const TEXEL_OF_DEEP_PX: [f64; 2] = [0.65, 0.85];
 /// Largest cell of the composite stars of a deep store, pixels: less than [`super::stars::deep::DIRECT_CELL_PX`], because interpolation adds to the error.
 pub(super) const CELL_PX: f64 = 0.66;
 /// Illuminance of the brightest star of the map over the solid angle of the smallest pixel, in steps of the display image.
 const BRIGHTEST_STEPS: f64 = 1.8;
+/// The same for a deep store: a pixel may have the errors of several such stars.
+const BRIGHTEST_STEPS_OF_DEEP: f64 = 1.25;
 /// Least ratio of the smallest pixel to the central one (solid angles) for which the pictures of the whole sky have a suitable resolution.
 const LEAST_PIXEL_RATIO: f64 = 0.45;
 /// The same for pieces, whose texels have several sizes.
@@ -335,10 +338,15 @@ fn fitting(inputs: &SkyInputs<'_>) -> Option<(SkyMap, Arc<[WantedPicture]>)> {
         texel_px,
     };
     let smallest_sr = viewports.iter().map(|v| v.projection.smallest_pixel_sr()).fold(f64::INFINITY, f64::min);
-    let below_lx = BRIGHTEST_STEPS * step_cd_m2 * smallest_sr;
+    let has_deep = inputs.stars.deep.is_some();
+    let ([of_whole_px, of_pieces_px], brightest_steps) = match has_deep {
+        true => (TEXEL_OF_DEEP_PX, BRIGHTEST_STEPS_OF_DEEP),
+        false => ([TEXEL_PX; 2], BRIGHTEST_STEPS),
+    };
+    let below_lx = brightest_steps * step_cd_m2 * smallest_sr;
     // Layers of a deep store that are drawn one by one.
-    let layers = |below_lx: f64| if inputs.stars.deep.is_some() { layers_from(below_lx) } else { 0 };
-    let whole = finest_pixel_rad(viewports, LEAST_PIXEL_RATIO).map(|rad| SkyPictures::of_texels(TEXEL_PX * rad));
+    let layers = |below_lx: f64| if has_deep { layers_from(below_lx) } else { 0 };
+    let whole = finest_pixel_rad(viewports, LEAST_PIXEL_RATIO).map(|rad| SkyPictures::of_texels(of_whole_px * rad));
     let whole = whole.filter(|whole| {
         4 * whole.texels() <= limits.max_binding_bytes
             && whole.side <= limits.max_view_side_px
@@ -347,17 +355,16 @@ fn fitting(inputs: &SkyInputs<'_>) -> Option<(SkyMap, Arc<[WantedPicture]>)> {
     });
     let (map, read) = if let Some(SkyPictures { side }) = whole {
         let read = (0..SKY_FACES).map(|number| WantedPicture { number, level: 0.0 }).collect();
-        (map(below_lx, TEXEL_PX, SkyLayout::Whole { side }), read)
+        (map(below_lx, of_whole_px, SkyLayout::Whole { side }), read)
     } else {
         finest_pixel_rad(viewports, LEAST_RATIO_OF_PIECES)?;
-        let texel_px = if inputs.stars.deep.is_some() { TEXEL_OF_DEEP_PX } else { TEXEL_PX };
-        let grid = PieceGrid::of_texels(texel_px * smallest_sr.sqrt())?;
+        let grid = PieceGrid::of_texels(of_pieces_px * smallest_sr.sqrt())?;
         // The limit of a star's light keeps its value while a zoom does not change the texels.
-        let most_sr = (grid.texel / texel_px).powi(2) * (-2.0 / SIZES_PER_OCTAVE).exp2();
-        let map = map(below_lx.min(BRIGHTEST_STEPS * step_cd_m2 * most_sr), texel_px, SkyLayout::Pieces(grid));
+        let most_sr = (grid.texel / of_pieces_px).powi(2) * (-2.0 / SIZES_PER_OCTAVE).exp2();
+        let map = map(below_lx.min(brightest_steps * step_cd_m2 * most_sr), of_pieces_px, SkyLayout::Pieces(grid));
         // If every layer is drawn star by star, the map has no composite stars.
         (layers(map.below_lx) < LAYERS.len()).then_some(())?;
-        (map, pieces_in(&grid, texel_px, viewports, &cull))
+        (map, pieces_in(&grid, of_pieces_px, viewports, &cull))
     };
     let words = match map.layout {
         SkyLayout::Whole { .. } => 0,
