@@ -69,6 +69,11 @@ fn describe_plan(images: &str, plan: &FramePlan) -> String {
                 text,
                 "  deep      {missing} pages not read yet: a pixel may be off by {residual_codes:.1} codes"
             );
+        } else if *residual_codes > 0.0 {
+            let _ = writeln!(
+                text,
+                "  deep      stars.memory does not hold the detail of these views: a pixel may be off by {residual_codes:.1} codes"
+            );
         }
     }
     if let Some(Audit { images, not_audited }) = audit {

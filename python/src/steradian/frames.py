@@ -123,7 +123,8 @@ class Frame:
         exposure_ev100: exposure of display images, EV at ISO 100: display white is 1.2 * 2^ev cd/m^2.
         limiting_magnitude: limiting magnitude of stars in the display image; None if unknown.
         residual_codes: bound of what a pixel of the display image lacks or has in excess because stars of a deep store
-            have not been read yet, codes of 8 bits; None: no stars of a deep store are drawn.
+            have not been read yet or do not fit into `stars.memory`, codes of 8 bits; None: no stars of a deep store are
+            drawn.
         quality_level: quality level of display images; 0 is as configured.
         given_up: descriptions of the reductions.
         images: the images of the view.

@@ -492,6 +492,14 @@ fn what_cannot_be_drawn_is_refused_with_its_reason() {
     let frame = draw(&mut renderer, &scene, &window(3.0), &little, Output::Hdr);
     let cells = frame.plan.certificate.iter().find(|bound| bound.name.contains("composite stars")).unwrap();
     assert_eq!(cells.within_budget, Some(false), "{cells:?}");
+    // The residual bounds the error of that.
+    let DeepReport { missing, residual_cd_m2, .. } = frame.plan.deep.clone().unwrap();
+    assert!(missing == 0 && residual_cd_m2 > 0.0, "{missing} {residual_cd_m2}");
+    let whole = draw(&mut renderer, &scene, &window(3.0), &settings(), Output::Hdr);
+    let errors =
+        luminances(&frame).into_iter().zip(luminances(&whole)).map(|(found, expected)| (found - expected).abs());
+    let worst = errors.fold(0.0, f64::max);
+    assert!(worst > 0.001 * residual_cd_m2 && worst <= residual_cd_m2, "{worst} {residual_cd_m2}");
     // A galaxy would repeat the light of the store.
     let galaxy = steradian::catalogue::galaxy::GalaxyParameters {
         stars: 10,

@@ -42,7 +42,7 @@ pub struct DeepReport {
     pub cell_px: f64,
     /// Number of pages (leaves and tiles) that the frame lacks because they have not been read yet.
     pub missing: u64,
-    /// Bound of the luminance that a pixel may lack or have in excess for that, cd/m^2.
+    /// Bound of the luminance that a pixel may lack or have in excess for that, or because the memory does not hold finer pages, cd/m^2.
     pub residual_cd_m2: f64,
     /// The same in codes of an 8-bit display image.
     pub residual_codes: f64,

@@ -108,21 +108,21 @@ pub struct VisiblePage {
     pub count: u32,
 }
 
-/// Bound of the error of pages that are coarser than they should be, or missing.
+/// Bound of the error of pages that are missing, or coarser than the pixels need because the memory does not hold finer ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Residual {
     /// Error of the luminance of a pixel, cd/m^2.
     pub cd_m2: f64,
-    /// Number of pages that have not been read.
+    /// Number of pages that have not been read yet.
     pub missing: u64,
 }
 
-/// Stars that a picture lacks because their pages have not been read.
+/// Stars that a picture lacks because their pages have not been read, or do not fit into the memory.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Lack {
     /// The error of that.
     pub residual: Residual,
-    /// The pages.
+    /// The pages that have not been read.
     pub keys: Vec<PageKey>,
 }
 
@@ -160,6 +160,8 @@ pub struct DeepPlan {
 struct Part {
     bucket: u64,
     detail: Detail,
+    /// Whether the memory does not hold the detail that the pixels need.
+    is_coarser: bool,
     viewports: u64,
     /// Smallest pixel of these viewports there, sr.
     pixel_sr: f64,
@@ -222,7 +224,11 @@ pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
             });
         };
         finest = coarser;
-        parts.iter_mut().for_each(|part| part.detail = part.detail.at_most(finest));
+        for part in &mut parts {
+            let detail = part.detail.at_most(finest);
+            part.is_coarser |= detail != part.detail;
+            part.detail = detail;
+        }
     };
     // What is in memory, and coarser pages in place of the rest.
     let keys: Vec<PageKey> = pages.iter().flat_map(|part| part.pages.iter().map(|(key, _)| *key)).collect();
@@ -357,7 +363,7 @@ fn parts_of(inputs: &DeepInputs<'_>, fields: &[Field], bucket: u64) -> Vec<Part>
                 part.viewports |= 1 << index;
                 part.pixel_sr = part.pixel_sr.min(pixel_sr);
             }
-            None => parts.push(Part { bucket, detail, viewports: 1 << index, pixel_sr }),
+            None => parts.push(Part { bucket, detail, is_coarser: false, viewports: 1 << index, pixel_sr }),
         }
     }
     parts
@@ -466,6 +472,10 @@ impl DeepPlan {
         if held.iter().all(Option::is_some) {
             self.note_cells(wanted.part.detail, wanted.part.pixel_sr);
             self.add_pages(inputs, &wanted.pages, held);
+            if wanted.part.is_coarser {
+                let cd_m2 = error_lx(&wanted.part, held) / wanted.part.pixel_sr;
+                self.add_residual(wanted.part.viewports, Residual { cd_m2, missing: 0 });
+            }
             return;
         }
         // Coarser pages, down to the base, which is always in memory and also stands in for what is coarser than itself.
@@ -486,8 +496,7 @@ impl DeepPlan {
             Some((part, held)) => {
                 self.note_cells(part.part.detail, wanted.part.pixel_sr);
                 self.add_pages(inputs, &part.pages, held);
-                let cell_px = part.part.detail.cell_rad() / wanted.part.pixel_sr.sqrt();
-                held.iter().flatten().map(|page| most_in_a_pixel_lx(page, cell_px)).fold(0.0, f64::max)
+                error_lx(&part.part, held)
             }
             None => {
                 self.add_pages(inputs, &wanted.pages, held);
@@ -497,15 +506,24 @@ impl DeepPlan {
         let error_cd_m2 = error_lx / wanted.part.pixel_sr;
         let of_page = Residual { cd_m2: error_cd_m2, missing: 1 };
         for key in missing() {
-            self.residual.add(of_page);
+            // Coarser stars stand in for the whole part.
+            self.add_residual(wanted.part.viewports, of_page);
             self.missing.push(key);
             wants.push((key, error_cd_m2));
             for (index, lack) in self.lacks.iter_mut().enumerate() {
-                // Coarser stars stand in for the whole part.
                 if wanted.part.viewports & 1 << index != 0 {
-                    lack.residual.add(of_page);
                     lack.keys.push(key);
                 }
+            }
+        }
+    }
+
+    /// Adds the error of a part of the sky that these viewports see.
+    fn add_residual(&mut self, viewports: u64, residual: Residual) {
+        self.residual.add(residual);
+        for (index, lack) in self.lacks.iter_mut().enumerate() {
+            if viewports & 1 << index != 0 {
+                lack.residual.add(residual);
             }
         }
     }
@@ -528,6 +546,12 @@ impl DeepPlan {
             self.visible.push(VisiblePage { page: Arc::clone(page), viewports: *viewports, count });
         }
     }
+}
+
+/// Bound of the error of a part that is drawn with these pages instead of finer ones, lx in a pixel.
+fn error_lx(part: &Part, pages: &[Option<Arc<Page>>]) -> f64 {
+    let cell_px = part.detail.cell_rad() / part.pixel_sr.sqrt();
+    pages.iter().flatten().map(|page| most_in_a_pixel_lx(page, cell_px)).fold(0.0, f64::max)
 }
 
 /// Bound of the light that a pixel has from the composite stars of a page, or that it would have from the stars that these stand for: of the cells

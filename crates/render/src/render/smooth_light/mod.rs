@@ -83,7 +83,7 @@ impl SeriesMap {
                     (number * side * side, side)
                 }
                 (Drawn::Pieces(pieces), _) => {
-                    let lack = deep.lacks.get(viewport).filter(|lack| !lack.keys.is_empty()).cloned();
+                    let lack = deep.lacks.get(viewport).filter(|lack| lack.residual != Residual::default()).cloned();
                     let (place, lost) = pieces.draw(*picture, lack);
                     let (width, words) = pieces.words(*picture);
                     let first = pieces.first_word(place);
@@ -248,7 +248,8 @@ impl Technique for SmoothLight {
 
 /// Whether stars that were missing are in memory by now; otherwise they are asked for again.
 fn are_read(scene: &SceneSnapshot, lack: &Lack) -> bool {
-    let Some(sky) = &scene.stars.deep else { return false };
+    // Without keys the memory does not hold them.
+    let Some(sky) = scene.stars.deep.as_ref().filter(|_| !lack.keys.is_empty()) else { return false };
     let absent = lack.keys.iter().zip(sky.pages_of(&lack.keys)).filter(|(_, page)| page.is_none());
     let wants: Vec<_> = absent.map(|(key, _)| (*key, lack.residual.cd_m2)).collect();
     if !wants.is_empty() {
