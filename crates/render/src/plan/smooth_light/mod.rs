@@ -56,8 +56,8 @@ const TEXEL_OF_DEEP_PX: [f64; 2] = [0.65, 0.85];
 pub(super) const CELL_PX: f64 = 0.66;
 /// Illuminance of the brightest star of the map over the solid angle of the smallest pixel, in steps of the display image.
 const BRIGHTEST_STEPS: f64 = 1.8;
-/// The same for a deep store: a pixel may have the errors of several such stars.
-const BRIGHTEST_STEPS_OF_DEEP: f64 = 1.25;
+/// The same of the central pixel, for a deep store: a pixel may have the errors of several such stars. Measured with `benches/deep_patches.rs`.
+const BRIGHTEST_STEPS_AT_CENTRE: f64 = 0.8;
 /// Least ratio of the smallest pixel to the central one (solid angles) for which the pictures of the whole sky have a suitable resolution.
 const LEAST_PIXEL_RATIO: f64 = 0.45;
 /// The same for pieces, whose texels have several sizes.
@@ -326,6 +326,15 @@ fn map_error(map: &SkyMap, viewports: &[Viewport], step_cd_m2: f64, budget: Erro
     budget.bound_in_steps(name, steps, BRIGHTEST_STEPS * (1.0 + 1e-9))
 }
 
+/// Illuminance of the brightest star of the map of a deep store over the solid angle of the smallest pixel, in steps of the display image. It is a
+/// multiple of the same factor, so that a zoom changes it rarely.
+fn steps_of_deep(viewports: &[Viewport], smallest_sr: f64) -> f64 {
+    let middle_rad =
+        viewports.iter().map(|viewport| viewport.projection.middle_pixel_rad()).fold(f64::INFINITY, f64::min);
+    let steps = BRIGHTEST_STEPS.min(BRIGHTEST_STEPS_AT_CENTRE * middle_rad.powi(2) / smallest_sr);
+    ((steps.log2() * SIZES_PER_OCTAVE).floor() / SIZES_PER_OCTAVE).exp2()
+}
+
 /// The map for these views, with the pictures that they read: of the whole sky, or in pieces.
 fn fitting(inputs: &SkyInputs<'_>) -> Option<(SkyMap, Arc<[WantedPicture]>)> {
     let SkyInputs { viewports, step_cd_m2, cull, limits, .. } = *inputs;
@@ -339,10 +348,8 @@ fn fitting(inputs: &SkyInputs<'_>) -> Option<(SkyMap, Arc<[WantedPicture]>)> {
     };
     let smallest_sr = viewports.iter().map(|v| v.projection.smallest_pixel_sr()).fold(f64::INFINITY, f64::min);
     let has_deep = inputs.stars.deep.is_some();
-    let ([of_whole_px, of_pieces_px], brightest_steps) = match has_deep {
-        true => (TEXEL_OF_DEEP_PX, BRIGHTEST_STEPS_OF_DEEP),
-        false => ([TEXEL_PX; 2], BRIGHTEST_STEPS),
-    };
+    let [of_whole_px, of_pieces_px] = if has_deep { TEXEL_OF_DEEP_PX } else { [TEXEL_PX; 2] };
+    let brightest_steps = if has_deep { steps_of_deep(viewports, smallest_sr) } else { BRIGHTEST_STEPS };
     let below_lx = brightest_steps * step_cd_m2 * smallest_sr;
     // Layers of a deep store that are drawn one by one.
     let layers = |below_lx: f64| if has_deep { layers_from(below_lx) } else { 0 };
