@@ -14,11 +14,11 @@
 //! errors that the exact method does not bound any tighter are added: a star may be up to [`POSITION_PX`] away from its
 //! exact position; each star is rounded by at most one unit of the fixed-point sums; and sources too faint to be drawn
 //! individually spread the light that they scatter within 1.5 pixels over the degrees around them
-//! (`docs/glare-methods.md`), stars of a deep store that within about a degree. Display images with a budget of 0 are drawn with the same accuracy and have the same
-//! tolerance.
+//! (`docs/glare-methods.md`); stars of a deep store do so with the light that they scatter within about a degree.
+//! Display images with a budget of 0 are drawn with the same accuracy and have the same tolerance.
 //!
 //! **Deep stores**: the exact image has every star. It reads the leaves around the compared pixels by itself, and shares
-//! no page with the frame. What a frame states as its residual is allowed besides.
+//! no page with the frame. The residual that a frame states is added to the limits.
 //!
 //! **The cost** is bounded: at most [`MOST_PIXELS`] pixels of an image and [`MOST_PIXELS_OF_FRAME`] of a frame, and one
 //! pass over the stars for each eye, at most [`MOST_DEEP_STARS`] of a deep store.
@@ -165,7 +165,7 @@ fn has_composites(plan: &FramePlan) -> bool {
     plan.deep.as_ref().is_some_and(|deep| deep.cell_px > 0.0)
 }
 
-/// Luminance that a pixel may be off because stars of a deep store had not been read, cd/m^2.
+/// Luminance that a pixel may be off because stars of a deep store had not been read or did not fit into the memory, cd/m^2.
 fn residual_cd_m2(plan: &FramePlan) -> f64 {
     plan.deep.as_ref().map_or(0.0, |deep| deep.residual_cd_m2)
 }

@@ -7,10 +7,11 @@ use std::{
     sync::atomic::{AtomicU16, Ordering::Relaxed},
 };
 
+/// First port that tests use.
 const FIRST: u16 = 10_000;
 
-/// Returns the first port that the system may give to a socket without a port of its own. Without a Linux kernel it is taken as the
-/// first one of the registry's dynamic ports (RFC 6335).
+/// Returns the first port that the system gives to sockets that ask for any port. On systems other than Linux it is the first dynamic
+/// port of RFC 6335.
 fn first_of_system() -> u16 {
     let range = fs::read_to_string("/proc/sys/net/ipv4/ip_local_port_range");
     range.ok().and_then(|text| text.split_whitespace().next()?.parse().ok()).unwrap_or(49_152)

@@ -322,6 +322,11 @@ pub(in crate::plan) fn layers_from(least_lx: f64) -> usize {
     BRIGHTEST_LX.iter().filter(|lx| **lx >= least_lx).count()
 }
 
+/// Whether stars of leaves are drawn if stars fainter than this, lx, are not: all of them are fainter than the resident ones by magnitude.
+pub(crate) fn reaches_leaves(faintest_lx: f64) -> bool {
+    faintest_lx < illuminance_lx_from_magnitude(RESIDENT_TO_MAGNITUDE)
+}
+
 /// Number of layers that may be drawn star by star.
 fn layers_of(inputs: &DeepInputs<'_>) -> usize {
     let within = LAYERS.iter().filter(|layer| f64::from(layer.magnitude) < inputs.magnitude_limit).count();
@@ -473,8 +478,8 @@ impl DeepPlan {
             self.note_cells(wanted.part.detail, wanted.part.pixel_sr);
             self.add_pages(inputs, &wanted.pages, held);
             if wanted.part.is_coarser {
-                let cd_m2 = error_lx(&wanted.part, held) / wanted.part.pixel_sr;
-                self.add_residual(wanted.part.viewports, Residual { cd_m2, missing: 0 });
+                let cd_m2 = stand_in_error_lx(&wanted.part, held) / wanted.part.pixel_sr;
+                self.add_lack(wanted.part.viewports, Residual { cd_m2, missing: 0 }, None);
             }
             return;
         }
@@ -496,7 +501,7 @@ impl DeepPlan {
             Some((part, held)) => {
                 self.note_cells(part.part.detail, wanted.part.pixel_sr);
                 self.add_pages(inputs, &part.pages, held);
-                error_lx(&part.part, held)
+                stand_in_error_lx(&part.part, held)
             }
             None => {
                 self.add_pages(inputs, &wanted.pages, held);
@@ -507,23 +512,19 @@ impl DeepPlan {
         let of_page = Residual { cd_m2: error_cd_m2, missing: 1 };
         for key in missing() {
             // Coarser stars stand in for the whole part.
-            self.add_residual(wanted.part.viewports, of_page);
+            self.add_lack(wanted.part.viewports, of_page, Some(key));
             self.missing.push(key);
             wants.push((key, error_cd_m2));
-            for (index, lack) in self.lacks.iter_mut().enumerate() {
-                if wanted.part.viewports & 1 << index != 0 {
-                    lack.keys.push(key);
-                }
-            }
         }
     }
 
-    /// Adds the error of a part of the sky that these viewports see.
-    fn add_residual(&mut self, viewports: u64, residual: Residual) {
+    /// Adds the error of a part of the sky that these viewports see, and the page whose absence causes it.
+    fn add_lack(&mut self, viewports: u64, residual: Residual, key: Option<PageKey>) {
         self.residual.add(residual);
         for (index, lack) in self.lacks.iter_mut().enumerate() {
             if viewports & 1 << index != 0 {
                 lack.residual.add(residual);
+                lack.keys.extend(key);
             }
         }
     }
@@ -549,7 +550,7 @@ impl DeepPlan {
 }
 
 /// Bound of the error of a part that is drawn with these pages instead of finer ones, lx in a pixel.
-fn error_lx(part: &Part, pages: &[Option<Arc<Page>>]) -> f64 {
+fn stand_in_error_lx(part: &Part, pages: &[Option<Arc<Page>>]) -> f64 {
     let cell_px = part.detail.cell_rad() / part.pixel_sr.sqrt();
     pages.iter().flatten().map(|page| most_in_a_pixel_lx(page, cell_px)).fold(0.0, f64::max)
 }

@@ -110,7 +110,7 @@ impl Stars {
             every_star: settings.every_star,
             skip_damaged: settings.skip_damaged,
             asks: inputs.asks_for_pages,
-            // Nothing stands in for a damaged page here.
+            // A frame that reads stars while it is drawn cannot replace a damaged page.
             streams: inputs.streams_stars && !settings.skip_damaged,
             memory_bytes: settings.memory.bytes,
         };

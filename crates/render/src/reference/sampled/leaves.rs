@@ -16,7 +16,10 @@ use crate::{
         packed::PackedStar,
     },
     photometry::rec709::luminance,
-    plan::{KernelPlan, stars::deep::WHOLE_FROM_MAGNITUDE},
+    plan::{
+        KernelPlan,
+        stars::deep::{WHOLE_FROM_MAGNITUDE, reaches_leaves},
+    },
     units::{PARSEC_M, illuminance_lx_from_magnitude},
 };
 
@@ -25,14 +28,13 @@ const PARTS: u64 = 64;
 /// Distance from all chosen pixels beyond which composite stars scatter the light of their stars: their cells have a radius of half a degree,
 /// so that [`super::veil_tree`] would not divide them either.
 const FAR_RAD: f64 = 0.18;
+/// Width of the cells of the composite stars that are always in memory, rad.
+const CELL_RAD: f64 = 0.008;
 
 /// Directions of the chosen pixels of images.
 fn directions(images: &[SampledImage<'_>]) -> Vec<DVec3> {
     images.iter().flat_map(|image| image.pixels.iter().filter_map(|pixel| world_direction(image, *pixel))).collect()
 }
-
-/// Width of the cells of the composite stars that are always in memory, rad.
-const CELL_RAD: f64 = 0.008;
 
 /// Axis and half-angle in rad of a cone around a cell of the bucket order.
 fn cone_of(bucket: u64) -> (DVec3, f64) {
@@ -50,11 +52,6 @@ fn is_read(bucket: u64, directions: &[DVec3], faintest_lx: f64) -> bool {
     directions.iter().any(|direction| direction.dot(axis) >= least_cos)
 }
 
-/// Whether a frame draws any star of a deep store.
-fn is_drawn(faintest_lx: f64) -> bool {
-    faintest_lx < illuminance_lx_from_magnitude(f64::from(LAYERS[0].magnitude))
-}
-
 /// The leaves in a cell of an order that no layer has coarser leaves than: layer and cell.
 fn leaves_of(order: u8, cell: u64) -> impl Iterator<Item = (usize, u64)> {
     LAYERS.iter().enumerate().flat_map(move |(layer, of_layer)| {
@@ -65,7 +62,7 @@ fn leaves_of(order: u8, cell: u64) -> impl Iterator<Item = (usize, u64)> {
 
 /// Number of stars that [`super::pixels`] reads from leaves for these images, whose stars fainter than `faintest_lx` are not drawn.
 pub fn stars_to_read(deep: &DeepSky, faintest_lx: f64, images: &[SampledImage<'_>]) -> u64 {
-    if !is_drawn(faintest_lx) {
+    if !reaches_leaves(faintest_lx) {
         return 0;
     }
     let directions = directions(images);
@@ -78,7 +75,7 @@ pub fn stars_to_read(deep: &DeepSky, faintest_lx: f64, images: &[SampledImage<'_
 impl Painter<'_> {
     /// Sums of the light of a deep store, in parts.
     pub(super) fn sums_of_leaves(&self, deep: &DeepSky) -> Result<Vec<Vec<Sums>>, DeepError> {
-        if !is_drawn(self.sky.faintest_lx) {
+        if !reaches_leaves(self.sky.faintest_lx) {
             return Ok(Vec::new());
         }
         let directions = directions(self.images);

@@ -73,6 +73,19 @@ pub(super) struct ItemRun {
     pub item_count: u32,
 }
 
+impl ItemRun {
+    /// Draws it from the stars of its source and the items of its batch.
+    pub(super) fn draw<'a>(&self, stars: &'a wgpu::Buffer, items: &'a wgpu::Buffer) -> StarDraw<'a> {
+        StarDraw {
+            stars,
+            items,
+            first_item: self.first_item,
+            item_count: self.item_count,
+            from_pages: matches!(self.source, ItemSource::Pages(_)),
+        }
+    }
+}
+
 /// Items of all batches, in one buffer.
 #[derive(Default)]
 pub(super) struct Items {

@@ -33,7 +33,7 @@ use super::{
 };
 use crate::{
     gpu::{Gpu, ReadbackBuffer},
-    plan::{Plan, settings::Accumulator, smooth_light::SkyPlan, stars::range::FixedPoint},
+    plan::{Plan, settings::Accumulator, smooth_light::SkyPlan},
 };
 
 /// Passes and buffers of all methods. Those of the published methods are created at first use.
@@ -88,18 +88,15 @@ impl Stars {
             return Vec::new();
         };
         let runs = self.runs.iter().filter(|run| run.batch == batch);
-        runs.map(|run| StarDraw {
-            stars: match run.source {
+        let draw = |run: &ItemRun| {
+            let stars = match run.source {
                 ItemSource::Near => near,
                 ItemSource::Segment(segment) => self.drawn().map_or(near, |stars| stars.buffer(segment)),
                 ItemSource::Pages(segment) => self.pages.buffer(segment),
-            },
-            from_pages: matches!(run.source, ItemSource::Pages(_)),
-            items,
-            first_item: run.first_item,
-            item_count: run.item_count,
-        })
-        .collect()
+            };
+            run.draw(stars, items)
+        };
+        runs.map(draw).collect()
     }
 
     fn splat(&mut self, recording: &mut Recording<'_>, batch: usize) {
@@ -111,8 +108,6 @@ impl Stars {
                 for (range, bright) in ranges {
                     let (Some(range), Some(sums)) = (range, recording.targets.sums(batch, bright)) else { continue };
                     let mut pass = begin_pass(recording.encoder, recording.timer, "stars");
-                    let share = frame.plan.glare.share_in_sums();
-                    let range = FixedPoint { units_per_lx: range.units_per_lx * share, ..range };
                     self.splat.record(gpu, &mut pass, (&range, bright), frame.plan, &sums, &self.draws(batch));
                 }
                 self.streamed.record(recording, batch, &self.splat);

@@ -89,6 +89,7 @@ impl StarPass {
         draws: &[StarDraw<'_>],
     ) {
         let occlusion = &sums.occlusion;
+        let units_per_lx = range.units_per_lx * plan.glare.share_in_sums();
         let mut of_pages = None;
         // The limit between a frame and the map of faint light that it reads.
         let SmoothLightPlan { map, part } = &plan.smooth_light;
@@ -105,7 +106,7 @@ impl StarPass {
             }
             let [items_per_row, rows] = dispatch_rows(gpu, draw.item_count);
             let parameters = layout::StarParameters {
-                units_per_lx: range.units_per_lx as f32,
+                units_per_lx: units_per_lx as f32,
                 faintest_lx: read_lx.filter(|_| draw.from_pages).unwrap_or(range.faintest_lx) as f32,
                 brightest_lx: match draw.from_pages {
                     true => drawn_lx.map_or(f32::INFINITY, |lx| lx as f32),

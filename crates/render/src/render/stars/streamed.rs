@@ -11,13 +11,13 @@ use super::{
     splat::StarPass,
 };
 use crate::{
-    catalogue::deep::live::{DeepSky, PageKey, PageStar},
+    catalogue::deep::{
+        DeepError,
+        live::{DeepSky, PageKey, PageStar},
+    },
     plan::{
         PlanError,
-        stars::{
-            deep::{DeepPlan, VisiblePage},
-            range::FixedPoint,
-        },
+        stars::deep::{DeepPlan, VisiblePage},
     },
     render::{RenderError, technique::Recording},
 };
@@ -86,18 +86,19 @@ impl StreamedPages {
         (sky, turn): (&DeepSky, &[(PageKey, u64)]),
     ) -> Result<(), String> {
         let (gpu, plan) = (recording.gpu, recording.frame.plan);
-        // Read the stars on all cores, while the last turn is being drawn.
+        // Draw the last turn.
+        let next = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("streamed stars") });
+        let before = std::mem::replace(recording.encoder, next);
+        let submitted = gpu.queue.submit([before.finish()]);
+        // Read the stars on all cores meanwhile.
         let read = |(key, viewports): &(PageKey, u64)| {
             let page = sky.read(*key)?;
             let count = page.stars.len() as u32;
             Ok(VisiblePage { page, viewports: *viewports, count })
         };
-        let visible = turn.par_iter().map(read).collect::<Result<Vec<_>, crate::catalogue::deep::DeepError>>();
+        let visible = turn.par_iter().map(read).collect::<Result<Vec<_>, DeepError>>();
         let visible = visible.map_err(|error| error.to_string())?;
         // The buffers are filled again after that turn.
-        let next = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("streamed stars") });
-        let before = std::mem::replace(recording.encoder, next);
-        let submitted = gpu.queue.submit([before.finish()]);
         gpu.wait(Some(submitted)).map_err(|error| error.to_string())?;
         // Upload and draw them.
         let turn = DeepPlan { visible, device_bytes: plan.stars.deep.device_bytes, ..DeepPlan::default() };
@@ -110,17 +111,13 @@ impl StreamedPages {
         let draws: Vec<StarDraw<'_>> = of_batch
             .filter_map(|run| {
                 let ItemSource::Pages(segment) = run.source else { return None };
-                let stars = self.pages.buffer(segment);
-                let (first_item, item_count) = (run.first_item, run.item_count);
-                Some(StarDraw { stars, from_pages: true, items: held, first_item, item_count })
+                Some(run.draw(self.pages.buffer(segment), held))
             })
             .collect();
-        let (range, share) = (plan.stars.ranges.main, plan.glare.share_in_sums());
-        let range = FixedPoint { units_per_lx: range.units_per_lx * share, ..range };
         let Some(sums) = recording.targets.sums(batch, false) else { return Ok(()) };
         let descriptor = wgpu::ComputePassDescriptor { label: Some("streamed stars"), timestamp_writes: None };
         let mut pass = recording.encoder.begin_compute_pass(&descriptor);
-        star_pass.record(gpu, &mut pass, (&range, false), plan, &sums, &draws);
+        star_pass.record(gpu, &mut pass, (&plan.stars.ranges.main, false), plan, &sums, &draws);
         Ok(())
     }
 }

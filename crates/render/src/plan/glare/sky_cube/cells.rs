@@ -8,12 +8,14 @@ use super::{
     sprites::{Brightnesses, Reach, Sprite, Veil},
 };
 use crate::{
-    catalogue::{chunks::StarSet, deep::LAYERS, packed::PackedStar},
+    catalogue::{chunks::StarSet, packed::PackedStar},
     photometry::rec709::luminance,
-    plan::stars::cull::{VisibleChunk, light_at, near_stars},
+    plan::stars::{
+        cull::{VisibleChunk, light_at, near_stars},
+        deep::reaches_leaves,
+    },
     relativity::Motion,
     scene::surroundings::LocalSky,
-    units::illuminance_lx_from_magnitude,
     view::projection::Face,
 };
 
@@ -157,7 +159,7 @@ impl Sky<'_> {
 
     /// The composite stars of the set's deep store, if their light is drawn at all.
     fn deep_light(&self) -> impl Iterator<Item = Source> {
-        let deep = self.set.deep.as_ref().filter(|_| self.faintest_lx < deep_from_lx());
+        let deep = self.set.deep.as_ref().filter(|_| reaches_leaves(self.faintest_lx));
         deep.into_iter().flat_map(|deep| deep.base_light(self.place_pc)).filter_map(|(towards, light)| {
             let source = Source { direction: towards.try_normalize()?, illuminance_lx: luminance(light), light };
             Some(source.through_air(self.local_sky))
@@ -231,11 +233,6 @@ fn brightest(mut sprites: Vec<Sprite>) -> Vec<Sprite> {
         sprites.retain(|sprite| luminance(sprite.light) > least);
     }
     sprites
-}
-
-/// Illuminance of the brightest stars that are only in planes, lx.
-fn deep_from_lx() -> f64 {
-    illuminance_lx_from_magnitude(f64::from(LAYERS[0].magnitude))
 }
 
 fn finished(sums: &[Moments], cells: u32) -> Vec<Cell> {
