@@ -11,7 +11,6 @@ use fantoccini::{
     Client, ClientBuilder, Locator,
     actions::{InputSource, MOUSE_BUTTON_LEFT, MouseActions, PointerAction, TouchActions},
     elements::Element,
-    error::NewSessionError,
 };
 use hyper_util::client::legacy::connect::HttpConnector;
 use serde::de::DeserializeOwned;
@@ -75,7 +74,8 @@ pub fn with_page<F: AsyncFnOnce(&Browser, &mut Daemon)>(screen: Screen, test: F)
 }
 
 impl Browser {
-    /// Starts the browser. Chromium sometimes exits while it starts, which says nothing about the page: it is started again, `STARTS` times at most.
+    /// Starts the browser. Chromium and its driver sometimes exit while they start, which says nothing about the page: they are started
+    /// again, `STARTS` times at most.
     async fn open(screen: Screen) -> Self {
         let mut exits = Vec::new();
         while exits.len() < STARTS {
@@ -84,18 +84,21 @@ impl Browser {
                 Err(exit) => exits.push(exit),
             }
         }
-        panic!("Chromium exited at each of {STARTS} starts: {exits:#?}")
+        panic!("Chromium or chromedriver exited at each of {STARTS} starts: {exits:#?}")
     }
 
-    /// Starts the browser once. The error is that of the session.
-    async fn started(screen: Screen) -> Result<Self, NewSessionError> {
-        let mut driver = Command::new("chromedriver").arg("--port=0").stdout(Stdio::piped()).spawn().unwrap();
-        let lines = BufReader::new(driver.stdout.take().unwrap()).lines();
-        let port = lines.map(Result::unwrap).find_map(|line| {
-            let after = line.strip_prefix("ChromeDriver was started successfully on port ")?;
-            Some(after.trim_end_matches('.').to_owned())
-        });
-        let address = format!("127.0.0.1:{}", port.expect("chromedriver reports its port"));
+    /// Starts the browser once. The error is that of the driver or of the session.
+    ///
+    /// The driver needs one port of both loopback addresses. The port that the system would give it can be in use at the other address.
+    async fn started(screen: Screen) -> Result<Self, String> {
+        let port = testkit::free_port();
+        let mut driver = Command::new("chromedriver").arg(format!("--port={port}")).stdout(Stdio::piped()).spawn().unwrap();
+        let mut lines = BufReader::new(driver.stdout.take().unwrap()).lines().map(Result::unwrap);
+        if !lines.any(|line| line.starts_with("ChromeDriver was started successfully")) {
+            let _ = driver.kill();
+            return Err(format!("chromedriver on port {port}: {}", driver.wait().unwrap()));
+        }
+        let address = format!("127.0.0.1:{port}");
         // Shared memory of containers is often too small for Chromium, so it uses files instead.
         let mut options = json!({
             "args": ["--headless=new", "--disable-gpu", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1280,900"],
@@ -112,7 +115,7 @@ impl Browser {
             Err(error) => {
                 let _ = driver.kill();
                 let _ = driver.wait();
-                return Err(error);
+                return Err(error.to_string());
             }
         };
         let session = client.session_id().await.unwrap().expect("a session has a number");

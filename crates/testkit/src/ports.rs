@@ -2,6 +2,7 @@
 
 use std::{
     fs,
+    io::ErrorKind,
     net::TcpListener,
     process,
     sync::atomic::{AtomicU16, Ordering::Relaxed},
@@ -17,7 +18,13 @@ fn first_of_system() -> u16 {
     range.ok().and_then(|text| text.split_whitespace().next()?.parse().ok()).unwrap_or(49_152)
 }
 
-/// Returns a free port of the loopback address, another one for each call of a process.
+/// Tells whether a port is free at the loopback addresses of IPv4 and, if the system has it, IPv6.
+fn is_free(port: u16) -> bool {
+    let in_use = |address: &str| TcpListener::bind((address, port)).is_err_and(|error| error.kind() == ErrorKind::AddrInUse);
+    !in_use("127.0.0.1") && !in_use("::1")
+}
+
+/// Returns a port that is free at both loopback addresses, another one for each call of a process.
 ///
 /// The system never gives it to a socket of another test: a server can take it seconds later, and take it again after a restart.
 pub fn free_port() -> u16 {
@@ -26,5 +33,5 @@ pub fn free_port() -> u16 {
     // Processes that run side by side begin at distant ports.
     let first = (process::id() % 199) as u16 * (ports / 199);
     let next = || FIRST + (first + CALLS.fetch_add(1, Relaxed)) % ports;
-    (0..ports).map(|_| next()).find(|port| TcpListener::bind(("127.0.0.1", *port)).is_ok()).expect("a free port")
+    (0..ports).map(|_| next()).find(|port| is_free(*port)).expect("a free port")
 }
