@@ -15,23 +15,63 @@
 // By viewport.
 @group(0) @binding(4) var<uniform> pictures: array<PackedPicture, MAX_VIEWPORTS>;
 
+// Light of a pixel of a picture, texel units; 0 outside of its tile.
+fn light_at(tile: Tile, width: u32, x: i32, row: i32) -> vec3<f32> {
+    if x < 0 || x >= i32(width) || row < 0 || row >= i32(tile.rows) {
+        return vec3(0.0);
+    }
+    let index = tile.first_pixel + u32(row) * width + u32(x);
+    let red_green = pixels[index];
+    // Zero bits mark a dark pixel: see shared/pixel_grid.wgsl.
+    if all(bitcast<vec2<u32>>(red_green) == vec2(0u)) {
+        return vec3(0.0);
+    }
+    return vec3(red_green, pixels[parameters.plane_pixels + index].x) * parameters.units_per_cd_m2;
+}
+
+// The weighted mean of five values in a line.
+fn blurred(values: array<vec3<f32>, 5>) -> vec3<f32> {
+    let centre = 1.0 - 2.0 * (parameters.blur.x + parameters.blur.y);
+    return centre * values[2] + parameters.blur.x * (values[1] + values[3]) + parameters.blur.y * (values[0] + values[4]);
+}
+
+// The same along a row.
+fn blurred_row(tile: Tile, width: u32, x: i32, row: i32) -> vec3<f32> {
+    return blurred(array(
+        light_at(tile, width, x - 2, row),
+        light_at(tile, width, x - 1, row),
+        light_at(tile, width, x, row),
+        light_at(tile, width, x + 1, row),
+        light_at(tile, width, x + 2, row),
+    ));
+}
+
 @compute @workgroup_size(COLUMNS)
 fn pack_texels(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let tile = tiles[group.z];
     let picture = pictures[tile.viewport];
-    let x = group.x * COLUMNS + local;
-    if x >= picture.width || group.y * ROWS >= tile.rows {
+    let x = i32(group.x * COLUMNS + local);
+    let first_row = i32(group.y * ROWS);
+    if x >= i32(picture.width) || first_row >= i32(tile.rows) {
         return;
     }
-    let end_row = min(tile.rows, (group.y + 1u) * ROWS);
-    for (var row = group.y * ROWS; row < end_row; row++) {
-        let index = tile.first_pixel + row * picture.width + x;
-        let red_green = pixels[index];
-        var light = vec3(0.0);
-        // Zero bits mark a dark pixel: see shared/pixel_grid.wgsl.
-        if any(bitcast<vec2<u32>>(red_green) != vec2(0u)) {
-            light = vec3(red_green, pixels[parameters.plane_pixels + index].x) * parameters.units_per_cd_m2;
+    let end_row = min(i32(tile.rows), first_row + i32(ROWS));
+    let first_texel = i32(picture.first_texel) + x;
+    let texel_rows = i32(tile.first_row);
+    if parameters.blur.x == 0.0 {
+        for (var row = first_row; row < end_row; row++) {
+            let light = light_at(tile, picture.width, x, row);
+            texels[first_texel + (texel_rows + row) * i32(picture.width)] = texel_of(light);
         }
-        texels[picture.first_texel + (tile.first_row + row) * picture.width + x] = texel_of(light);
+        return;
+    }
+    // Five rows around the next one.
+    var rows: array<vec3<f32>, 5>;
+    for (var i = 0; i < 4; i++) {
+        rows[i + 1] = blurred_row(tile, picture.width, x, first_row - 2 + i);
+    }
+    for (var row = first_row; row < end_row; row++) {
+        rows = array(rows[1], rows[2], rows[3], rows[4], blurred_row(tile, picture.width, x, row + 2));
+        texels[first_texel + (texel_rows + row) * i32(picture.width)] = texel_of(blurred(rows));
     }
 }

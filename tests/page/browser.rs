@@ -92,7 +92,8 @@ impl Browser {
     /// The driver needs one port of both loopback addresses. The port that the system would give it can be in use at the other address.
     async fn started(screen: Screen) -> Result<Self, String> {
         let port = testkit::free_port();
-        let mut driver = Command::new("chromedriver").arg(format!("--port={port}")).stdout(Stdio::piped()).spawn().unwrap();
+        let mut driver =
+            Command::new("chromedriver").arg(format!("--port={port}")).stdout(Stdio::piped()).spawn().unwrap();
         let mut lines = BufReader::new(driver.stdout.take().unwrap()).lines().map(Result::unwrap);
         if !lines.any(|line| line.starts_with("ChromeDriver was started successfully")) {
             let _ = driver.kill();

@@ -20,7 +20,8 @@ fn first_of_system() -> u16 {
 
 /// Tells whether a port is free at the loopback addresses of IPv4 and, if the system has it, IPv6.
 fn is_free(port: u16) -> bool {
-    let in_use = |address: &str| TcpListener::bind((address, port)).is_err_and(|error| error.kind() == ErrorKind::AddrInUse);
+    let in_use =
+        |address: &str| TcpListener::bind((address, port)).is_err_and(|error| error.kind() == ErrorKind::AddrInUse);
     !in_use("127.0.0.1") && !in_use("::1")
 }
 

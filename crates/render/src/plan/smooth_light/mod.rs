@@ -6,8 +6,9 @@
 //! the pieces of [`pieces`], of which only those in view are drawn. In both, no star is cut by an edge.
 //!
 //! A star is divided among nine texels (the quadratic B-spline), and a
-//! pixel is interpolated between four (the tent): on average a variance of (1/4 + 1/6) texels^2. [`TEXEL_PX`] makes it equal to that of the tent, 1/6 px^2,
-//! with which exact images draw such stars. With the tent in both places, the error would vary more with the place of a star among the texels.
+//! pixel is interpolated between four (the tent): on average a variance of (1/4 + 1/6) texels^2. [`OF_TENT`] makes it equal to that of the tent, 1/6 px^2,
+//! with which exact images draw such stars. With the tent in both places, the error would vary more with the place of a star among the texels. It varies
+//! less with smaller texels that are blurred when they are stored: they may hold brighter stars.
 
 pub mod pieces;
 
@@ -30,6 +31,7 @@ use super::{
         deep::{layers_from, pixel_sr_near},
     },
     technique::{PlanInputs, Step, Technique},
+    tiles::BYTES_PER_PIXEL,
 };
 use crate::{
     catalogue::{
@@ -47,11 +49,26 @@ use crate::{
     },
 };
 
-/// Side of a texel at the centre of a view, pixels.
-const TEXEL_PX: f64 = 0.632;
-/// The same for a deep store, whose faint stars exact images draw with the B-spline: in pictures of the whole sky, and in pieces. Measured with
-/// `benches/deep_patches.rs`: larger ones than those of the same variance have smaller errors.
-const TEXEL_OF_DEEP_PX: [f64; 2] = [0.65, 0.85];
+/// Texels of a map, and the stars that they may hold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Texels {
+    /// Side at the centre of a view, pixels.
+    side_px: f64,
+    /// Weights of the neighbours at distances of one and two texels, of which a texel is the mean along each axis when it is stored.
+    blur: [f64; 2],
+    /// Greatest difference of a star's light in a pixel from that in exact images, relative to texels without blur.
+    error: f64,
+}
+
+/// Of stars that exact images draw with the tent.
+const OF_TENT: Texels = Texels { side_px: 0.632, blur: [0.0; 2], error: 1.0 };
+/// Of a deep store, whose faint stars exact images draw with the B-spline: pictures of the whole sky. Measured with `benches/deep_patches.rs`.
+const OF_DEEP: Texels = Texels { side_px: 0.65, ..OF_TENT };
+/// The same in pieces, from the best to those of the least memory. Larger texels than those of the same variance have smaller errors. Blurred texels
+/// have 7 % of a star's light as their greatest difference, others 21 %: over all places of a star among the texels, and all angles of these to
+/// square pixels. The pixels of a dome are not nearly square, so that domes gain half of that: they have no blurred texels.
+const OF_DEEP_PIECES: [Texels; 2] =
+    [Texels { side_px: 0.45, blur: [0.291, 0.0243], error: 0.38 }, Texels { side_px: 0.85, ..OF_TENT }];
 /// Largest cell of the composite stars of a deep store, pixels: less than [`super::stars::deep::DIRECT_CELL_PX`], because interpolation adds to the error.
 pub(super) const CELL_PX: f64 = 0.66;
 /// Illuminance of the brightest star of the map over the solid angle of the smallest pixel, in steps of the display image.
@@ -97,8 +114,7 @@ pub struct SkyMap {
     pub unit_cd_m2: f64,
     /// Its pictures.
     pub layout: SkyLayout,
-    /// Side of a texel at the centre of a view for which it was made, pixels.
-    texel_px: f64,
+    texels: Texels,
 }
 
 /// Pictures of a map that are drawn together.
@@ -126,7 +142,12 @@ impl SkyMap {
 
     /// Largest cell of composite stars in its pictures, the root of its area over that of a texel.
     pub fn cell_texels(&self) -> f64 {
-        CELL_PX / self.texel_px
+        CELL_PX / self.texels.side_px
+    }
+
+    /// Weights of the neighbours at distances of one and two texels in a texel, along each axis.
+    pub fn blur(&self) -> [f64; 2] {
+        self.texels.blur
     }
 
     /// Least illuminance of the stars outside the map, lx, with a margin for the rounding of their positions in other chunks.
@@ -317,17 +338,17 @@ impl Technique for SmoothLight {
 }
 
 /// Bound of the error of the brightest star that a map may contain in these views: weights of its kernel and of the tent are between 0 and
-/// 1. The budget bounds the error of a pixel; a single star may have [`BRIGHTEST_STEPS`] of it, because its light is not lost but spread.
+/// 1, and blurred texels differ less. The budget bounds the error of a pixel; a single star may have [`BRIGHTEST_STEPS`] of it, because its light is not lost but spread.
 fn map_error(map: &SkyMap, viewports: &[Viewport], step_cd_m2: f64, budget: ErrorBudget) -> Approximation {
     let name = "the brightest star in the map of faint light, compared with that star drawn individually";
     let smallest_sr = viewports.iter().map(|v| v.projection.smallest_pixel_sr()).fold(f64::INFINITY, f64::min);
-    let steps = map.below_lx / (step_cd_m2 * smallest_sr);
+    let steps = map.texels.error * map.below_lx / (step_cd_m2 * smallest_sr);
     // The limit has a margin for rounding.
     budget.bound_in_steps(name, steps, BRIGHTEST_STEPS * (1.0 + 1e-9))
 }
 
-/// Illuminance of the brightest star of the map of a deep store over the solid angle of the smallest pixel, in steps of the display image. It is a
-/// multiple of the same factor, so that a zoom changes it rarely.
+/// Illuminance of the brightest star of the map of a deep store over the solid angle of the smallest pixel, in steps of the display image, for texels
+/// without blur. It is a multiple of the same factor, so that a zoom changes it rarely.
 fn steps_of_deep(viewports: &[Viewport], smallest_sr: f64) -> f64 {
     let middle_rad =
         viewports.iter().map(|viewport| viewport.projection.middle_pixel_rad()).fold(f64::INFINITY, f64::min);
@@ -337,53 +358,77 @@ fn steps_of_deep(viewports: &[Viewport], smallest_sr: f64) -> f64 {
 
 /// The map for these views, with the pictures that they read: of the whole sky, or in pieces.
 fn fitting(inputs: &SkyInputs<'_>) -> Option<(SkyMap, Arc<[WantedPicture]>)> {
-    let SkyInputs { viewports, step_cd_m2, cull, limits, .. } = *inputs;
-    let map = |below_lx: f64, texel_px: f64, layout: SkyLayout| SkyMap {
-        place_pc: map_place_pc(inputs.camera_pc),
-        below_lx,
-        faintest_lx: cull.faintest_lx,
-        unit_cd_m2: step_cd_m2,
-        layout,
-        texel_px,
-    };
-    let smallest_sr = viewports.iter().map(|v| v.projection.smallest_pixel_sr()).fold(f64::INFINITY, f64::min);
-    let has_deep = inputs.stars.deep.is_some();
-    let [of_whole_px, of_pieces_px] = if has_deep { TEXEL_OF_DEEP_PX } else { [TEXEL_PX; 2] };
-    let brightest_steps = if has_deep { steps_of_deep(viewports, smallest_sr) } else { BRIGHTEST_STEPS };
-    let below_lx = brightest_steps * step_cd_m2 * smallest_sr;
-    // Layers of a deep store that are drawn one by one.
-    let layers = |below_lx: f64| if has_deep { layers_from(below_lx) } else { 0 };
-    let whole = finest_pixel_rad(viewports, LEAST_PIXEL_RATIO).map(|rad| SkyPictures::of_texels(of_whole_px * rad));
-    let whole = whole.filter(|whole| {
+    let (deep, limits) = (&inputs.stars.deep, inputs.limits);
+    let smallest_sr = inputs.viewports.iter().map(|v| v.projection.smallest_pixel_sr()).fold(f64::INFINITY, f64::min);
+    let brightest_steps = if deep.is_some() { steps_of_deep(inputs.viewports, smallest_sr) } else { BRIGHTEST_STEPS };
+    let of_whole = if deep.is_some() { OF_DEEP } else { OF_TENT };
+    let below_lx = brightest_steps * inputs.step_cd_m2 * smallest_sr;
+    let whole = finest_pixel_rad(inputs.viewports, LEAST_PIXEL_RATIO);
+    let whole = whole.map(|rad| SkyPictures::of_texels(of_whole.side_px * rad)).filter(|whole| {
         4 * whole.texels() <= limits.max_binding_bytes
             && whole.side <= limits.max_view_side_px
             // For pictures of the whole sky, all stars of such a layer would have to be read.
-            && layers(below_lx) == 0
+            && (deep.is_none() || layers_from(below_lx) == 0)
     });
-    let (map, read) = if let Some(SkyPictures { side }) = whole {
+    if let Some(SkyPictures { side }) = whole {
         let read = (0..SKY_FACES).map(|number| WantedPicture { number, level: 0.0 }).collect();
-        (map(below_lx, of_whole_px, SkyLayout::Whole { side }), read)
-    } else {
-        finest_pixel_rad(viewports, LEAST_RATIO_OF_PIECES)?;
-        let grid = PieceGrid::of_texels(of_pieces_px * smallest_sr.sqrt())?;
-        // The limit of a star's light keeps its value while a zoom does not change the texels.
-        let most_sr = (grid.texel / of_pieces_px).powi(2) * (-2.0 / SIZES_PER_OCTAVE).exp2();
-        let map = map(below_lx.min(brightest_steps * step_cd_m2 * most_sr), of_pieces_px, SkyLayout::Pieces(grid));
-        // If every layer is drawn star by star, the map has no composite stars.
-        (layers(map.below_lx) < LAYERS.len()).then_some(())?;
-        (map, pieces_in(&grid, of_pieces_px, viewports, &cull))
+        let map = map_of(inputs, below_lx, of_whole, SkyLayout::Whole { side });
+        return (map.below_lx > map.faintest_lx).then_some((map, read));
+    }
+    finest_pixel_rad(inputs.viewports, LEAST_RATIO_OF_PIECES)?;
+    let are_flat = inputs.viewports.iter().all(|v| matches!(v.projection, Projection::Perspective(_)));
+    let of_pieces: &[Texels] = match deep {
+        Some(_) if are_flat => &OF_DEEP_PIECES,
+        Some(_) => &OF_DEEP_PIECES[1..],
+        None => &[OF_TENT],
     };
-    let words = match map.layout {
-        SkyLayout::Whole { .. } => 0,
-        SkyLayout::Pieces(grid) => piece_words(&grid, read.len() as u64),
-    };
-    let is_possible = 4 * words <= limits.max_binding_bytes && map.below_lx > cull.faintest_lx;
-    is_possible.then_some((map, read))
+    of_pieces.iter().find_map(|texels| in_pieces(inputs, *texels, smallest_sr, brightest_steps))
 }
 
-/// Words of a map with places for this number of pieces: the table of the pieces, then the pieces.
-pub fn piece_words(grid: &PieceGrid, places: u64) -> u64 {
-    u64::from(grid.pieces()) + places * u64::from(PIECE_WORDS + PIECE_SIDE * PIECE_SIDE)
+/// A map for these views.
+fn map_of(inputs: &SkyInputs<'_>, below_lx: f64, texels: Texels, layout: SkyLayout) -> SkyMap {
+    SkyMap {
+        place_pc: map_place_pc(inputs.camera_pc),
+        below_lx,
+        faintest_lx: inputs.cull.faintest_lx,
+        unit_cd_m2: inputs.step_cd_m2,
+        layout,
+        texels,
+    }
+}
+
+/// A map in pieces, with the pieces that the views read; `None`: it would be too large, or empty.
+fn in_pieces(
+    inputs: &SkyInputs<'_>,
+    texels: Texels,
+    smallest_sr: f64,
+    brightest_steps: f64,
+) -> Option<(SkyMap, Arc<[WantedPicture]>)> {
+    let SkyInputs { viewports, step_cd_m2, cull, limits, .. } = inputs;
+    let grid = PieceGrid::of_texels(texels.side_px * smallest_sr.sqrt())?;
+    // The limit of a star's light keeps its value while a zoom does not change the texels.
+    let most_sr = (grid.texel / texels.side_px).powi(2) * (-2.0 / SIZES_PER_OCTAVE).exp2();
+    let below_lx = brightest_steps / texels.error * step_cd_m2 * smallest_sr.min(most_sr);
+    // If every layer of a deep store is drawn star by star, the map has no composite stars.
+    let has_stars = inputs.stars.deep.is_none() || layers_from(below_lx) < LAYERS.len();
+    (has_stars && below_lx > cull.faintest_lx).then_some(())?;
+    let read = pieces_in(&grid, texels.side_px, viewports, cull);
+    // A texel is blurred with others of its picture, so a picture must not be divided when it is drawn.
+    let drawn_bytes = PICTURES_AT_ONCE as u64 * u64::from(PIECE_SIDE * PIECE_SIDE) * BYTES_PER_PIXEL;
+    let is_undivided = texels.blur == [0.0; 2] || drawn_bytes <= limits.max_binding_bytes;
+    let fits = is_undivided && 4 * (u64::from(grid.pieces()) + words_read(&grid, &read)) <= limits.max_binding_bytes;
+    fits.then(|| (map_of(inputs, below_lx, texels, SkyLayout::Pieces(grid)), read))
+}
+
+/// Words of a piece's picture.
+pub fn piece_words(grid: &PieceGrid, picture: SkyPicture) -> u32 {
+    let [width, height] = grid.frame(picture).size;
+    PIECE_WORDS + width * height
+}
+
+/// Words of the pictures that a frame reads.
+pub fn words_read(grid: &PieceGrid, read: &[WantedPicture]) -> u64 {
+    read.iter().map(|wanted| u64::from(piece_words(grid, wanted.drawn()))).sum()
 }
 
 /// The pieces that views see, with texels of `texel_px` of their smallest pixels there.
@@ -400,9 +445,9 @@ fn pieces_in(grid: &PieceGrid, texel_px: f64, viewports: &[Viewport], cull: &Cul
     near.into_par_iter().filter_map(wanted).collect::<Vec<_>>().into()
 }
 
-/// Whether the texels of one map have the right size for all of these views.
+/// Whether the texels of one map, perhaps in pieces, have the right size for all of these views.
 pub(super) fn fit_one_map(viewports: &[Viewport]) -> bool {
-    finest_pixel_rad(viewports, LEAST_PIXEL_RATIO).is_some()
+    finest_pixel_rad(viewports, LEAST_RATIO_OF_PIECES).is_some()
 }
 
 /// The smallest central pixel of the views, rad; `None`: no map fits all of them. Pixels of a view may have this ratio to the central one.
@@ -484,7 +529,7 @@ mod tests {
             faintest_lx: illuminance_lx_from_magnitude(12.0),
             unit_cd_m2: 1e-5,
             layout: SkyLayout::Whole { side },
-            texel_px: TEXEL_PX,
+            texels: OF_TENT,
         }
     }
 

@@ -10,18 +10,18 @@ use glam::{DMat3, DVec2, DVec3};
 use crate::{sky_pictures::world_from_face, view::projection::BoundingCone};
 
 /// Greatest side of a picture, texels.
-pub const PIECE_SIDE: u32 = 384;
+pub const PIECE_SIDE: u32 = 512;
 /// Greatest number of pieces along the edge of a face.
 pub const MOST_PER_EDGE: u32 = 256;
 /// Texels around a piece. The pixels of a plain block read the piece of the middle of a part of 8 by 8 pixels: up to 5.7 pixels of 1.25 times the size
-/// of the finest view, [`LEVELS_READ`] larger, and two texels for the tent and rounding.
-const MARGIN_TEXELS: f64 = 18.0;
+/// of the finest view, [`LEVELS_READ`] larger, of at most 2.23 texels, two texels for the tent and rounding, and two for blur.
+const MARGIN_TEXELS: f64 = 27.0;
 /// Levels of texels of which one doubles their size.
-const LEVELS_PER_OCTAVE: f64 = 4.0;
+const LEVELS_PER_OCTAVE: f64 = 8.0;
 /// The coarsest level.
-const COARSEST_LEVEL: u8 = 12;
+const COARSEST_LEVEL: u8 = 24;
 /// A picture is not read if its level differs by more than this from the one that is wanted.
-const LEVELS_READ: f32 = 2.0;
+const LEVELS_READ: f32 = 4.0;
 /// It is drawn again, when there is time, if its level differs by more than this.
 const LEVELS_KEPT: f32 = 0.75;
 /// Texels have sizes in steps, of which this number doubles them: a zoom changes them rarely.
@@ -64,12 +64,17 @@ impl WantedPicture {
 
     /// Whether a picture of the same number with texels of this level may be read.
     pub fn accepts(&self, level: u8) -> bool {
-        (f32::from(level) - self.level).abs() <= LEVELS_READ
+        self.off_by(level) <= LEVELS_READ
     }
 
     /// Whether it is as good as one that is drawn now.
     pub fn keeps(&self, level: u8) -> bool {
-        (f32::from(level) - self.level).abs() <= LEVELS_KEPT
+        self.off_by(level) <= LEVELS_KEPT
+    }
+
+    /// Difference of such texels from those that are wanted, levels.
+    pub fn off_by(&self, level: u8) -> f32 {
+        (f32::from(level) - self.level).abs()
     }
 }
 
@@ -250,7 +255,7 @@ mod tests {
             for (index, towards) in directions(20_000).enumerate() {
                 let number = grid.piece_of(towards);
                 assert!(number < grid.pieces());
-                let frame = grid.frame(SkyPicture { number, level: (index % 13) as u8 });
+                let frame = grid.frame(SkyPicture { number, level: (index % 25) as u8 });
                 let texel = frame.texel_of(towards);
                 let [width, height] = frame.size.map(f64::from);
                 let inside = texel.min(DVec2::new(width, height) - texel).min_element();
@@ -299,13 +304,13 @@ mod tests {
     #[test]
     fn a_picture_is_kept_while_its_texels_have_about_the_right_size() {
         let grid = PieceGrid { per_edge: 5, texel: 2e-3 };
-        let wanted = grid.wanted(9, 2.9e-3);
-        assert_eq!(wanted.drawn(), SkyPicture { number: 9, level: 2 });
+        let wanted = grid.wanted(9, 2.83e-3);
+        assert_eq!(wanted.drawn(), SkyPicture { number: 9, level: 4 });
         assert!((grid.frame(wanted.drawn()).texel / 2e-3 - 2.0_f64.sqrt()).abs() < 1e-9);
-        assert!(wanted.keeps(2) && !wanted.keeps(1) && !wanted.keeps(3));
-        assert!(grid.wanted(9, 2.6e-3).keeps(1) && grid.wanted(9, 2.6e-3).keeps(2));
-        assert!(wanted.accepts(1) && wanted.accepts(4) && !wanted.accepts(5));
-        assert_eq!([1e-9, 1.0].map(|texel_rad| grid.wanted(9, texel_rad).drawn().level), [0, 12]);
+        assert!(wanted.keeps(4) && !wanted.keeps(3) && !wanted.keeps(5));
+        assert!(grid.wanted(9, 2.72e-3).keeps(3) && grid.wanted(9, 2.72e-3).keeps(4));
+        assert!(wanted.accepts(1) && wanted.accepts(8) && !wanted.accepts(9));
+        assert_eq!([1e-9, 1.0].map(|texel_rad| grid.wanted(9, texel_rad).drawn().level), [0, 24]);
     }
 
     #[test]

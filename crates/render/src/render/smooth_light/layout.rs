@@ -9,8 +9,8 @@ gpu_structs! {
         plane_pixels: u32,
         /// Texel units per cd/m^2.
         units_per_cd_m2: f32,
-        unused_0: u32,
-        unused_1: u32,
+        /// Weights of the neighbours at distances of one and two texels, along each axis.
+        blur: [f32; 2],
     }
     /// Where a picture is stored.
     struct PackedPicture {

@@ -84,14 +84,13 @@ impl SeriesMap {
                 }
                 (Drawn::Pieces(pieces), _) => {
                     let lack = deep.lacks.get(viewport).filter(|lack| lack.residual != Residual::default()).cloned();
-                    let (place, lost) = pieces.draw(*picture, lack);
+                    let (first, lost) = pieces.draw(*picture, lack);
                     let (width, words) = pieces.words(*picture);
-                    let first = pieces.first_word(place);
                     if let Some(texels) = self.texels.held() {
                         let at = |word: u32| u64::from(word) * 4;
                         gpu.queue.write_buffer(texels, at(first), bytemuck::cast_slice(&words));
                         gpu.queue.write_buffer(texels, at(number), &first.to_le_bytes());
-                        if let Some(lost) = lost {
+                        for lost in lost {
                             gpu.queue.write_buffer(texels, at(lost), &0_u32.to_le_bytes());
                         }
                     }
@@ -126,8 +125,7 @@ impl SmoothLight {
         let parameters = layout::PackParameters {
             plane_pixels: picture.plane_pixels,
             units_per_cd_m2: (1.0 / part.map.unit_cd_m2) as f32,
-            unused_0: 0,
-            unused_1: 0,
+            blur: part.map.blur().map(|weight| weight as f32),
         };
         let mut packed = [layout::PackedPicture::zeroed(); MAX_VIEWPORTS];
         packed[..map.packed.len()].copy_from_slice(&map.packed);
@@ -165,7 +163,7 @@ impl Technique for SmoothLight {
         own.last = Some(*map);
         let has_room = |drawn: &Drawn| match drawn {
             Drawn::Whole(_) => true,
-            Drawn::Pieces(pieces) => pieces.have_room(read.len()),
+            Drawn::Pieces(pieces) => pieces.have_room(read),
         };
         if own.held.as_ref().is_none_or(|held| !held.is(map, &scene.stars) || !has_room(&held.drawn)) {
             let (drawn, bytes) = match map.layout {
@@ -173,7 +171,7 @@ impl Technique for SmoothLight {
                     (Drawn::Whole(0), 4 * u64::from(side) * u64::from(side) * read.len() as u64)
                 }
                 SkyLayout::Pieces(grid) => {
-                    let pieces = Pieces::new(grid, read.len(), gpu.max_binding_bytes());
+                    let pieces = Pieces::new(grid, read, gpu.max_binding_bytes());
                     let bytes = pieces.bytes();
                     (Drawn::Pieces(pieces), bytes)
                 }

@@ -3,25 +3,29 @@
 //! No shader: places in a buffer, which `shaders/shared/sky_pieces.wgsl` reads.
 //! No twin: places in a buffer.
 
-use std::collections::HashMap;
+use std::{collections::HashMap, ops::Range};
+
+use range_alloc::RangeAllocator;
 
 use crate::plan::{
     smooth_light::{
         PIECE_WORDS, piece_words,
         pieces::{PieceFrame, PieceGrid, SkyPicture, WantedPicture},
+        words_read,
     },
     stars::deep::{Lack, Residual},
 };
 
-/// Frames in which all pieces are drawn again that could be better.
-const FRAMES_OF_IMPROVEMENT: usize = 16;
-/// Least number of places.
-const LEAST_PLACES: u64 = 64;
+/// Frames in which all pieces are drawn again that could be better: while a view rests, and while it moves.
+const FRAMES_OF_IMPROVEMENT: [usize; 2] = [16, 64];
+/// Least number of words for pieces, unless the buffer must be smaller.
+const LEAST_WORDS: u64 = 10_000_000;
 
 /// A piece that has a place.
 #[derive(Debug)]
 struct Piece {
-    place: u32,
+    /// Its words in the buffer.
+    words: Range<u32>,
     level: u8,
     /// Number of the last frame that read it.
     used: u64,
@@ -29,33 +33,35 @@ struct Piece {
     lack: Option<Lack>,
 }
 
-/// Places of the pieces of a map.
+/// Places of the pieces of a map. The buffer begins with the first word of each piece of the sky.
 #[derive(Debug)]
 pub(super) struct Pieces {
     grid: PieceGrid,
-    places: u32,
-    free: Vec<u32>,
+    words: u32,
+    free: RangeAllocator<u32>,
     held: HashMap<u32, Piece>,
+    last_read: Vec<WantedPicture>,
     frame: u64,
 }
 
 impl Pieces {
     /// Places for twice the pieces that a frame reads, if the buffer may be so large.
-    pub(super) fn new(grid: PieceGrid, read: usize, most_bytes: u64) -> Self {
-        let words_of_one = piece_words(&grid, 1) - piece_words(&grid, 0);
-        let most = (most_bytes / 4).saturating_sub(piece_words(&grid, 0)) / words_of_one;
-        let places = (2 * read as u64).max(LEAST_PLACES).min(most) as u32;
-        Self { grid, places, free: (0..places).rev().collect(), held: HashMap::new(), frame: 0 }
+    pub(super) fn new(grid: PieceGrid, read: &[WantedPicture], most_bytes: u64) -> Self {
+        let of_table = grid.pieces();
+        let wished = u64::from(of_table) + (2 * words_read(&grid, read)).max(LEAST_WORDS);
+        let words = wished.min(most_bytes / 4).min(u32::MAX.into()) as u32;
+        let free = RangeAllocator::new(of_table..words.max(of_table));
+        Self { grid, words, free, held: HashMap::new(), last_read: Vec::new(), frame: 0 }
     }
 
     /// Bytes of the buffer.
     pub(super) fn bytes(&self) -> u64 {
-        4 * piece_words(&self.grid, u64::from(self.places))
+        4 * u64::from(self.words)
     }
 
     /// Whether all pieces of a frame have places.
-    pub(super) fn have_room(&self, read: usize) -> bool {
-        read <= self.places as usize
+    pub(super) fn have_room(&self, read: &[WantedPicture]) -> bool {
+        u64::from(self.grid.pieces()) + words_read(&self.grid, read) <= self.words.into()
     }
 
     /// Notes the pieces that a frame reads, and returns those that are to be drawn: absent ones, then some of those whose stars `are_read` by now.
@@ -66,8 +72,11 @@ impl Pieces {
         mut are_read: impl FnMut(&Lack) -> bool,
     ) -> Vec<SkyPicture> {
         self.frame += 1;
+        let moves = self.last_read != read;
+        self.last_read = read.to_vec();
         let mut absent = Vec::new();
-        let mut improved = Vec::new();
+        // Pieces that could be better, with how many levels they are off; those without all stars come first.
+        let mut improved: Vec<(f32, SkyPicture)> = Vec::new();
         for wanted in read {
             match self.held.get_mut(&wanted.number) {
                 None => absent.push(wanted.drawn()),
@@ -75,14 +84,17 @@ impl Pieces {
                     piece.used = self.frame;
                     if !wanted.accepts(piece.level) {
                         absent.push(wanted.drawn());
-                    } else if piece.lack.as_ref().is_some_and(&mut are_read) || !wanted.keeps(piece.level) {
-                        improved.push(wanted.drawn());
+                    } else if piece.lack.as_ref().is_some_and(&mut are_read) {
+                        improved.push((f32::INFINITY, wanted.drawn()));
+                    } else if !wanted.keeps(piece.level) {
+                        improved.push((wanted.off_by(piece.level), wanted.drawn()));
                     }
                 }
             }
         }
-        improved.truncate(read.len().div_ceil(FRAMES_OF_IMPROVEMENT));
-        absent.extend(improved);
+        improved.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let most = read.len().div_ceil(FRAMES_OF_IMPROVEMENT[usize::from(moves)]);
+        absent.extend(improved.into_iter().take(most).map(|(_, picture)| picture));
         absent
     }
 
@@ -100,31 +112,36 @@ impl Pieces {
         all
     }
 
-    /// Gives a piece that is drawn now a place. Returns it, and the piece that has lost it.
-    pub(super) fn draw(&mut self, SkyPicture { number, level }: SkyPicture, lack: Option<Lack>) -> (u32, Option<u32>) {
-        let used = self.frame;
-        if let Some(piece) = self.held.get_mut(&number) {
-            (piece.level, piece.lack) = (level, lack);
-            return (piece.place, None);
+    /// Gives a piece that is drawn now a place. Returns its first word, and the pieces that have lost theirs: those that were not read for the longest
+    /// time, until there is room. If the free words are in too many parts, all pieces lose their places.
+    pub(super) fn draw(&mut self, picture: SkyPicture, lack: Option<Lack>) -> (u32, Vec<u32>) {
+        let SkyPicture { number, level } = picture;
+        if let Some(piece) = self.held.remove(&number) {
+            self.free.free_range(piece.words);
         }
-        let (place, lost) = match self.free.pop() {
-            Some(place) => (place, None),
-            None => {
-                let oldest = self.held.iter().min_by_key(|(number, piece)| (piece.used, **number));
-                let lost = oldest.map(|(number, piece)| (piece.place, *number));
-                if let Some((_, number)) = lost {
-                    self.held.remove(&number);
+        let length = piece_words(&self.grid, picture);
+        let mut lost = Vec::new();
+        let words = loop {
+            if let Ok(words) = self.free.allocate_range(length) {
+                break words;
+            }
+            let unread = self.held.iter().filter(|(_, piece)| piece.used < self.frame);
+            let oldest = unread.min_by_key(|(number, piece)| (piece.used, **number)).map(|(number, _)| *number);
+            match oldest.and_then(|number| Some((number, self.held.remove(&number)?))) {
+                Some((number, piece)) => {
+                    self.free.free_range(piece.words);
+                    lost.push(number);
                 }
-                lost.map_or((0, None), |(place, number)| (place, Some(number)))
+                None => {
+                    assert!(!self.held.is_empty(), "a buffer has room for a piece");
+                    lost.extend(self.held.drain().map(|(number, _)| number));
+                    self.free.reset();
+                }
             }
         };
-        self.held.insert(number, Piece { place, level, used, lack });
-        (place, lost)
-    }
-
-    /// Index of the first word of a place.
-    pub(super) fn first_word(&self, place: u32) -> u32 {
-        piece_words(&self.grid, place.into()) as u32
+        let first = words.start;
+        self.held.insert(number, Piece { words, level, used: self.frame, lack });
+        (first, lost)
     }
 
     /// Width of a piece's picture, texels, and the words before its texels: for each axis of the picture, right and down in texels and outwards, a
@@ -171,24 +188,54 @@ mod tests {
     #[test]
     fn the_pieces_that_were_not_read_for_the_longest_time_lose_their_places() {
         let grid = PieceGrid::of_texels(1e-2).unwrap();
-        let mut pieces = Pieces::new(grid, 1, 4 * piece_words(&grid, 3));
-        assert_eq!((pieces.places, pieces.have_room(3), pieces.have_room(4)), (3, true, false));
+        // All pieces of a grid of one piece along an edge have the same size.
+        let (first, size) = (grid.pieces(), piece_words(&grid, finest(1)));
+        let places = [first, first + size, first + 2 * size];
+        let mut pieces = Pieces::new(grid, &wanted(&[1]), 4 * u64::from(first + 3 * size));
+        assert!(pieces.have_room(&wanted(&[1, 2, 3])) && !pieces.have_room(&wanted(&[1, 2, 3, 4])));
         assert_eq!(numbers(pieces.missing(&wanted(&[1, 2]), |_| true)), [1, 2]);
-        assert_eq!([1, 2].map(|number| pieces.draw(finest(number), None)), [(0, None), (1, None)]);
+        assert_eq!([1, 2].map(|number| pieces.draw(finest(number), None).0), places[..2]);
         assert!(pieces.are_drawn(&wanted(&[1, 2])) && !pieces.are_drawn(&wanted(&[1, 3])));
         assert_eq!(numbers(pieces.missing(&wanted(&[2, 3]), |_| true)), [3]);
-        assert_eq!(pieces.draw(finest(3), None), (2, None));
+        assert_eq!(pieces.draw(finest(3), None), (places[2], vec![]));
         assert_eq!(numbers(pieces.missing(&wanted(&[3, 4]), |_| true)), [4]);
-        assert_eq!(pieces.draw(finest(4), None), (0, Some(1)));
+        assert_eq!(pieces.draw(finest(4), None), (places[0], vec![1]));
         assert_eq!(numbers(pieces.missing(&wanted(&[3, 4, 5]), |_| true)), [5]);
-        assert_eq!(pieces.draw(finest(5), None), (1, Some(2)));
-        assert_eq!(pieces.first_word(1) - pieces.first_word(0), 12 + 384 * 384);
+        assert_eq!(pieces.draw(finest(5), None), (places[1], vec![2]));
+    }
+
+    #[test]
+    fn pieces_of_several_sizes_find_room_or_all_are_drawn_again() {
+        let grid = PieceGrid::of_texels(1e-2).unwrap();
+        let (first, size) = (grid.pieces(), piece_words(&grid, finest(1)));
+        let mut pieces = Pieces::new(grid, &[], 4 * u64::from(first + 3 * size));
+        let at = |level: f32, numbers: [u32; 3]| numbers.map(|number| WantedPicture { number, level });
+        let draw_all = |pieces: &mut Pieces, read: &[WantedPicture]| {
+            let missing = pieces.missing(read, |_| true);
+            missing.into_iter().map(|picture| pieces.draw(picture, None)).collect::<Vec<_>>()
+        };
+        // Small pieces, of which the middle one is not read any more.
+        let small = at(16.0, [1, 2, 3]);
+        draw_all(&mut pieces, &small);
+        assert!(pieces.are_drawn(&small));
+        // There is no room for three large ones beside those that are replaced: the first frame drops some that it reads.
+        let large = at(0.0, [1, 4, 3]);
+        let lost: Vec<u32> = draw_all(&mut pieces, &large).into_iter().flat_map(|(_, lost)| lost).collect();
+        assert!(lost.contains(&2), "{lost:?}");
+        for _ in 0..2 {
+            draw_all(&mut pieces, &large);
+        }
+        assert!(pieces.are_drawn(&large));
+        // No two of them share a word.
+        let mut words: Vec<_> = pieces.held.values().map(|piece| piece.words.clone()).collect();
+        words.sort_by_key(|words| words.start);
+        assert!(words.windows(2).all(|pair| pair[0].end <= pair[1].start) && words[0].start >= first);
     }
 
     #[test]
     fn a_piece_without_all_stars_is_drawn_again_when_they_have_been_read() {
         let grid = PieceGrid::of_texels(1e-2).unwrap();
-        let mut pieces = Pieces::new(grid, 4, u64::MAX);
+        let mut pieces = Pieces::new(grid, &wanted(&[7, 8]), u64::MAX);
         let keys = vec![PageKey::Leaf { layer: 1, cell: 9 }];
         let residual = Residual { cd_m2: 3e-7, missing: 1 };
         let read = wanted(&[7, 8]);
@@ -206,15 +253,15 @@ mod tests {
     #[test]
     fn a_piece_with_texels_of_another_size_is_drawn_again_in_its_place() {
         let grid = PieceGrid::of_texels(1e-2).unwrap();
-        let mut pieces = Pieces::new(grid, 4, u64::MAX);
+        let mut pieces = Pieces::new(grid, &wanted(&[7]), u64::MAX);
         let at = |level: f32| vec![WantedPicture { number: 7, level }];
         pieces.missing(&at(0.2), |_| true);
         let (place, _) = pieces.draw(finest(7), None);
         assert_eq!(pieces.missing(&at(0.7), |_| true), []);
-        assert_eq!(pieces.missing(&at(1.9), |_| true), [SkyPicture { number: 7, level: 2 }]);
-        assert!(pieces.are_drawn(&at(1.9)) && !pieces.are_drawn(&at(2.1)));
-        assert_eq!(pieces.draw(SkyPicture { number: 7, level: 2 }, None), (place, None));
-        assert_eq!(pieces.missing(&at(1.9), |_| true), []);
-        assert!(pieces.are_drawn(&at(2.1)));
+        assert_eq!(pieces.missing(&at(3.9), |_| true), [SkyPicture { number: 7, level: 4 }]);
+        assert!(pieces.are_drawn(&at(3.9)) && !pieces.are_drawn(&at(4.1)));
+        assert_eq!(pieces.draw(SkyPicture { number: 7, level: 4 }, None), (place, vec![]));
+        assert_eq!(pieces.missing(&at(3.9), |_| true), []);
+        assert!(pieces.are_drawn(&at(4.1)));
     }
 }

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::{
     MOST_NEAR, NearStar, Source,
+    far::FarLight,
     sprites::{Brightnesses, Reach, Sprite, Veil},
 };
 use crate::{
@@ -139,7 +140,7 @@ pub(super) struct Sky<'a> {
 
 impl Sky<'_> {
     /// Stars of a chunk that may scatter light: position relative to the camera, pc.
-    fn stars(&self, visible: &VisibleChunk) -> impl Iterator<Item = (DVec3, &PackedStar)> {
+    pub(super) fn stars(&self, visible: &VisibleChunk) -> impl Iterator<Item = (DVec3, &PackedStar)> {
         near_stars(self.set, &self.set.chunks[visible.chunk], visible.origin_pc).take(visible.count as usize)
     }
 
@@ -148,7 +149,7 @@ impl Sky<'_> {
     }
 
     /// A star whose illuminance at the camera is at least `least_lx`.
-    fn source(&self, place_pc: DVec3, star: &PackedStar, least_lx: f64) -> Option<Source> {
+    pub(super) fn source(&self, place_pc: DVec3, star: &PackedStar, least_lx: f64) -> Option<Source> {
         // The air only dims stars: faint ones need no refraction.
         if light_at(place_pc, star, self.motion) < least_lx {
             return None;
@@ -166,30 +167,30 @@ impl Sky<'_> {
         })
     }
 
-    /// All stars in cells with `cells` along an edge of a face. `counts_brightnesses`: also by brightness.
-    pub(super) fn gather(&self, cells: u32, counts_brightnesses: bool) -> Gathered {
-        let per_group = self.visible.len().div_ceil(MOST_GROUPS).max(GROUP_CHUNKS);
-        let groups: Vec<Group> = self
-            .visible
-            .par_chunks(per_group)
-            .map(|chunks| {
-                let mut group = Group::new(cells, counts_brightnesses);
-                for visible in chunks {
-                    for (place_pc, star) in self.stars(visible) {
-                        if self.is_near(visible, place_pc) {
-                            group.near.push(NearStar { place_pc, star: *star });
-                        } else if let Some(source) = self.source(place_pc, star, self.faintest_lx) {
-                            group.add(&source, cells);
-                        }
+    /// All stars in cells with `cells` along an edge of a face. `counts_brightnesses`: also by brightness. With `far`, most distant stars are not read.
+    pub(super) fn gather(&self, cells: u32, counts_brightnesses: bool, far: Option<&mut FarLight>) -> Gathered {
+        let (distant, near) = match far {
+            Some(far) => far.seen(self, cells),
+            None => (Vec::new(), (0..self.visible.len()).collect()),
+        };
+        let groups = grouped(
+            &near,
+            || Group::new(cells, counts_brightnesses),
+            |group, index| {
+                let visible = &self.visible[*index];
+                for (place_pc, star) in self.stars(visible) {
+                    if self.is_near(visible, place_pc) {
+                        group.near.push(NearStar { place_pc, star: *star });
+                    } else if let Some(source) = self.source(place_pc, star, self.faintest_lx) {
+                        group.add(&source, cells);
                     }
                 }
-                group
-            })
-            .collect();
+            },
+        );
         let mut whole = Group::new(cells, counts_brightnesses);
         groups.into_iter().for_each(|group| whole.add_all(group));
         // The light of a deep store. No composite star is bright enough to be drawn individually.
-        for source in self.deep_light() {
+        for source in distant.into_iter().chain(self.deep_light()) {
             whole.sums[cell_of(source.direction, cells)].add(&Moments::of(&source));
         }
         let Group { mut sums, mut near, brightnesses } = whole;
@@ -207,22 +208,38 @@ impl Sky<'_> {
     /// Sources that are drawn individually.
     pub(super) fn sprites(&self, reach: &Reach, veil: &Veil) -> Vec<Sprite> {
         let least_lx = reach.least_lx(veil.least_hidden()).max(self.faintest_lx);
-        let sprites = self
-            .visible
-            .par_iter()
+        // Of each chunk only the stars that can be so bright.
+        let sprites = super::visible_everywhere(self.set, self.place_pc, self.motion, least_lx)
+            .into_par_iter()
             .filter(|visible| visible.brightest_lx >= least_lx)
             .flat_map_iter(|visible| {
-                self.stars(visible).filter_map(|(place_pc, star)| {
-                    if self.is_near(visible, place_pc) {
+                let sprite = |(place_pc, star): (DVec3, &PackedStar)| {
+                    if self.is_near(&visible, place_pc) {
                         return None;
                     }
                     let source = self.source(place_pc, star, least_lx)?;
                     reach.sprite(&source, veil.hidden_at(source.direction))
-                })
+                };
+                self.stars(&visible).filter_map(sprite).collect::<Vec<_>>()
             })
             .collect();
         brightest(sprites)
     }
+}
+
+/// Adds items to sums, in groups of neighbours that do not depend on the number of threads. Returns the sums of the groups, in order.
+pub(super) fn grouped<I: Sync, S: Send>(
+    items: &[I],
+    empty: impl Fn() -> S + Sync,
+    add: impl Fn(&mut S, &I) + Sync,
+) -> Vec<S> {
+    let per_group = items.len().div_ceil(MOST_GROUPS).max(GROUP_CHUNKS);
+    let sum = |group: &[I]| {
+        let mut sum = empty();
+        group.iter().for_each(|item| add(&mut sum, item));
+        sum
+    };
+    items.par_chunks(per_group).map(sum).collect()
 }
 
 /// The brightest [`MOST_SPRITES`], in their order. The light of the others stays in the map.

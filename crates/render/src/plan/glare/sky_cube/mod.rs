@@ -9,6 +9,7 @@
 //! reused until one of these changes. Units: lx, 1/sr, pc; directions in world axes.
 
 mod cells;
+mod far;
 mod levels;
 mod sprites;
 
@@ -18,11 +19,12 @@ use glam::DVec3;
 
 pub use self::{
     cells::{Cell, cell_of, direction_of_cell},
+    far::FarLight,
     levels::{Level, TABLE_ENTRIES},
     sprites::{Sprite, SpriteCell, Sprites},
 };
 use crate::plan::stars::{
-    cull::{CullSettings, SPLAT_MARGIN_PX, light_at, visible_chunks},
+    cull::{CullSettings, SPLAT_MARGIN_PX, VisibleChunk, light_at, visible_chunks},
     travel,
 };
 use crate::{
@@ -192,27 +194,23 @@ struct Source {
 }
 
 impl SkyCubePlan {
-    /// Plans the glare of a set of stars.
-    pub fn new(set: &StarSet, kernel: &dyn GlareKernel, settings: &SkyCubeSettings) -> Self {
+    /// Plans the glare of a set of stars. `far` has sums of the same stars, kept from earlier plans.
+    pub fn new(
+        set: &StarSet,
+        kernel: &dyn GlareKernel,
+        settings: &SkyCubeSettings,
+        far: Option<&mut FarLight>,
+    ) -> Self {
         // All stars that may scatter, in cells.
-        let everywhere = Viewport {
-            view: 0,
-            part: Part::Whole,
-            projection: Projection::Equirectangular(
-                Equirectangular::new([8, 4]).expect("a picture of 8 x 4 pixels is valid"),
-            ),
-            world_from_view: glam::DQuat::IDENTITY,
-            eye_offset_m: DVec3::ZERO,
-            viewing_circle_m: 0.0,
-        };
         let SkyCubeSettings { place_pc, motion, faintest_lx, .. } = *settings;
-        let cull = CullSettings { faintest_lx, enabled: false, motion, refraction: None, margin_px: SPLAT_MARGIN_PX };
-        let visible = visible_chunks(set, place_pc, &[everywhere], cull);
+        let visible = visible_everywhere(set, place_pc, motion, faintest_lx);
         let near_pc = settings.farthest_eye_pc / SHARED_PARALLAX_RAD;
         let local_sky = settings.local_sky.as_deref();
         let sky = cells::Sky { set, visible: &visible, place_pc, motion, local_sky, faintest_lx, near_pc };
         let is_exact = settings.least_cd_m2 == 0.0;
-        let cells::Gathered { cells: finest, near, brightnesses } = sky.gather(FINEST_CELLS, is_exact);
+        let far = far.filter(|_| !is_exact && motion.is_none() && local_sky.is_none());
+        let far = far.filter(|_| near_pc < far::NEAREST_PC && set.stars.len() >= far::FEWEST_STARS);
+        let cells::Gathered { cells: finest, near, brightnesses } = sky.gather(FINEST_CELLS, is_exact, far);
         // Levels of the map, and the veil that hides individual sources.
         let levels = levels::of_kernel(kernel, finest);
         let soft = SoftCore::new(kernel, smooth_angle_rad(0));
@@ -263,6 +261,22 @@ impl SkyCubePlan {
             })
             .collect()
     }
+}
+
+/// All chunks with stars of this illuminance and more at a place, lx and pc, in all directions.
+fn visible_everywhere(set: &StarSet, place_pc: DVec3, motion: Option<Motion>, faintest_lx: f64) -> Vec<VisibleChunk> {
+    let everywhere = Viewport {
+        view: 0,
+        part: Part::Whole,
+        projection: Projection::Equirectangular(
+            Equirectangular::new([8, 4]).expect("a picture of 8 x 4 pixels is valid"),
+        ),
+        world_from_view: glam::DQuat::IDENTITY,
+        eye_offset_m: DVec3::ZERO,
+        viewing_circle_m: 0.0,
+    };
+    let cull = CullSettings { faintest_lx, enabled: false, motion, refraction: None, margin_px: SPLAT_MARGIN_PX };
+    visible_chunks(set, place_pc, &[everywhere], cull)
 }
 
 impl Source {

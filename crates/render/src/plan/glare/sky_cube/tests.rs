@@ -48,7 +48,7 @@ fn cells_contain_their_centres() {
 #[test]
 fn all_light_is_distributed_exactly_once() {
     let set = sky(20_000);
-    let glare = SkyCubePlan::new(&set, &kernel(), &settings());
+    let glare = SkyCubePlan::new(&set, &kernel(), &settings(), None);
     let total: f64 = glare.levels[0].cells.iter().map(|cell| luminance(cell.light)).sum();
     let expected: f64 = set
         .iter()
@@ -94,7 +94,7 @@ fn all_light_is_distributed_exactly_once() {
 
 #[test]
 fn sprites_are_found_by_their_cells() {
-    let glare = SkyCubePlan::new(&sky(5000), &kernel(), &settings());
+    let glare = SkyCubePlan::new(&sky(5000), &kernel(), &settings(), None);
     let Sprites { sprites, cells, regions } = &glare.sprites;
     let held = |cell: &SpriteCell| cell.first as usize..(cell.first + cell.count) as usize;
     assert_eq!(cells.iter().map(|cell| held(cell).len()).sum::<usize>(), sprites.len());
@@ -114,13 +114,14 @@ fn sprites_are_found_by_their_cells() {
 #[test]
 fn only_stars_in_different_directions_are_separate_for_each_eye() {
     let set = sky(300);
-    let far = SkyCubePlan::new(&set, &kernel(), &settings());
+    let far = SkyCubePlan::new(&set, &kernel(), &settings(), None);
     assert!(far.near.is_empty());
     let near_pc = 5.0;
     let near = SkyCubePlan::new(
         &set,
         &kernel(),
         &SkyCubeSettings { farthest_eye_pc: near_pc * SHARED_PARALLAX_RAD, ..settings() },
+        None,
     );
     assert!(!near.near.is_empty() && near.near.iter().all(|star| star.place_pc.length() < near_pc));
     let light = |glare: &SkyCubePlan| glare.levels[0].cells.iter().map(|cell| luminance(cell.light)).sum::<f64>();

@@ -16,7 +16,7 @@ use crate::{
     photometry::glare::{GlareKernel, InverseSquareKernel, split::angle_of_chord_squared},
     plan::{
         GlareMap,
-        glare::sky_cube::{Level, SkyCubePlan, SkyCubeSettings, Sprite, SpriteCell},
+        glare::sky_cube::{FarLight, Level, SkyCubePlan, SkyCubeSettings, Sprite, SpriteCell},
     },
     render::glare::layout,
     view::Viewport,
@@ -299,7 +299,7 @@ impl MapPasses {
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
         parameters: &GlareMap,
-        key: Key,
+        (key, far): (Key, &mut FarLight),
         mut held: impl Iterator<Item = &'a Held>,
     ) -> Held {
         let kernel = &*key.kernel;
@@ -307,7 +307,8 @@ impl MapPasses {
             let kernel = InverseSquareKernel::new(inner_rad);
             [kernel.constant(), kernel.inner_rad() * kernel.inner_rad()].map(|value| value as f32)
         });
-        let sky = SkyCubePlan::new(&key.stars, kernel, &key.settings);
+        far.keep_for(&key.stars, key.settings.faintest_lx);
+        let sky = SkyCubePlan::new(&key.stars, kernel, &key.settings, Some(far));
         let points = map_points(sky.levels[0].edge_cells);
         let map = points_buffer(gpu, "glare map", points * sky.classes.len() as u32);
         let finest = LevelBuffers::new(gpu, &sky.levels[0]);

@@ -26,7 +26,7 @@ use crate::{
     photometry::glare::GlareKernel,
     plan::{
         GlareMap, VeilInSums,
-        glare::sky_cube::{SkyCubeSettings, eye_class_m, map_place_pc, pixel_class_rad},
+        glare::sky_cube::{FarLight, SkyCubeSettings, eye_class_m, map_place_pc, pixel_class_rad},
     },
     relativity::Motion,
     render::technique::{Holding, PipelineJob, Recording, Series, Wish, begin_pass},
@@ -106,6 +106,8 @@ pub(super) struct SkyCube {
     near_points: Variants<bool, wgpu::ComputePipeline>,
     /// For each series of frames: the map of exact frames, and the map of frames whose veil is in the sums.
     held: Vec<[Option<Held>; 2]>,
+    /// Sums of the light of distant stars.
+    far: FarLight,
     /// Of the last frame of the first series: its views, and its budget if its veil was in the sums.
     last: Option<(Views, Option<VeilInSums>)>,
     /// Data shared by the batches of a frame.
@@ -136,6 +138,7 @@ impl SkyCube {
             objects: Variants::new(),
             near_points: Variants::new(),
             held: Vec::new(),
+            far: FarLight::default(),
             last: None,
             veil_frame: None,
             object_frame: None,
@@ -181,6 +184,7 @@ impl SkyCube {
     /// Releases all buffers.
     pub(super) fn release(&mut self) {
         self.held.clear();
+        self.far = FarLight::default();
         self.lists.release();
         self.veil_frame = None;
         self.object_frame = None;
@@ -277,7 +281,7 @@ impl SkyCube {
     fn hold_new(&mut self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, slot: usize, map: &GlareMap, key: Key) {
         let kind = kind_of(&key.settings);
         let passes = self.passes.get_or_init(|| MapPasses::new(gpu));
-        let made = passes.make(gpu, pass, map, key, self.held.iter().flatten().flatten());
+        let made = passes.make(gpu, pass, map, (key, &mut self.far), self.held.iter().flatten().flatten());
         self.held[slot][kind] = Some(made);
     }
 }
