@@ -86,6 +86,8 @@ const FARTHEST_EYE_M: f64 = 1e9;
 
 /// Number of pictures that are drawn in one frame of their own.
 pub const PICTURES_AT_ONCE: usize = 8;
+/// Words of a buffer for pieces over those of the pieces that a frame reads, so that pieces of other sizes find room.
+const SPARE: f64 = 1.3;
 /// Words of a piece before its texels.
 pub const PIECE_WORDS: u32 = 12;
 
@@ -416,7 +418,7 @@ fn in_pieces(
     // A texel is blurred with others of its picture, so a picture must not be divided when it is drawn.
     let drawn_bytes = PICTURES_AT_ONCE as u64 * u64::from(PIECE_SIDE * PIECE_SIDE) * BYTES_PER_PIXEL;
     let is_undivided = texels.blur == [0.0; 2] || drawn_bytes <= limits.max_binding_bytes;
-    let fits = is_undivided && 4 * (u64::from(grid.pieces()) + words_read(&grid, &read)) <= limits.max_binding_bytes;
+    let fits = is_undivided && 4 * words_needed(&grid, &read) <= limits.max_binding_bytes;
     fits.then(|| (map_of(inputs, below_lx, texels, SkyLayout::Pieces(grid)), read))
 }
 
@@ -426,9 +428,10 @@ pub fn piece_words(grid: &PieceGrid, picture: SkyPicture) -> u32 {
     PIECE_WORDS + width * height
 }
 
-/// Words of the pictures that a frame reads.
-pub fn words_read(grid: &PieceGrid, read: &[WantedPicture]) -> u64 {
-    read.iter().map(|wanted| u64::from(piece_words(grid, wanted.drawn()))).sum()
+/// Words of a buffer with room for the pictures that a frame reads: the table of the pieces, then the pieces, of which none moves when others leave.
+pub fn words_needed(grid: &PieceGrid, read: &[WantedPicture]) -> u64 {
+    let words: u64 = read.iter().map(|wanted| u64::from(piece_words(grid, wanted.drawn()))).sum();
+    u64::from(grid.pieces()) + (SPARE * words as f64) as u64
 }
 
 /// The pieces that views see, with texels of `texel_px` of their smallest pixels there.

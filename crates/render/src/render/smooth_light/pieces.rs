@@ -11,7 +11,7 @@ use crate::plan::{
     smooth_light::{
         PIECE_WORDS, piece_words,
         pieces::{PieceFrame, PieceGrid, SkyPicture, WantedPicture},
-        words_read,
+        words_needed,
     },
     stars::deep::{Lack, Residual},
 };
@@ -48,7 +48,7 @@ impl Pieces {
     /// Places for twice the pieces that a frame reads, if the buffer may be so large.
     pub(super) fn new(grid: PieceGrid, read: &[WantedPicture], most_bytes: u64) -> Self {
         let of_table = grid.pieces();
-        let wished = u64::from(of_table) + (2 * words_read(&grid, read)).max(LEAST_WORDS);
+        let wished = (2 * words_needed(&grid, read)).max(LEAST_WORDS);
         let words = wished.min(most_bytes / 4).min(u32::MAX.into()) as u32;
         let free = RangeAllocator::new(of_table..words.max(of_table));
         Self { grid, words, free, held: HashMap::new(), last_read: Vec::new(), frame: 0 }
@@ -61,7 +61,7 @@ impl Pieces {
 
     /// Whether all pieces of a frame have places.
     pub(super) fn have_room(&self, read: &[WantedPicture]) -> bool {
-        u64::from(self.grid.pieces()) + words_read(&self.grid, read) <= self.words.into()
+        words_needed(&self.grid, read) <= self.words.into()
     }
 
     /// Notes the pieces that a frame reads, and returns those that are to be drawn: absent ones, then some of those whose stars `are_read` by now.
@@ -113,7 +113,7 @@ impl Pieces {
     }
 
     /// Gives a piece that is drawn now a place. Returns its first word, and the pieces that have lost theirs: those that were not read for the longest
-    /// time, until there is room. If the free words are in too many parts, all pieces lose their places.
+    /// time, until there is room. If the free words are in too many parts, also some that are read.
     pub(super) fn draw(&mut self, picture: SkyPicture, lack: Option<Lack>) -> (u32, Vec<u32>) {
         let SkyPicture { number, level } = picture;
         if let Some(piece) = self.held.remove(&number) {
@@ -127,21 +127,35 @@ impl Pieces {
             }
             let unread = self.held.iter().filter(|(_, piece)| piece.used < self.frame);
             let oldest = unread.min_by_key(|(number, piece)| (piece.used, **number)).map(|(number, _)| *number);
-            match oldest.and_then(|number| Some((number, self.held.remove(&number)?))) {
-                Some((number, piece)) => {
+            let leaving = oldest.map_or_else(|| self.in_the_way(length), |number| vec![number]);
+            assert!(!leaving.is_empty(), "a buffer has room for a piece");
+            for number in leaving {
+                if let Some(piece) = self.held.remove(&number) {
                     self.free.free_range(piece.words);
                     lost.push(number);
-                }
-                None => {
-                    assert!(!self.held.is_empty(), "a buffer has room for a piece");
-                    lost.extend(self.held.drain().map(|(number, _)| number));
-                    self.free.reset();
                 }
             }
         };
         let first = words.start;
         self.held.insert(number, Piece { words, level, used: self.frame, lack });
         (first, lost)
+    }
+
+    /// The neighbouring pieces with the fewest words that leave room for `length` words if they lose their places.
+    fn in_the_way(&self, length: u32) -> Vec<u32> {
+        let mut held: Vec<(u32, &Range<u32>)> =
+            self.held.iter().map(|(number, piece)| (*number, &piece.words)).collect();
+        held.sort_by_key(|(_, words)| words.start);
+        // The pieces from `first` on that must leave, with their words.
+        let from = |first: usize| {
+            let start = first.checked_sub(1).map_or(self.grid.pieces(), |before| held[before].1.end);
+            let end = |next: usize| held.get(next).map_or(self.words, |(_, words)| words.start);
+            let next = (first..=held.len()).find(|next| end(*next) - start >= length)?;
+            let leaving = &held[first..next];
+            Some((leaving.iter().map(|(_, words)| words.len()).sum::<usize>(), leaving))
+        };
+        let best = (0..=held.len()).filter_map(from).min_by_key(|(words, _)| *words);
+        best.map_or_else(Vec::new, |(_, leaving)| leaving.iter().map(|(number, _)| *number).collect())
     }
 
     /// Width of a piece's picture, texels, and the words before its texels: for each axis of the picture, right and down in texels and outwards, a
@@ -192,7 +206,7 @@ mod tests {
         let (first, size) = (grid.pieces(), piece_words(&grid, finest(1)));
         let places = [first, first + size, first + 2 * size];
         let mut pieces = Pieces::new(grid, &wanted(&[1]), 4 * u64::from(first + 3 * size));
-        assert!(pieces.have_room(&wanted(&[1, 2, 3])) && !pieces.have_room(&wanted(&[1, 2, 3, 4])));
+        assert!(pieces.have_room(&wanted(&[1, 2])) && !pieces.have_room(&wanted(&[1, 2, 3])));
         assert_eq!(numbers(pieces.missing(&wanted(&[1, 2]), |_| true)), [1, 2]);
         assert_eq!([1, 2].map(|number| pieces.draw(finest(number), None).0), places[..2]);
         assert!(pieces.are_drawn(&wanted(&[1, 2])) && !pieces.are_drawn(&wanted(&[1, 3])));
@@ -205,10 +219,11 @@ mod tests {
     }
 
     #[test]
-    fn pieces_of_several_sizes_find_room_or_all_are_drawn_again() {
+    fn pieces_of_several_sizes_find_room_at_the_cost_of_few_others() {
         let grid = PieceGrid::of_texels(1e-2).unwrap();
         let (first, size) = (grid.pieces(), piece_words(&grid, finest(1)));
-        let mut pieces = Pieces::new(grid, &[], 4 * u64::from(first + 3 * size));
+        let mut pieces = Pieces::new(grid, &[], 4 * words_needed(&grid, &wanted(&[1, 3, 4])));
+        assert!(pieces.words < first + 4 * size);
         let at = |level: f32, numbers: [u32; 3]| numbers.map(|number| WantedPicture { number, level });
         let draw_all = |pieces: &mut Pieces, read: &[WantedPicture]| {
             let missing = pieces.missing(read, |_| true);
@@ -218,11 +233,11 @@ mod tests {
         let small = at(16.0, [1, 2, 3]);
         draw_all(&mut pieces, &small);
         assert!(pieces.are_drawn(&small));
-        // There is no room for three large ones beside those that are replaced: the first frame drops some that it reads.
+        // Two large ones fit when the one that is not read has left.
         let large = at(0.0, [1, 4, 3]);
-        let lost: Vec<u32> = draw_all(&mut pieces, &large).into_iter().flat_map(|(_, lost)| lost).collect();
-        assert!(lost.contains(&2), "{lost:?}");
-        for _ in 0..2 {
+        let lost: Vec<u32> = draw_all(&mut pieces, &large[..2]).into_iter().flat_map(|(_, lost)| lost).collect();
+        assert!(lost.iter().all(|number| [2, 3].contains(number)), "{lost:?}");
+        for _ in 0..4 {
             draw_all(&mut pieces, &large);
         }
         assert!(pieces.are_drawn(&large));
@@ -259,9 +274,9 @@ mod tests {
         let (place, _) = pieces.draw(finest(7), None);
         assert_eq!(pieces.missing(&at(0.7), |_| true), []);
         assert_eq!(pieces.missing(&at(3.9), |_| true), [SkyPicture { number: 7, level: 4 }]);
-        assert!(pieces.are_drawn(&at(3.9)) && !pieces.are_drawn(&at(4.1)));
+        assert!(pieces.are_drawn(&at(5.9)) && !pieces.are_drawn(&at(6.1)));
         assert_eq!(pieces.draw(SkyPicture { number: 7, level: 4 }, None), (place, vec![]));
         assert_eq!(pieces.missing(&at(3.9), |_| true), []);
-        assert!(pieces.are_drawn(&at(4.1)));
+        assert!(pieces.are_drawn(&at(6.1)));
     }
 }
