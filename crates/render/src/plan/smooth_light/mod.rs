@@ -244,9 +244,14 @@ pub struct SkyPlan {
 }
 
 impl SkyPlan {
-    /// Whether the map is worth its cost if it saves a frame this number of stars and composite stars of a deep store.
-    pub(super) fn pays(&self, saved: u64) -> bool {
-        saved as f64 >= self.least_saved
+    /// Whether the map is worth its cost without stars of a deep store.
+    pub(super) fn pays_at_once(&self) -> bool {
+        self.least_saved <= 0.0
+    }
+
+    /// Number of stars and composite stars of a deep store that the map must save a frame to be worth its cost.
+    pub(super) fn least_saved(&self) -> u64 {
+        self.least_saved.ceil().max(0.0) as u64
     }
 }
 
@@ -286,7 +291,7 @@ impl SmoothLight {
         let of_chunks = in_view(inputs, &|chunk| divided.in_map_of_chunk[chunk]);
         let divided = SkyPlan { read, least_saved: pays_from - of_chunks, ..divided };
         self.divided = Some((Arc::downgrade(stars), divided.clone()));
-        (has_deep || divided.pays(0)).then_some(divided)
+        (has_deep || divided.pays_at_once()).then_some(divided)
     }
 }
 

@@ -6,7 +6,10 @@
 
 use std::{
     collections::HashSet,
-    sync::{Arc, LazyLock},
+    sync::{
+        Arc, LazyLock,
+        atomic::{AtomicU64, Ordering},
+    },
     time::{Duration, Instant},
 };
 
@@ -246,15 +249,16 @@ pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
     Ok(plan)
 }
 
-/// Number of stars and composite stars of the pages that views need.
-pub(super) fn count(inputs: &DeepInputs<'_>) -> u64 {
+/// Whether the pages that views need have at least this number of stars and composite stars. Most pages are not counted if there are many more.
+pub(super) fn has_stars(inputs: &DeepInputs<'_>, least: u64) -> bool {
     if inputs.magnitude_limit <= RESIDENT_TO_MAGNITUDE {
-        return 0;
+        return least == 0;
     }
     let fields: Vec<Field> = inputs.viewports.iter().map(|viewport| Field::new(viewport, &inputs.cull)).collect();
     let parts = (0..BUCKETS).into_par_iter().flat_map_iter(|bucket| parts_of(inputs, &fields, bucket));
-    let pages = parts.map(|part| visible_pages(inputs, &fields, part));
-    pages.map(|part| bytes_of(inputs.sky, &[part])).sum::<u64>() / size_of::<PageStar>() as u64
+    let counted = AtomicU64::new(0);
+    let of_part = |part| bytes_of(inputs.sky, &[visible_pages(inputs, &fields, part)]) / size_of::<PageStar>() as u64;
+    least == 0 || parts.map(of_part).any(|stars| counted.fetch_add(stars, Ordering::Relaxed) + stars >= least)
 }
 
 /// Memory on the host that the pages of a plan may take, bytes.

@@ -118,9 +118,8 @@ impl Stars {
         let codes_per_cd_m2 = CODES * inputs.settings.tone_map.greatest_slope() / white_cd_m2;
         plan.stars.deep = DeepPlan { codes_per_cd_m2, ..deep::select(&deep)? };
         if let Some(sky) = &plan.smooth_light.map {
-            let without =
-                deep::count(&DeepInputs { drawn: Drawn::All { seen_cd_m2: plan.display.seen_cd_m2 }, ..deep });
-            if !sky.pays(without.saturating_sub(plan.stars.deep.stars)) {
+            let without = DeepInputs { drawn: Drawn::All { seen_cd_m2: plan.display.seen_cd_m2 }, ..deep };
+            if !sky.pays_at_once() && !deep::has_stars(&without, plan.stars.deep.stars + sky.least_saved()) {
                 return Ok(false);
             }
         }

@@ -89,10 +89,15 @@ pub struct FarLight {
     held: [Option<Held>; SIZES + 1],
 }
 
+/// Side of the cubes of a size, pc.
+fn side_pc(size: usize) -> f64 {
+    LARGEST_PC / RATIO.powi((SIZES - 1 - size) as i32)
+}
+
 /// The centres of a place's cubes, from the smallest to the largest, pc.
 fn centres_pc(place_pc: DVec3) -> [DVec3; SIZES] {
     std::array::from_fn(|size| {
-        let side = LARGEST_PC / RATIO.powi((SIZES - 1 - size) as i32);
+        let side = side_pc(size);
         // The offset of the lattice is a multiple of the side of each smaller cube from the same corner.
         let offset = DVec3::splat(PLACE_OF_BARYCENTRE * LARGEST_PC / side);
         ((place_pc / side + offset).floor() + 0.5 - offset) * side
@@ -104,10 +109,9 @@ fn size_of(chunk: &Chunk, centres_pc: &[DVec3; SIZES]) -> Option<usize> {
     if chunk.at_infinity {
         return Some(SIZES);
     }
-    (0..SIZES).rev().find(|size| {
-        let side = LARGEST_PC / RATIO.powi((SIZES - 1 - size) as i32);
-        (chunk.origin_pc - centres_pc[*size]).length() - chunk.radius_pc >= FAR_SIDES * side
-    })
+    (0..SIZES)
+        .rev()
+        .find(|size| (chunk.origin_pc - centres_pc[*size]).length() - chunk.radius_pc >= FAR_SIDES * side_pc(*size))
 }
 
 impl FarLight {
@@ -257,14 +261,14 @@ mod tests {
         for number in 0..2000 {
             let place_pc = DVec3::new(0.3, -0.21, 0.17) * f64::from(number - 1000);
             for (size, centre) in centres_pc(place_pc).into_iter().enumerate() {
-                let half = 0.5 * LARGEST_PC / RATIO.powi((SIZES - 1 - size) as i32);
+                let half = 0.5 * side_pc(size);
                 assert!((place_pc - centre).abs().max_element() <= half * (1.0 + 1e-9), "{place_pc} {size}");
                 let larger = centres_pc(centre);
                 assert_eq!(larger[size..], centres_pc(place_pc)[size..], "cubes are parts of larger ones");
             }
         }
         for (size, centre) in centres_pc(DVec3::ZERO).into_iter().enumerate() {
-            let half = 0.5 * LARGEST_PC / RATIO.powi((SIZES - 1 - size) as i32);
+            let half = 0.5 * side_pc(size);
             assert!(centre.abs().max_element() < 0.21 * half, "{size}: {centre}");
         }
     }

@@ -90,8 +90,8 @@ pub struct SkyCubeSettings {
 }
 
 impl SkyCubeSettings {
-    /// Whether maps with these settings have the same light in all cells. The other settings determine what is drawn individually.
-    pub fn has_same_cells(&self, other: &Self) -> bool {
+    /// Whether maps of these stars with these settings have the same light in all cells. The other settings determine what is drawn individually.
+    pub fn has_same_cells(&self, other: &Self, set: &StarSet) -> bool {
         // All settings are named, so that a new one is judged here.
         let Self {
             place_pc,
@@ -100,6 +100,7 @@ impl SkyCubeSettings {
             faintest_lx,
             farthest_eye_pc,
             tolerance: _,
+            // Whether it is 0 decides about distant stars.
             least_cd_m2: _,
             pixel_classes_rad: _,
         } = self;
@@ -108,6 +109,23 @@ impl SkyCubeSettings {
             && *local_sky == other.local_sky
             && *faintest_lx == other.faintest_lx
             && *farthest_eye_pc == other.farthest_eye_pc
+            && self.keeps_far(set) == other.keeps_far(set)
+    }
+}
+
+impl SkyCubeSettings {
+    /// Distance below which a star has a separate direction for each eye, pc.
+    fn near_pc(&self) -> f64 {
+        self.farthest_eye_pc / SHARED_PARALLAX_RAD
+    }
+
+    /// Whether the map has the light of distant stars from [`FarLight`]: in display images of many stars, as they are seen without air by a camera at rest.
+    fn keeps_far(&self, set: &StarSet) -> bool {
+        self.least_cd_m2 > 0.0
+            && self.motion.is_none()
+            && self.local_sky.is_none()
+            && self.near_pc() < far::NEAREST_PC
+            && set.stars.len() >= far::FEWEST_STARS
     }
 }
 
@@ -204,12 +222,11 @@ impl SkyCubePlan {
         // All stars that may scatter, in cells.
         let SkyCubeSettings { place_pc, motion, faintest_lx, .. } = *settings;
         let visible = visible_everywhere(set, place_pc, motion, faintest_lx);
-        let near_pc = settings.farthest_eye_pc / SHARED_PARALLAX_RAD;
+        let near_pc = settings.near_pc();
         let local_sky = settings.local_sky.as_deref();
         let sky = cells::Sky { set, visible: &visible, place_pc, motion, local_sky, faintest_lx, near_pc };
         let is_exact = settings.least_cd_m2 == 0.0;
-        let far = far.filter(|_| !is_exact && motion.is_none() && local_sky.is_none());
-        let far = far.filter(|_| near_pc < far::NEAREST_PC && set.stars.len() >= far::FEWEST_STARS);
+        let far = far.filter(|_| settings.keeps_far(set));
         let cells::Gathered { cells: finest, near, brightnesses } = sky.gather(FINEST_CELLS, is_exact, far);
         // Levels of the map, and the veil that hides individual sources.
         let levels = levels::of_kernel(kernel, finest);

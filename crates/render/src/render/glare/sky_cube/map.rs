@@ -39,7 +39,7 @@ impl Key {
     fn has_same_cells(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.stars, &other.stars)
             && Arc::ptr_eq(&self.kernel, &other.kernel)
-            && self.settings.has_same_cells(&other.settings)
+            && self.settings.has_same_cells(&other.settings, &self.stars)
     }
 }
 
