@@ -274,8 +274,6 @@ impl Renderer {
             // Drawing the pieces in view takes hardly longer than drawing their stars in the frame.
             SkyLayout::Whole { .. } | SkyLayout::Pieces(_) => usize::MAX,
         };
-        let drawn: usize = parts.iter().take(most).map(|part| part.pictures().len()).sum();
-        tracing::debug!(drawn, "pictures of the map of faint light");
         for part in parts.iter().take(most) {
             self.draw_sky_part(part, snapshot, settings, sky_map, series)?;
         }

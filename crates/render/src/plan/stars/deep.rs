@@ -251,14 +251,14 @@ pub(super) fn select(inputs: &DeepInputs<'_>) -> Result<DeepPlan, PlanError> {
 
 /// Whether the pages that views need have at least this number of stars and composite stars. Most pages are not counted if there are many more.
 pub(super) fn has_stars(inputs: &DeepInputs<'_>, least: u64) -> bool {
-    if inputs.magnitude_limit <= RESIDENT_TO_MAGNITUDE {
+    if least == 0 || inputs.magnitude_limit <= RESIDENT_TO_MAGNITUDE {
         return least == 0;
     }
     let fields: Vec<Field> = inputs.viewports.iter().map(|viewport| Field::new(viewport, &inputs.cull)).collect();
     let parts = (0..BUCKETS).into_par_iter().flat_map_iter(|bucket| parts_of(inputs, &fields, bucket));
     let counted = AtomicU64::new(0);
-    let of_part = |part| bytes_of(inputs.sky, &[visible_pages(inputs, &fields, part)]) / size_of::<PageStar>() as u64;
-    least == 0 || parts.map(of_part).any(|stars| counted.fetch_add(stars, Ordering::Relaxed) + stars >= least)
+    let of_part = |part| stars_of(inputs.sky, &[visible_pages(inputs, &fields, part)]);
+    parts.map(of_part).any(|stars| counted.fetch_add(stars, Ordering::Relaxed) + stars >= least)
 }
 
 /// Memory on the host that the pages of a plan may take, bytes.
@@ -436,8 +436,12 @@ fn visible_pages(inputs: &DeepInputs<'_>, fields: &[Field], part: Part) -> PartP
 }
 
 fn bytes_of(sky: &DeepSky, pages: &[PartPages]) -> u64 {
-    let stars = pages.iter().flat_map(|part| &part.pages).map(|(key, _)| u64::from(key.stars(sky.store())));
-    stars.sum::<u64>() * size_of::<PageStar>() as u64
+    stars_of(sky, pages) * size_of::<PageStar>() as u64
+}
+
+/// Number of stars and composite stars of pages.
+fn stars_of(sky: &DeepSky, pages: &[PartPages]) -> u64 {
+    pages.iter().flat_map(|part| &part.pages).map(|(key, _)| u64::from(key.stars(sky.store()))).sum()
 }
 
 impl Residual {

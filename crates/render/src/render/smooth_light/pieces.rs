@@ -116,9 +116,7 @@ impl Pieces {
     /// time, until there is room. If the free words are in too many parts, also some that are read.
     pub(super) fn draw(&mut self, picture: SkyPicture, lack: Option<Lack>) -> (u32, Vec<u32>) {
         let SkyPicture { number, level } = picture;
-        if let Some(piece) = self.held.remove(&number) {
-            self.free.free_range(piece.words);
-        }
+        self.release(number);
         let length = piece_words(&self.grid, picture);
         let mut lost = Vec::new();
         let words = loop {
@@ -130,15 +128,20 @@ impl Pieces {
             let leaving = oldest.map_or_else(|| self.in_the_way(length), |number| vec![number]);
             assert!(!leaving.is_empty(), "a buffer has room for a piece");
             for number in leaving {
-                if let Some(piece) = self.held.remove(&number) {
-                    self.free.free_range(piece.words);
-                    lost.push(number);
-                }
+                self.release(number);
+                lost.push(number);
             }
         };
         let first = words.start;
         self.held.insert(number, Piece { words, level, used: self.frame, lack });
         (first, lost)
+    }
+
+    /// Frees the place of a piece, if it has one.
+    fn release(&mut self, number: u32) {
+        if let Some(piece) = self.held.remove(&number) {
+            self.free.free_range(piece.words);
+        }
     }
 
     /// The neighbouring pieces with the fewest words that leave room for `length` words if they lose their places.

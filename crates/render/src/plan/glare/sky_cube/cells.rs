@@ -65,19 +65,19 @@ pub fn direction_of_cell(index: usize, cells: u32) -> DVec3 {
 }
 
 /// Sums over the sources of a cell.
-#[derive(Clone, Copy, Debug, Default)]
-struct Moments {
-    light: [f64; 3],
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Moments {
+    pub light: [f64; 3],
     /// Directions, weighted by illuminance.
-    place: DVec3,
+    pub place: DVec3,
 }
 
 impl Moments {
-    fn of(source: &Source) -> Self {
+    pub(super) fn of(source: &Source) -> Self {
         Self { light: source.light, place: source.direction * source.illuminance_lx }
     }
 
-    fn add(&mut self, other: &Self) {
+    pub(super) fn add(&mut self, other: &Self) {
         (0..3).for_each(|c| self.light[c] += other.light[c]);
         self.place += other.place;
     }
@@ -171,13 +171,12 @@ impl Sky<'_> {
     pub(super) fn gather(&self, cells: u32, counts_brightnesses: bool, far: Option<&mut FarLight>) -> Gathered {
         let (distant, near) = match far {
             Some(far) => far.seen(self, cells),
-            None => (Vec::new(), (0..self.visible.len()).collect()),
+            None => (Vec::new(), self.visible.iter().collect()),
         };
         let groups = grouped(
             &near,
             || Group::new(cells, counts_brightnesses),
-            |group, index| {
-                let visible = &self.visible[*index];
+            |group, visible| {
                 for (place_pc, star) in self.stars(visible) {
                     if self.is_near(visible, place_pc) {
                         group.near.push(NearStar { place_pc, star: *star });
@@ -209,18 +208,18 @@ impl Sky<'_> {
     pub(super) fn sprites(&self, reach: &Reach, veil: &Veil) -> Vec<Sprite> {
         let least_lx = reach.least_lx(veil.least_hidden()).max(self.faintest_lx);
         // Of each chunk only the stars that can be so bright.
-        let sprites = super::visible_everywhere(self.set, self.place_pc, self.motion, least_lx)
-            .into_par_iter()
+        let visible = super::visible_everywhere(self.set, self.place_pc, self.motion, least_lx);
+        let sprites = visible
+            .par_iter()
             .filter(|visible| visible.brightest_lx >= least_lx)
             .flat_map_iter(|visible| {
-                let sprite = |(place_pc, star): (DVec3, &PackedStar)| {
-                    if self.is_near(&visible, place_pc) {
+                self.stars(visible).filter_map(|(place_pc, star)| {
+                    if self.is_near(visible, place_pc) {
                         return None;
                     }
                     let source = self.source(place_pc, star, least_lx)?;
                     reach.sprite(&source, veil.hidden_at(source.direction))
-                };
-                self.stars(&visible).filter_map(sprite).collect::<Vec<_>>()
+                })
             })
             .collect();
         brightest(sprites)

@@ -15,11 +15,12 @@ use rayon::prelude::*;
 
 use super::{
     Source,
-    cells::{Sky, grouped},
+    cells::{Moments, Sky, grouped},
 };
 use crate::{
     catalogue::chunks::{Chunk, StarSet},
     photometry::rec709::luminance,
+    plan::stars::cull::VisibleChunk,
 };
 
 /// Number of sizes of cubes.
@@ -40,10 +41,8 @@ pub(super) const FEWEST_STARS: usize = 200_000;
 /// The stars of a cell of the sky, as seen from the centre of a cube.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct FarSource {
-    /// Linear Rec. 709, lx.
-    light: [f64; 3],
-    /// Directions, weighted by illuminance.
-    place: DVec3,
+    /// Light and directions.
+    sum: Moments,
     /// Reciprocals of the distances, weighted by illuminance, lx/pc.
     parallax: f64,
 }
@@ -52,23 +51,22 @@ impl FarSource {
     /// A star at a place relative to the centre, pc. `is_at_infinity`: the place is a direction.
     pub(super) fn of(source: &Source, place_pc: DVec3, is_at_infinity: bool) -> Self {
         let per_pc = if is_at_infinity { 0.0 } else { place_pc.length().recip() };
-        let lx = source.illuminance_lx;
-        Self { light: source.light, place: source.direction * lx, parallax: lx * per_pc }
+        Self { sum: Moments::of(source), parallax: source.illuminance_lx * per_pc }
     }
 
     pub(super) fn add(&mut self, other: &Self) {
-        (0..3).for_each(|c| self.light[c] += other.light[c]);
-        self.place += other.place;
+        self.sum.add(&other.sum);
         self.parallax += other.parallax;
     }
 
     /// The sum as seen from a place relative to the centre, pc; `None` if it is dark.
     fn seen_from(&self, place_pc: DVec3) -> Option<Source> {
-        let direction = self.place.try_normalize()?;
+        let Moments { light, place } = self.sum;
+        let direction = place.try_normalize()?;
         // In units of the distance.
-        let seen = direction - place_pc * (self.parallax / luminance(self.light));
+        let seen = direction - place_pc * (self.parallax / luminance(light));
         let brighter = seen.length_squared().recip();
-        let light = self.light.map(|channel| channel * brighter);
+        let light = light.map(|channel| channel * brighter);
         Some(Source { direction: seen.try_normalize()?, illuminance_lx: luminance(light), light })
     }
 }
@@ -76,7 +74,7 @@ impl FarSource {
 /// The sums of the stars of one size of cubes.
 #[derive(Clone, Debug)]
 struct Held {
-    /// Centres of the cubes of this size and the larger ones.
+    /// Centres of the cubes of this size and the larger ones; none of stars at infinity.
     centres_pc: Vec<DVec3>,
     sources: Vec<FarSource>,
 }
@@ -123,27 +121,23 @@ impl FarLight {
     }
 
     /// The distant stars as seen from the place of `sky`, summed in cells, and the chunks that are not among them, in the order of `sky`.
-    pub(super) fn seen(&mut self, sky: &Sky<'_>, cells: u32) -> (Vec<Source>, Vec<usize>) {
+    pub(super) fn seen<'a>(&mut self, sky: &Sky<'a>, cells: u32) -> (Vec<Source>, Vec<&'a VisibleChunk>) {
         let centres = centres_pc(sky.place_pc);
         let sizes: Vec<Option<usize>> = sky.set.chunks.iter().map(|chunk| size_of(chunk, &centres)).collect();
         let mut seen = Vec::new();
         for (size, held) in self.held.iter_mut().enumerate() {
-            let own = &centres[size.min(SIZES - 1)..];
-            // Sums of the stars at infinity are the same everywhere.
-            let is_kept = held.as_ref().is_some_and(|held| size == SIZES || held.centres_pc == own);
-            if !is_kept {
-                let centre_pc = if size == SIZES { sky.place_pc } else { own[0] };
-                let sources = sky.far_sums(centre_pc, cells, |chunk| sizes[chunk] == Some(size));
-                *held = Some(Held { centres_pc: own.to_vec(), sources });
-            }
-            let place_pc = if size == SIZES { DVec3::ZERO } else { sky.place_pc - own[0] };
-            let sources = held.iter().flat_map(|held| &held.sources);
-            seen.par_extend(
-                sources.collect::<Vec<_>>().into_par_iter().filter_map(|source| source.seen_from(place_pc)),
-            );
+            // Stars at infinity have no cubes: their sums are the same everywhere.
+            let own = &centres[size..];
+            let centre_pc = own.first().copied().unwrap_or(sky.place_pc);
+            let kept = held.take().filter(|held| held.centres_pc == own);
+            let held = held.insert(kept.unwrap_or_else(|| Held {
+                centres_pc: own.to_vec(),
+                sources: sky.far_sums(centre_pc, cells, |chunk| sizes[chunk] == Some(size)),
+            }));
+            let place_pc = sky.place_pc - centre_pc;
+            seen.par_extend(held.sources.par_iter().filter_map(|source| source.seen_from(place_pc)));
         }
-        let near = sky.visible.iter().enumerate().filter(|(_, visible)| sizes[visible.chunk].is_none());
-        (seen, near.map(|(index, _)| index).collect())
+        (seen, sky.visible.iter().filter(|visible| sizes[visible.chunk].is_none()).collect())
     }
 }
 
@@ -170,8 +164,8 @@ impl Sky<'_> {
             sums.iter_mut().zip(&others).for_each(|(sum, other)| sum.add(other));
             sums
         };
-        let sums = sums.into_iter().reduce(add).unwrap_or_default();
-        sums.into_iter().filter(|sum| luminance(sum.light) > 0.0).collect()
+        let sums = sums.into_iter().reduce(add).into_iter().flatten();
+        sums.filter(|source| luminance(source.sum.light) > 0.0).collect()
     }
 }
 

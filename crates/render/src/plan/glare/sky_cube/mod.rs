@@ -111,9 +111,7 @@ impl SkyCubeSettings {
             && *farthest_eye_pc == other.farthest_eye_pc
             && self.keeps_far(set) == other.keeps_far(set)
     }
-}
 
-impl SkyCubeSettings {
     /// Distance below which a star has a separate direction for each eye, pc.
     fn near_pc(&self) -> f64 {
         self.farthest_eye_pc / SHARED_PARALLAX_RAD
