@@ -2,18 +2,10 @@
 
 #import shared/sky_place
 
-struct SkyPicture {
-    unused_0: u32,
+fn faint_luminance(direction: PictureDirection) -> vec3<f32> {
+    return vec3(0.0);
 }
 
-fn faint_picture(direction: PictureDirection) -> SkyPicture {
-    return SkyPicture(0u);
-}
-
-fn faint_place(picture: SkyPicture, direction: PictureDirection) -> vec2<f32> {
-    return vec2(0.0);
-}
-
-fn faint_light(picture: SkyPicture, place: vec2<f32>) -> vec3<f32> {
+fn faint_light(first: u32, width: u32, place: vec2<f32>) -> vec3<f32> {
     return vec3(0.0);
 }

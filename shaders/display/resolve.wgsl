@@ -17,6 +17,7 @@
 #import shared/projection
 #import shared/refraction
 #import shared/point_grid
+#import shared/sky_cell
 #import shared/viewport
 #import shown = display/shown | display/shown_off
 #import structs/ResolveParameters
@@ -90,8 +91,7 @@ fn light_behind(viewport: Viewport, pixel: vec2<u32>, reads_diffuse: bool) -> ve
     let direction = picture_direction(arriving);
     var behind = vec3(0.0);
     if HAS_SKY {
-        let picture = faint_picture(direction);
-        behind += faint_light(picture, faint_place(picture, direction));
+        behind += faint_luminance(direction);
     }
     if reads_diffuse {
         behind += diffuse_luminance(parameters.diffuse, arriving, direction);
@@ -107,6 +107,19 @@ fn block_points(first: u32, stride: u32, is_halved: bool, is_second: bool, share
         value = select(value, mix(grid_points[first + stride], grid_points[first + 2u * stride], share), is_second);
     }
     return value;
+}
+
+// The place of a block's cell in the map of faint light, from its own entry or that of the cell beside it.
+fn block_cell(entry: u32, is_second: bool, is_halved: bool) -> SkyCell {
+    var cell = sky_cell(entry);
+    if is_halved {
+        let second = sky_cell(entry + SKY_CELL_ENTRIES);
+        cell.first = select(cell.first, second.first, is_second);
+        cell.width = select(cell.width, second.width, is_second);
+        cell.top = select(cell.top, second.top, is_second);
+        cell.bottom = select(cell.bottom, second.bottom, is_second);
+    }
+    return cell;
 }
 
 // Writes the light and the display value of a pixel of a plain block, or of one outside.
@@ -202,37 +215,33 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
                 let rough_rows = max(spacing >> halvings, 1u);
                 var rough = vec3(0.0);
                 var rough_slope = vec3(0.0);
-                // Directions, for maps of the sky.
+                // Places in the maps of the sky.
                 var place = vec2(0.0);
                 var place_slope = vec2(0.0);
                 var passed = vec3(0.0);
                 var passed_slope = vec3(0.0);
                 var number = 0u;
-                var faint: SkyPicture;
+                var faint: SkyCell;
                 var faint_at = vec2(0.0);
                 var faint_slope = vec2(0.0);
                 if HAS_SKY || is_rough {
                     let sky = plain_grid.sky + 2u * point;
-                    let place_top = block_points(sky, 2u, is_halved, is_second, share);
-                    let place_bottom = block_points(sky + 2u * below, 2u, is_halved, is_second, share);
                     let passed_top = block_points(sky + 1u, 2u, is_halved, is_second, share).xyz;
                     let passed_bottom = block_points(sky + 2u * below + 1u, 2u, is_halved, is_second, share).xyz;
-                    number = u32(grid_points[sky].z);
-                    place_slope = (place_bottom.xy - place_top.xy) * step;
-                    place = place_top.xy + 0.5 * place_slope;
                     passed_slope = (passed_bottom - passed_top) * step;
                     passed = passed_top + 0.5 * passed_slope;
                     if HAS_SKY {
-                        // The picture that contains the middle of the cells of the whole workgroup.
-                        let opposite = sky + 2u * below + select(2u, 4u, is_halved);
-                        let middle = 0.5 * (grid_points[sky].xy + grid_points[opposite].xy);
-                        faint = faint_picture(PictureDirection(number, middle));
-                        let faint_top = faint_place(faint, PictureDirection(number, place_top.xy));
-                        let faint_bottom = faint_place(faint, PictureDirection(number, place_bottom.xy));
-                        faint_slope = (faint_bottom - faint_top) * step;
+                        faint = block_cell(plain_grid.faint + SKY_CELL_ENTRIES * point, is_second, is_halved);
+                        let faint_top = mix(faint.top.xy, faint.top.zw, share);
+                        faint_slope = (mix(faint.bottom.xy, faint.bottom.zw, share) - faint_top) * step;
                         faint_at = faint_top + 0.5 * faint_slope;
                     }
                     if is_rough {
+                        let place_top = block_points(sky, 2u, is_halved, is_second, share);
+                        let place_bottom = block_points(sky + 2u * below, 2u, is_halved, is_second, share);
+                        number = u32(grid_points[sky].z);
+                        place_slope = (place_bottom.xy - place_top.xy) * step;
+                        place = place_top.xy + 0.5 * place_slope;
                         // The map is read instead.
                         let points = plain_grid.rough + point;
                         top -= block_points(points, 1u, is_halved, is_second, share);
@@ -247,7 +256,7 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
                     let index = tile.first_pixel + row * viewport.size.x + x;
                     var luminance = starlight(index, high) * smooth_light.w + smooth_light.xyz;
                     if HAS_SKY {
-                        luminance += passed * faint_light(faint, faint_at);
+                        luminance += passed * faint_light(faint.first, faint.width, faint_at);
                     }
                     if is_rough {
                         if ((row - cell_row) & (rough_rows - 1u)) == 0u {

@@ -1,6 +1,6 @@
 // Marks the blocks of a picture that are not plain: those that show ground or the air near the horizon, and those where a
 // second difference between the points of the grid says that interpolation is not accurate enough. The passes over bodies
-// mark further blocks.
+// mark further blocks. Finds where the cells of plain blocks are in the map of faint light.
 
 #import constants/frame_lists
 #import constants/plain_blocks
@@ -8,6 +8,8 @@
 #import constants/workgroups
 #import display/encode
 #import shared/projection
+#import shared/sky_cell
+#import shared/sky_map
 #import shared/viewport
 #import structs/PlainGrid
 #import structs/PlainParameters
@@ -15,8 +17,9 @@
 @group(0) @binding(0) var<uniform> parameters: PlainParameters;
 @group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
 @group(0) @binding(2) var<uniform> plain_grids: array<PlainGrid, MAX_VIEWPORTS>;
-@group(0) @binding(3) var<storage, read> grid_points: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> grid_points: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> counters: array<u32>;
+@group(0) @binding(5) var<storage, read> sky_texels: array<u32>;
 
 // Margin above the highest ground, pixels.
 const PIXELS_ABOVE_GROUND: f32 = 2.0;
@@ -68,6 +71,33 @@ fn flags_of_mixed(grid: PlainGrid, block: vec2<u32>, is_beside: bool) -> u32 {
         is_smooth = is_smooth && !is_visible(grid_points[grid.first + point].xyz, error.xyz);
     }
     return BLOCK_IS_MIXED | select(0u, BLOCK_HAS_SMOOTH_GLARE, is_smooth);
+}
+
+// The direction of a point in the pictures of the sky.
+fn direction_at(grid: PlainGrid, point: u32) -> PictureDirection {
+    let place = grid_points[grid.sky + 2u * point];
+    return PictureDirection(u32(place.z), place.xy);
+}
+
+// Finds the picture of the map of faint light that contains the middle of a cell, and the places of its corners in it. `first`: the cell's first point.
+fn place_cell(grid: PlainGrid, first: u32) {
+    let corners = array(
+        direction_at(grid, first),
+        direction_at(grid, first + 1u),
+        direction_at(grid, first + grid.columns),
+        direction_at(grid, first + grid.columns + 1u),
+    );
+    let middle = PictureDirection(corners[0].number, 0.5 * (corners[0].offset + corners[3].offset));
+    let picture = sky_picture(parameters.faint_map, middle);
+    var places: array<vec2<f32>, 4>;
+    for (var i = 0; i < 4; i++) {
+        places[i] = place_in_picture(parameters.faint_map, picture, corners[i]);
+    }
+    let cell = SkyCell(picture.first, picture.width, vec4(places[0], places[1]), vec4(places[2], places[3]));
+    let entry = grid.faint + SKY_CELL_ENTRIES * first;
+    grid_points[entry] = index_entry(cell);
+    grid_points[entry + 1u] = cell.top;
+    grid_points[entry + 2u] = cell.bottom;
 }
 
 @compute @workgroup_size(VEIL_SIDE, VEIL_SIDE)
@@ -174,4 +204,15 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
         flags |= flags_of_mixed(grid, id.xy, is_beside);
     }
     counters[flag] = flags;
+    if is_mixed || parameters.reads_faint_map == 0u {
+        return;
+    }
+    for (var row = 0u; row < cells; row++) {
+        for (var column = 0u; column < cells; column++) {
+            let place = id.xy * cells + vec2(column, row);
+            if all(place < last) {
+                place_cell(grid, place.y * grid.columns + place.x);
+            }
+        }
+    }
 }

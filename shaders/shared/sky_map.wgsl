@@ -34,13 +34,13 @@ fn place_in_picture(map: SkyMap, picture: SkyPicture, direction: PictureDirectio
     return place_in_face(map, direction);
 }
 
-// Luminance at a position, cd/m^2, interpolated between four texels.
-fn light_in_picture(map: SkyMap, picture: SkyPicture, place: vec2<f32>) -> vec3<f32> {
+// Luminance at a position in a picture, cd/m^2, interpolated between four texels. `first`: index of its first texel; `width`: texels.
+fn light_in_picture(map: SkyMap, first: u32, width: u32, place: vec2<f32>) -> vec3<f32> {
     let corner = floor(place);
     let share = place - corner;
-    let start = picture.first + u32(i32(corner.y)) * picture.width + u32(i32(corner.x));
+    let start = first + u32(i32(corner.y)) * width + u32(i32(corner.x));
     let upper = mix(light_of_texel(sky_texels[start]), light_of_texel(sky_texels[start + 1u]), share.x);
-    let below = start + picture.width;
+    let below = start + width;
     let lower = mix(light_of_texel(sky_texels[below]), light_of_texel(sky_texels[below + 1u]), share.x);
     return map.unit_cd_m2 * mix(upper, lower, share.y);
 }

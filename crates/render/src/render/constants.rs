@@ -136,6 +136,8 @@ shared_constants! {
         BLOCK_HALVINGS_SHIFT: u32 = 4;
         /// Greatest number of halvings: every row of pixels reads the map.
         MOST_HALVINGS: u32 = 3;
+        /// Entries of a cell of the grid: its place in the map of faint light.
+        SKY_CELL_ENTRIES: u32 = 3;
         /// A part that a frame does not have, in place of the index of its first point.
         NO_POINTS: u32 = u32::MAX;
     }

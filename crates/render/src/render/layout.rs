@@ -105,7 +105,9 @@ gpu_structs! {
         spacing_rad: f32,
         /// `spacing` is 2 to this power.
         spacing_log2: u32,
-        unused_0: u32,
+        /// Index of the first entry of the places of its cells in the map of faint light: three entries for each cell, at the number of its first
+        /// point.
+        faint: u32,
     }
     /// Parameters of the tone mapping.
     struct Display {

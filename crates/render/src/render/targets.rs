@@ -271,6 +271,11 @@ impl Targets {
         self.plain.as_ref().map_or(&self.stand_in, |plain| &plain.list)
     }
 
+    /// The map of faint light, or a placeholder.
+    pub(crate) fn faint_map(&self) -> (layout::SkyMap, &wgpu::Buffer) {
+        self.sky.as_ref().map_or((layout::SkyMap::default(), &self.stand_in), |sky| (sky.map, &sky.texels))
+    }
+
     /// Allocates the buffers of a frame, and uploads its viewports and tiles.
     pub(crate) fn begin(
         &mut self,

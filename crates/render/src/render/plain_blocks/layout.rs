@@ -2,7 +2,7 @@
 
 use crate::{
     gpu::gpu_structs,
-    render::layout::{AirAbove, Display},
+    render::layout::{AirAbove, Display, SkyMap},
 };
 
 gpu_structs! {
@@ -12,6 +12,8 @@ gpu_structs! {
         air: AirAbove,
         /// Tone mapping of the display image.
         shown: Display,
+        /// The map of faint light.
+        faint_map: SkyMap,
         /// Display value 1 per cd/m^2.
         display_per_cd_m2: f32,
         /// Greatest error of interpolated light: of display images in codes of 8 bits, of HDR images relative to the luminance.

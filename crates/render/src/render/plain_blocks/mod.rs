@@ -10,7 +10,10 @@ pub(crate) mod layout;
 use std::sync::OnceLock;
 
 use super::{
-    constants::{plain_blocks::NO_POINTS, workgroups::VEIL_SIDE},
+    constants::{
+        plain_blocks::{NO_POINTS, SKY_CELL_ENTRIES},
+        workgroups::VEIL_SIDE,
+    },
     display_variant::{DisplayVariant, encode_display},
     layout::{AirAbove, PlainGrid},
     point_grid::{GridSpacing, dispatch_points, point_grids},
@@ -77,9 +80,14 @@ impl Technique for PlainBlocks {
         let Some(plain) = &frame.plan.plain_blocks else { return };
         let spacing = GridSpacing { most_rad: 1.0, most_px: PLAIN_BLOCK_PX };
         let own = targets.reserve_points(gpu, "plain grids", point_grids(frame.plan, spacing));
-        let (mut sky, count) = point_grids(frame.plan, spacing);
-        sky.iter_mut().for_each(|grid| grid.first *= 2);
-        let sky = targets.reserve_points(gpu, "directions of plain grids", (sky, 2 * count));
+        let mut reserve = |label, entries| {
+            let (mut grids, count) = point_grids(frame.plan, spacing);
+            grids.iter_mut().for_each(|grid| grid.first *= entries);
+            targets.reserve_points(gpu, label, (grids, entries * count))
+        };
+        let sky = reserve("directions of plain grids", 2);
+        let reads_faint_map = frame.plan.smooth_light.map.is_some();
+        let faint = reads_faint_map.then(|| reserve("faint light of plain grids", SKY_CELL_ENTRIES));
         let parts = [
             targets.veil.as_ref(),
             targets.air.as_ref(),
@@ -87,6 +95,7 @@ impl Technique for PlainBlocks {
             targets.near.as_ref(),
             targets.diffuse.as_ref().and_then(|diffuse| diffuse.rough.as_ref()),
             Some(&sky),
+            faint.as_ref(),
         ];
         let first_of =
             |part: Option<&SmoothGrid>, viewport: usize| part.map_or(NO_POINTS, |part| part.grids[viewport].first);
@@ -96,7 +105,7 @@ impl Technique for PlainBlocks {
             .zip(&frame.plan.views.viewports)
             .enumerate()
             .map(|(number, (grid, viewport))| {
-                let [veil, air, diffuse, near, rough, sky] = parts.map(|part| first_of(part, number));
+                let [veil, air, diffuse, near, rough, sky, faint] = parts.map(|part| first_of(part, number));
                 let [block_columns, block_rows] = viewport.size().map(|side| side.div_ceil(PLAIN_BLOCK_PX));
                 PlainGrid {
                     first: if plain.spacings[number].is_some() { grid.first } else { NO_POINTS },
@@ -114,7 +123,7 @@ impl Technique for PlainBlocks {
                     sky,
                     spacing_rad: grid.spacing_rad,
                     spacing_log2: grid.spacing_log2,
-                    ..Default::default()
+                    faint,
                 }
             })
             .collect();
@@ -137,9 +146,11 @@ impl Technique for PlainBlocks {
         let most_solid_angle_error = if judged.is_some() { MOST_SOLID_ANGLE_ERROR } else { MOST_SOLID_ANGLE_ERROR_HDR };
         let (gather, mark) = (self.gather(gpu), &self.mark(gpu, judged));
         let ground = plan.air.sky.as_ref().and_then(|sky| sky.highest_ground_sine());
+        let (faint_map, texels) = recording.targets.faint_map();
         let parameters = layout::PlainParameters {
             air: AirAbove::from_sky(plan.air.sky.as_deref()),
             shown: encode_display(tone_map),
+            faint_map,
             display_per_cd_m2: (1.0 / white_cd_m2) as f32,
             most_error: (SHARE_OF_BUDGET * most_error) as f32,
             floor_cd_m2: (SHARE_OF_BUDGET * floor_cd_m2) as f32,
@@ -158,7 +169,7 @@ impl Technique for PlainBlocks {
         dispatch_points(&mut pass, &own.grids);
         pass.set_pipeline(mark);
         gpu.bind_tables(&mut pass, mark);
-        pass.set_bind_group(0, &bind_in_order(gpu, mark, 0, &[&parameters, viewports, &list, &points, counters]), &[]);
+        pass.set_bind_group(0, &bind_in_order(gpu, mark, 0, &[&parameters, viewports, &list, &points, counters, texels]), &[]);
         let most = |side: fn(&PlainGrid) -> u32| grids.iter().map(side).max().unwrap_or(0).div_ceil(VEIL_SIDE);
         pass.dispatch_workgroups(most(|grid| grid.block_columns), most(|grid| grid.block_rows), grids.len() as u32);
     }

@@ -18,6 +18,8 @@ use crate::plan::{
 
 /// Frames in which all pieces are drawn again that could be better: while a view rests, and while it moves.
 const FRAMES_OF_IMPROVEMENT: [usize; 2] = [16, 64];
+/// While a view moves, only one piece of those that are off by less than this is drawn again in a frame: most pieces leave the view sooner.
+const LEVELS_IN_MOTION: f32 = 3.0;
 /// Least number of words for pieces, unless the buffer must be smaller.
 const LEAST_WORDS: u64 = 10_000_000;
 
@@ -93,7 +95,10 @@ impl Pieces {
             }
         }
         improved.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let most = read.len().div_ceil(FRAMES_OF_IMPROVEMENT[usize::from(moves)]);
+        let mut most = read.len().div_ceil(FRAMES_OF_IMPROVEMENT[usize::from(moves)]);
+        if moves {
+            most = most.min(improved.iter().take_while(|(off, _)| *off > LEVELS_IN_MOTION).count().max(1));
+        }
         absent.extend(improved.into_iter().take(most).map(|(_, picture)| picture));
         absent
     }
@@ -281,5 +286,27 @@ mod tests {
         assert_eq!(pieces.draw(SkyPicture { number: 7, level: 4 }, None), (place, vec![]));
         assert_eq!(pieces.missing(&at(3.9), |_| true), []);
         assert!(pieces.are_drawn(&at(6.1)));
+    }
+
+    #[test]
+    fn a_moving_view_improves_pieces_that_are_far_off_and_one_other() {
+        let grid = PieceGrid::of_texels(1e-3).unwrap();
+        let at = |level: f32, count: u32| (0..count).map(|number| WantedPicture { number, level }).collect::<Vec<_>>();
+        let mut pieces = Pieces::new(grid, &at(8.0, 256), u64::MAX);
+        let draw_all = |pieces: &mut Pieces, read: &[WantedPicture]| {
+            let drawn = pieces.missing(read, |_| true);
+            drawn.iter().for_each(|picture| {
+                pieces.draw(*picture, None);
+            });
+            drawn.len()
+        };
+        assert_eq!(draw_all(&mut pieces, &at(8.0, 256)), 256);
+        // Moving: all are a little off, then far off, then too far.
+        assert_eq!(draw_all(&mut pieces, &at(9.0, 256)), 1);
+        assert_eq!(draw_all(&mut pieces, &at(11.5, 256)), 4);
+        assert_eq!(draw_all(&mut pieces, &at(14.5, 256)), 251 + 1);
+        assert_eq!(draw_all(&mut pieces, &at(16.0, 256)), 4);
+        // At rest those that are a little off follow, too.
+        assert_eq!(draw_all(&mut pieces, &at(16.0, 256)), 16);
     }
 }

@@ -1,0 +1,30 @@
+// Where a cell of a plain grid is in the map of faint light. A cell has SKY_CELL_ENTRIES entries, at the number of its first
+// point: `shaders/plain_blocks/mark.wgsl` writes them. The importer binds `grid_points`.
+
+#import constants/plain_blocks
+
+// Places in a picture of the map, texels from the centre of the first one.
+struct SkyCell {
+    // Index of the first texel of the picture.
+    first: u32,
+    // Width of the picture, texels.
+    width: u32,
+    // Left and right corner above, then those below.
+    top: vec4<f32>,
+    bottom: vec4<f32>,
+}
+
+// An index is held in two floats, because one is not exact.
+const INDEX_BITS: u32 = 12u;
+
+fn index_entry(cell: SkyCell) -> vec4<f32> {
+    let low = cell.first & ((1u << INDEX_BITS) - 1u);
+    return vec4(f32(cell.first >> INDEX_BITS), f32(low), f32(cell.width), 0.0);
+}
+
+// The cell whose entries begin at `entry`.
+fn sky_cell(entry: u32) -> SkyCell {
+    let index = grid_points[entry];
+    let first = (u32(index.x) << INDEX_BITS) | u32(index.y);
+    return SkyCell(first, u32(index.z), grid_points[entry + 1u], grid_points[entry + 2u]);
+}
