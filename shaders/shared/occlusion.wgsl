@@ -1,20 +1,35 @@
-// Occlusion of points of light by bodies and asteroids.
+// Occlusion of points of light by bodies and asteroids. The importer binds `counters`.
 
 #import constants/frame_lists
+#import constants/plain_blocks
 #import shared/cover
 #import shared/ellipsoid
 #import shared/splat
 #import shared/viewport
+#import structs/PlainGrid
 
 @group(2) @binding(0) var<storage, read> geometry: array<vec4<u32>>;
 @group(2) @binding(1) var<storage, read> view_bodies: array<ViewBody>;
 // First body and number of bodies of each viewport; two words are unused.
 @group(2) @binding(2) var<uniform> body_runs: array<vec4<u32>, MAX_VIEWPORTS>;
+// Grids of plain blocks, or grids without points: see shared/plain_block.wgsl.
+@group(2) @binding(3) var<uniform> plain_grids: array<PlainGrid, MAX_VIEWPORTS>;
 
 // Whether the scene has surfaces in addition to stars.
 override HAS_GEOMETRY: bool = false;
 // Distance of objects at infinity, m.
 const INFINITELY_FAR_M: f32 = 3e38;
+
+// Whether the block that contains a pixel of a tile is plain: nothing hides a star there. Its flag is more often in the cache of a
+// CPU than the pixel of the geometry.
+fn is_in_plain_block(viewport: u32, pixel: vec2<u32>) -> bool {
+    let grid = plain_grids[viewport];
+    if grid.first == NO_POINTS {
+        return false;
+    }
+    let flags = atomicLoad(&counters[grid.first_flag + pixel.y / PLAIN_BLOCK * grid.block_columns + pixel.x / PLAIN_BLOCK]);
+    return (flags & (BLOCK_IS_MIXED | BLOCK_IS_OUTSIDE)) == 0u;
+}
 
 // Visible share of a point of light at the distance `distance_m` whose image is at `pixel`. Occlusion by bodies is
 // exact, 0 or 1; occlusion by asteroids is the coverage of the pixel.
@@ -25,6 +40,9 @@ fn visible_share(tile: Tile, viewport: Viewport, direction: vec3<f32>, pixel: ve
     if own_pixel.x >= 0 {
         // In another tile, occlusion is tested against the bodies; for asteroids the nearest row of this tile is used.
         let inside = row >= 0 && row < i32(tile.rows);
+        if inside && is_in_plain_block(tile.viewport, vec2<u32>(own_pixel)) {
+            return 1.0;
+        }
         let held = clamp(row, 0, i32(tile.rows) - 1);
         let own = geometry[tile.first_pixel + u32(held) * viewport.size.x + u32(own_pixel.x)].w;
         if inside {

@@ -11,7 +11,10 @@ use super::{
     technique::{FrameInputs, Phase},
     viewport::encode_viewport,
 };
-use crate::render::{constants::counters, shader::Shader};
+use crate::render::{
+    constants::{counters, plain_blocks::NO_POINTS},
+    shader::Shader,
+};
 use crate::{
     gpu::{Gpu, GrowingBuffer, ShaderSource, bind_buffers, bind_in_order, filled_buffer},
     plan::{
@@ -206,7 +209,7 @@ impl Targets {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
         // As large as the largest structure or list of an unused binding.
-        let nothing = [layout::PlainGrid::default(); MAX_VIEWPORTS];
+        let nothing = [layout::PlainGrid { first: NO_POINTS, ..Default::default() }; MAX_VIEWPORTS];
         let stand_in = filled_buffer(gpu, "nothing", &nothing, usage | wgpu::BufferUsages::UNIFORM);
         let exposure = gpu.create_buffer(&wgpu::BufferDescriptor {
             label: Some("exposure"),
@@ -266,7 +269,7 @@ impl Targets {
         self.diffuse = None;
     }
 
-    /// Grids of plain blocks, or a placeholder.
+    /// Grids of plain blocks, or grids without points.
     pub(crate) fn plain_list(&self) -> &wgpu::Buffer {
         self.plain.as_ref().map_or(&self.stand_in, |plain| &plain.list)
     }
@@ -445,14 +448,19 @@ impl Targets {
     /// Returns the surfaces that hide the stars of a batch.
     pub(crate) fn occlusion(&self, batch: usize) -> Occlusion<'_> {
         match (&self.bodies, &self.batches[batch].geometry) {
-            (Some(bodies), Some(geometry)) => {
-                Occlusion { present: true, geometry, view_bodies: &bodies.view_bodies, body_runs: &bodies.body_runs }
-            }
+            (Some(bodies), Some(geometry)) => Occlusion {
+                present: true,
+                geometry,
+                view_bodies: &bodies.view_bodies,
+                body_runs: &bodies.body_runs,
+                plain_grids: self.plain_list(),
+            },
             _ => Occlusion {
                 present: false,
                 geometry: &self.stand_in,
                 view_bodies: &self.stand_in,
                 body_runs: &self.stand_in,
+                plain_grids: &self.stand_in,
             },
         }
     }
@@ -467,6 +475,8 @@ pub(crate) struct Occlusion<'a> {
     pub geometry: &'a wgpu::Buffer,
     pub view_bodies: &'a wgpu::Buffer,
     pub body_runs: &'a wgpu::Buffer,
+    /// Grids of plain blocks, or grids without points.
+    pub plain_grids: &'a wgpu::Buffer,
 }
 
 /// Buffers for the sums of light of a batch.
@@ -497,7 +507,7 @@ pub(crate) fn bind_occlusion(
     pipeline: &wgpu::ComputePipeline,
     occlusion: &Occlusion<'_>,
 ) -> wgpu::BindGroup {
-    let buffers = [occlusion.geometry, occlusion.view_bodies, occlusion.body_runs];
+    let buffers = [occlusion.geometry, occlusion.view_bodies, occlusion.body_runs, occlusion.plain_grids];
     bind_in_order(gpu, pipeline, 2, &buffers)
 }
 

@@ -8,6 +8,8 @@ use crate::{
     photometry::reflection::sphere_illuminance_lx,
     plan::{KernelPlan, stars::range::FixedPoint},
     render::{
+        constants::plain_blocks::NO_POINTS,
+        layout::{PlainGrid, Tile},
         targets::{Occlusion, POINT_COUNTERS},
         viewport::encode_viewport,
     },
@@ -25,8 +27,7 @@ fn summed(bench: &mut Bench, plan: &AsteroidPlan, units_per_lx: f64) -> ([f64; 3
     let [width, height] = viewport.size();
     let pixels = u64::from(width * height);
     let encoded = uniform_list(gpu, "viewports", &[encode_viewport(viewport, &KernelPlan::bspline())], MAX_VIEWPORTS);
-    let tile =
-        crate::render::layout::Tile { rows: height, first_flag: FIRST_DRAWN + POINT_COUNTERS, ..Default::default() };
+    let tile = Tile { rows: height, first_flag: FIRST_DRAWN + POINT_COUNTERS, ..Default::default() };
     let tiles = uniform_list(gpu, "tiles", &[tile], MAX_TILES);
     let zeros = |words: u64| {
         gpu.create_buffer(&wgpu::BufferDescriptor {
@@ -38,7 +39,15 @@ fn summed(bench: &mut Bench, plan: &AsteroidPlan, units_per_lx: f64) -> ([f64; 3
     };
     let (counters, low, high) = (zeros(4096), zeros(2 * pixels), zeros(2 * pixels));
     let (geometry, bodies, runs) = (zeros(4 * pixels), zeros(64), zeros(4 * MAX_VIEWPORTS as u64));
-    let occlusion = Occlusion { present: true, geometry: &geometry, view_bodies: &bodies, body_runs: &runs };
+    let no_grid = PlainGrid { first: NO_POINTS, ..Default::default() };
+    let grids = uniform_list(gpu, "plain grids", &[no_grid], MAX_VIEWPORTS);
+    let occlusion = Occlusion {
+        present: true,
+        geometry: &geometry,
+        view_bodies: &bodies,
+        body_runs: &runs,
+        plain_grids: &grids,
+    };
     let sums = Sums {
         viewports: &encoded,
         tiles: &tiles,

@@ -8,16 +8,17 @@ use std::sync::LazyLock;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
 use super::super::super::epoch::Epoch;
 use super::super::super::packed::{MIN_TEMPERATURE_K, PackedStar};
-use super::super::cells::CellFrame;
+use super::super::cells::{CellFrame, cell_count};
 use super::super::composite::Composite;
 use super::super::error::DeepError;
 use super::super::reader::{DeepStore, Leaf, light_scale};
 use super::super::tile::{Tile, tile_order, words_of_tile};
 use super::super::word::{DISTANCES_PC, LIGHT_STEPS, TEMPERATURE_STEPS, Word, temperature_k};
-use super::super::{BUCKET_ORDER, BUCKETS, LAYERS, PLANES};
+use super::super::{BUCKET_ORDER, LAYERS, PLANES};
 use crate::photometry::rec709::luminance;
 
 /// Greatest parallax of a star in a leaf, 1/pc.
@@ -51,9 +52,20 @@ fn cone_of(order: u8, cell: u64) -> (DVec3, f64) {
     (frame.centre, frame.radius_rad())
 }
 
-/// Those of the bucket order: every frame tests all of them.
-static BUCKET_CONES: LazyLock<Vec<(DVec3, f64)>> =
-    LazyLock::new(|| (0..BUCKETS).map(|cell| cone_of(BUCKET_ORDER, cell)).collect());
+/// Orders of the cells whose cones are kept: frames test most of them. Those of order 7 take 6 MB.
+const KEPT_ORDERS: [u8; 4] = [BUCKET_ORDER, 5, 6, 7];
+
+/// Cones of the cells of [`KEPT_ORDERS`].
+static CONES: [LazyLock<Vec<(DVec3, f64)>>; KEPT_ORDERS.len()] = [
+    LazyLock::new(|| cones_of(KEPT_ORDERS[0])),
+    LazyLock::new(|| cones_of(KEPT_ORDERS[1])),
+    LazyLock::new(|| cones_of(KEPT_ORDERS[2])),
+    LazyLock::new(|| cones_of(KEPT_ORDERS[3])),
+];
+
+fn cones_of(order: u8) -> Vec<(DVec3, f64)> {
+    (0..cell_count(order)).into_par_iter().map(|cell| cone_of(order, cell)).collect()
+}
 
 impl PageKey {
     /// Order of its cell.
@@ -87,7 +99,10 @@ impl PageKey {
     /// Axis, a unit vector, and half-angle in rad of a cone with all stars of the cell.
     pub fn cone(self) -> (DVec3, f64) {
         let (order, cell) = (self.order(), self.cell());
-        if order == BUCKET_ORDER { BUCKET_CONES[cell as usize] } else { cone_of(order, cell) }
+        match KEPT_ORDERS.iter().position(|kept| *kept == order) {
+            Some(kept) => CONES[kept][cell as usize],
+            None => cone_of(order, cell),
+        }
     }
 }
 
