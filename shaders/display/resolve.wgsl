@@ -218,7 +218,7 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
                 // Places in the maps of the sky.
                 var place = vec2(0.0);
                 var place_slope = vec2(0.0);
-                var passed = vec3(0.0);
+                var passed = vec3(1.0);
                 var passed_slope = vec3(0.0);
                 var number = 0u;
                 var faint: SkyCell;
@@ -226,10 +226,12 @@ fn resolve_run(tile: Tile, viewport: Viewport, group: vec3<u32>, local: u32, row
                 var faint_slope = vec2(0.0);
                 if HAS_SKY || is_rough {
                     let sky = plain_grid.sky + 2u * point;
-                    let passed_top = block_points(sky + 1u, 2u, is_halved, is_second, share).xyz;
-                    let passed_bottom = block_points(sky + 2u * below + 1u, 2u, is_halved, is_second, share).xyz;
-                    passed_slope = (passed_bottom - passed_top) * step;
-                    passed = passed_top + 0.5 * passed_slope;
+                    if HAS_AIR {
+                        let passed_top = block_points(sky + 1u, 2u, is_halved, is_second, share).xyz;
+                        let passed_bottom = block_points(sky + 2u * below + 1u, 2u, is_halved, is_second, share).xyz;
+                        passed_slope = (passed_bottom - passed_top) * step;
+                        passed = passed_top + 0.5 * passed_slope;
+                    }
                     if HAS_SKY {
                         faint = block_cell(plain_grid.faint + SKY_CELL_ENTRIES * point, is_second, is_halved);
                         let faint_top = mix(faint.top.xy, faint.top.zw, share);

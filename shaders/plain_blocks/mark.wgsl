@@ -41,14 +41,18 @@ fn error_at(first: u32, point: u32, columns: u32, stride: u32) -> vec4<f32> {
 // Whether the image is a display image, whose errors are codes.
 override JUDGES_CODES: bool;
 
-// Whether an error of light counts where the sum of light is `light`.
-fn is_visible(light: vec3<f32>, error: vec3<f32>) -> bool {
+// Whether an error of light counts where the sum of light is `light`. Software drivers compile a copy of the encoding for each call and each
+// iteration that they unroll, so it is in a loop that stays a loop, as are the callers.
+fn is_visible(viewport: Viewport, light: vec3<f32>, error: vec3<f32>) -> bool {
     if !JUDGES_CODES {
         let most = max(parameters.most_error * dot(light, LUMINANCE_WEIGHTS), parameters.floor_cd_m2);
         return !(max(error.x, max(error.y, error.z)) <= most);
     }
-    let change = encoded_display(light + error, parameters.display_per_cd_m2, parameters.shown)
-        - encoded_display(light, parameters.display_per_cd_m2, parameters.shown);
+    // The encoded light, then the difference of the light with its error from it.
+    var change = vec3(0.0);
+    for (var i = 0; i < turns(viewport, 2); i++) {
+        change = encoded_display(light + f32(i) * error, parameters.display_per_cd_m2, parameters.shown) - change;
+    }
     return !(255.0 * max(abs(change.x), max(abs(change.y), abs(change.z))) <= parameters.most_error);
 }
 
@@ -59,18 +63,80 @@ fn inner_point(grid: PlainGrid, block: vec2<u32>, i: u32) -> u32 {
     return place.y * grid.columns + place.x;
 }
 
-// Flags of a mixed block: whether the light that bodies scatter can be interpolated. `is_beside`: the block is beside a body.
-fn flags_of_mixed(grid: PlainGrid, block: vec2<u32>, is_beside: bool) -> u32 {
-    if is_beside || grid.near == NO_POINTS {
-        return BLOCK_IS_MIXED;
-    }
+// Whether the light that bodies scatter can be interpolated over a block.
+fn is_glare_smooth(grid: PlainGrid, viewport: Viewport, block: vec2<u32>) -> bool {
     var is_smooth = true;
-    for (var i = 0u; i < 2u; i++) {
-        let point = inner_point(grid, block, i);
+    for (var i = 0; i < turns(viewport, 2); i++) {
+        let point = inner_point(grid, block, u32(i));
         let error = error_at(grid.near, point, grid.columns, 1u);
-        is_smooth = is_smooth && !is_visible(grid_points[grid.first + point].xyz, error.xyz);
+        is_smooth = is_smooth && !is_visible(viewport, grid_points[grid.first + point].xyz, error.xyz);
     }
-    return BLOCK_IS_MIXED | select(0u, BLOCK_HAS_SMOOTH_GLARE, is_smooth);
+    return is_smooth;
+}
+
+// What the second differences around a point of a block say.
+struct Judgement {
+    // Whether interpolation is not accurate enough.
+    is_mixed: bool,
+    // Whether this is because of the light of the air.
+    is_steep: bool,
+    // How often the spacing is halved until the rough part of diffuse light is smooth.
+    halvings: u32,
+    // Whether places in the pictures of the sky are read, and known to be accurate.
+    reads_place: bool,
+    has_place: bool,
+}
+
+fn judgement_at(grid: PlainGrid, viewport: Viewport, point: u32, least_halvings: u32) -> Judgement {
+    var found = Judgement(false, false, least_halvings, false, false);
+    let own = grid_points[grid.first + point];
+    var error = error_at(grid.first, point, grid.columns, 1u);
+    found.is_mixed = !(error.w <= parameters.most_solid_angle_error * own.w);
+    if grid.rough != NO_POINTS {
+        let of_rough = error_at(grid.rough, point, grid.columns, 1u);
+        // Half the distance has a quarter of the error.
+        while found.halvings < MOST_HALVINGS
+            && is_visible(viewport, own.xyz, of_rough.xyz / f32(1u << (2u * found.halvings))) {
+            found.halvings++;
+        }
+        if found.halvings > 0u {
+            // The rest of the light.
+            let before = grid.rough + point;
+            let centre = 2.0 * (own.xyz - grid_points[before].xyz);
+            let along = grid_points[grid.first + point - 1u].xyz - grid_points[before - 1u].xyz
+                + grid_points[grid.first + point + 1u].xyz - grid_points[before + 1u].xyz - centre;
+            let row = grid.columns;
+            let across = grid_points[grid.first + point - row].xyz - grid_points[before - row].xyz
+                + grid_points[grid.first + point + row].xyz - grid_points[before + row].xyz - centre;
+            error = vec4(0.125 * (abs(along) + abs(across)), 0.0);
+        }
+    }
+    if found.halvings > 0u || parameters.reads_faint_map != 0u {
+        found.reads_place = true;
+        let of_place = error_at(grid.sky, point, grid.columns, 2u);
+        let of_passed = error_at(grid.sky + 1u, point, grid.columns, 2u);
+        // A neighbour in another picture says nothing about places in this one.
+        if of_place.z == 0.0 {
+            found.has_place = true;
+            found.is_mixed = found.is_mixed || !(max(of_place.x, of_place.y) <= MOST_PLACE_ERROR);
+        }
+        found.is_mixed = found.is_mixed || !(max(of_passed.x, max(of_passed.y, of_passed.z)) <= MOST_PASSED_ERROR);
+    }
+    // All light; if its error is visible, also that of the air.
+    var asked = error.xyz;
+    for (var part = 0; part < turns(viewport, 2); part++) {
+        let is_seen = is_visible(viewport, own.xyz, asked);
+        if part == 0 {
+            found.is_mixed = found.is_mixed || is_seen;
+        } else {
+            found.is_steep = is_seen;
+        }
+        if !is_seen || grid.air == NO_POINTS {
+            break;
+        }
+        asked = error_at(grid.air, point, grid.columns, 1u).xyz;
+    }
+    return found;
 }
 
 // The direction of a point in the pictures of the sky.
@@ -80,24 +146,23 @@ fn direction_at(grid: PlainGrid, point: u32) -> PictureDirection {
 }
 
 // Finds the picture of the map of faint light that contains the middle of a cell, and the places of its corners in it. `first`: the cell's first point.
-fn place_cell(grid: PlainGrid, first: u32) {
-    let corners = array(
-        direction_at(grid, first),
-        direction_at(grid, first + 1u),
-        direction_at(grid, first + grid.columns),
-        direction_at(grid, first + grid.columns + 1u),
-    );
-    let middle = PictureDirection(corners[0].number, 0.5 * (corners[0].offset + corners[3].offset));
+fn place_cell(grid: PlainGrid, viewport: Viewport, first: u32) {
+    let corner = direction_at(grid, first);
+    let opposite = direction_at(grid, first + grid.columns + 1u);
+    let middle = PictureDirection(corner.number, 0.5 * (corner.offset + opposite.offset));
     let picture = sky_picture(parameters.faint_map, middle);
-    var places: array<vec2<f32>, 4>;
-    for (var i = 0; i < 4; i++) {
-        places[i] = place_in_picture(parameters.faint_map, picture, corners[i]);
-    }
-    let cell = SkyCell(picture.first, picture.width, vec4(places[0], places[1]), vec4(places[2], places[3]));
     let entry = grid.faint + SKY_CELL_ENTRIES * first;
-    grid_points[entry] = index_entry(cell);
-    grid_points[entry + 1u] = cell.top;
-    grid_points[entry + 2u] = cell.bottom;
+    grid_points[entry] = index_entry(picture.first, picture.width);
+    // The left and the right corner above, then those below.
+    for (var row = 0; row < turns(viewport, 2); row++) {
+        let left = first + u32(row) * grid.columns;
+        var places = vec4(0.0);
+        for (var column = 0; column < turns(viewport, 2); column++) {
+            let place = place_in_picture(parameters.faint_map, picture, direction_at(grid, left + u32(column)));
+            places = vec4(select(places.xy, place, column == 0), place);
+        }
+        grid_points[entry + 1u + u32(row)] = places;
+    }
 }
 
 @compute @workgroup_size(VEIL_SIDE, VEIL_SIDE)
@@ -153,55 +218,26 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     if is_mixed || is_beside {
         // The air near the horizon is steep.
-        counters[flag] = flags_of_mixed(grid, id.xy, is_beside) | BLOCK_HAS_STEEP_AIR;
-        return;
+        is_mixed = true;
+        is_steep = true;
+    } else {
+        // Two opposite corners. Places need one whose neighbours are in the same picture.
+        var reads_place = false;
+        var has_place = false;
+        for (var i = 0; i < turns(viewport, 2); i++) {
+            let found = judgement_at(grid, viewport, inner_point(grid, id.xy, u32(i)), halvings);
+            is_mixed = is_mixed || found.is_mixed;
+            is_steep = is_steep || found.is_steep;
+            halvings = found.halvings;
+            reads_place = reads_place || found.reads_place;
+            has_place = has_place || found.has_place;
+        }
+        is_mixed = is_mixed || (reads_place && (is_edge || !has_place));
     }
-    // Second differences at two opposite corners. Those of places need one corner whose neighbours are in the same picture.
-    var reads_place = false;
-    var has_place = false;
-    for (var i = 0u; i < 2u; i++) {
-        let point = inner_point(grid, id.xy, i);
-        let own = grid_points[grid.first + point];
-        var error = error_at(grid.first, point, grid.columns, 1u);
-        is_mixed = is_mixed || !(error.w <= parameters.most_solid_angle_error * own.w);
-        if grid.rough != NO_POINTS {
-            let of_rough = error_at(grid.rough, point, grid.columns, 1u);
-            // Half the distance has a quarter of the error.
-            while halvings < MOST_HALVINGS && is_visible(own.xyz, of_rough.xyz / f32(1u << (2u * halvings))) {
-                halvings++;
-            }
-            if halvings > 0u {
-                // The rest of the light.
-                let before = grid.rough + point;
-                let centre = 2.0 * (grid_points[grid.first + point].xyz - grid_points[before].xyz);
-                let along = grid_points[grid.first + point - 1u].xyz - grid_points[before - 1u].xyz
-                    + grid_points[grid.first + point + 1u].xyz - grid_points[before + 1u].xyz - centre;
-                let row = grid.columns;
-                let across = grid_points[grid.first + point - row].xyz - grid_points[before - row].xyz
-                    + grid_points[grid.first + point + row].xyz - grid_points[before + row].xyz - centre;
-                error = vec4(0.125 * (abs(along) + abs(across)), 0.0);
-            }
-        }
-        if halvings > 0u || parameters.reads_faint_map != 0u {
-            reads_place = true;
-            let of_place = error_at(grid.sky, point, grid.columns, 2u);
-            let of_passed = error_at(grid.sky + 1u, point, grid.columns, 2u);
-            // A neighbour in another picture says nothing about places in this one.
-            if of_place.z == 0.0 {
-                has_place = true;
-                is_mixed = is_mixed || !(max(of_place.x, of_place.y) <= MOST_PLACE_ERROR);
-            }
-            is_mixed = is_mixed || !(max(of_passed.x, max(of_passed.y, of_passed.z)) <= MOST_PASSED_ERROR);
-        }
-        if is_visible(own.xyz, error.xyz) {
-            is_mixed = true;
-            is_steep = grid.air != NO_POINTS && is_visible(own.xyz, error_at(grid.air, point, grid.columns, 1u).xyz);
-        }
-    }
-    is_mixed = is_mixed || (reads_place && (is_edge || !has_place));
-    var flags = select(0u, BLOCK_HAS_STEEP_AIR, is_steep) | (halvings << BLOCK_HALVINGS_SHIFT);
-    if is_mixed {
-        flags |= flags_of_mixed(grid, id.xy, is_beside);
+    var flags = select(0u, BLOCK_IS_MIXED, is_mixed) | select(0u, BLOCK_HAS_STEEP_AIR, is_steep)
+        | (halvings << BLOCK_HALVINGS_SHIFT);
+    if is_mixed && !is_beside && grid.near != NO_POINTS && is_glare_smooth(grid, viewport, id.xy) {
+        flags |= BLOCK_HAS_SMOOTH_GLARE;
     }
     counters[flag] = flags;
     if is_mixed || parameters.reads_faint_map == 0u {
@@ -211,7 +247,7 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
         for (var column = 0u; column < cells; column++) {
             let place = id.xy * cells + vec2(column, row);
             if all(place < last) {
-                place_cell(grid, place.y * grid.columns + place.x);
+                place_cell(grid, viewport, place.y * grid.columns + place.x);
             }
         }
     }

@@ -17,9 +17,8 @@ struct SkyCell {
 // An index is held in two floats, because one is not exact.
 const INDEX_BITS: u32 = 12u;
 
-fn index_entry(cell: SkyCell) -> vec4<f32> {
-    let low = cell.first & ((1u << INDEX_BITS) - 1u);
-    return vec4(f32(cell.first >> INDEX_BITS), f32(low), f32(cell.width), 0.0);
+fn index_entry(first: u32, width: u32) -> vec4<f32> {
+    return vec4(f32(first >> INDEX_BITS), f32(first & ((1u << INDEX_BITS) - 1u)), f32(width), 0.0);
 }
 
 // The cell whose entries begin at `entry`.
