@@ -48,7 +48,8 @@ pub(crate) struct BackgroundJobs {
 }
 
 impl BackgroundJobs {
-    /// Starts the thread; the device is opened with the first failure test. Shaders that the renderer has prepared for later images are compiled at once.
+    /// Starts the thread; the device is opened with the first failure test. Shaders that the renderer has prepared for later images are compiled
+    /// when frames rest.
     pub(crate) fn spawn(open: OpenBeside, pipelines: PipelinesAhead) -> io::Result<Self> {
         let (jobs, given) = mpsc::channel();
         let ahead = pipelines.clone();
@@ -60,7 +61,7 @@ impl BackgroundJobs {
         let later = pipelines.clone();
         thread::Builder::new().name("later_shaders".to_owned()).spawn(move || {
             threads::stand_back();
-            if let Err(problem) = compile(&later) {
+            if let Err(problem) = compile(|| later.compile_at_rest()) {
                 tracing::error!("shaders for exact images are compiled when they are first needed: {problem}");
             }
         })?;
@@ -124,7 +125,7 @@ fn work(given: &mpsc::Receiver<Job>, mut open: OpenBeside, pipelines: &Pipelines
             Job::Bake { reply, .. } if reply.is_closed() => {}
             // Also for a caller that has disconnected: the change that it asked for may be asked for again.
             Job::Compile { reply } => {
-                let _ = reply.send(compile(pipelines));
+                let _ = reply.send(compile(|| pipelines.compile()));
             }
             Job::Verify { check, settings, reply } => {
                 let _ = reply.send(with(&mut engine, &mut open, |engine| engine.verify(check, &settings)));
@@ -139,9 +140,9 @@ fn work(given: &mpsc::Receiver<Job>, mut open: OpenBeside, pipelines: &Pipelines
     }
 }
 
-/// Compiles the shaders of pipelines that were created for later frames.
-fn compile(pipelines: &PipelinesAhead) -> Result<(), String> {
-    let compiled = catch_unwind(AssertUnwindSafe(|| threads::on_own_cores(|| pipelines.compile())));
+/// Compiles the shaders of pipelines that were created for later frames, by `work`.
+fn compile(work: impl FnOnce() + Send) -> Result<(), String> {
+    let compiled = catch_unwind(AssertUnwindSafe(|| threads::on_own_cores(work)));
     compiled.map_err(|payload| panicked(payload.as_ref()))
 }
 

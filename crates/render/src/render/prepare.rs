@@ -96,6 +96,11 @@ const FIRST_FRAME: Duration = Duration::from_millis(200);
 /// The same later. A frame that creates a large pipeline takes more than half a second.
 const IDLE: Duration = Duration::from_secs(2);
 
+/// Without a frame for this time, shaders of later images are compiled.
+const REST: Duration = Duration::from_secs(1);
+/// After this time they are compiled beside frames.
+const LONGEST_DELAY: Duration = Duration::from_secs(30);
+
 /// Pipelines that a later scene needs. The renderer creates them a few at a time, with the frames before, and those that take long on
 /// another thread. Clones share the content.
 #[derive(Clone)]
@@ -194,6 +199,17 @@ impl PipelinesAhead {
         if let Some(shaders) = shaders {
             shaders.compile();
         }
+    }
+
+    /// The same when no frame has been drawn for a second, or after half a minute: on a software driver frames and compiling share the cores.
+    pub fn compile_at_rest(&self) {
+        let Some(shaders) = self.state().shaders.take() else { return };
+        let begun = Instant::now();
+        let rests = |frame: Option<Instant>| frame.is_none_or(|frame| frame.elapsed() > REST);
+        while begun.elapsed() < LONGEST_DELAY && !rests(self.state().last_frame) {
+            thread::sleep(REST / 4);
+        }
+        shaders.compile();
     }
 
     /// Waits until the pipelines exist. Returns earlier if no frame creates them.

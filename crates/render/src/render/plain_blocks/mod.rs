@@ -169,7 +169,11 @@ impl Technique for PlainBlocks {
         dispatch_points(&mut pass, &own.grids);
         pass.set_pipeline(mark);
         gpu.bind_tables(&mut pass, mark);
-        pass.set_bind_group(0, &bind_in_order(gpu, mark, 0, &[&parameters, viewports, &list, &points, counters, texels]), &[]);
+        pass.set_bind_group(
+            0,
+            &bind_in_order(gpu, mark, 0, &[&parameters, viewports, &list, &points, counters, texels]),
+            &[],
+        );
         let most = |side: fn(&PlainGrid) -> u32| grids.iter().map(side).max().unwrap_or(0).div_ceil(VEIL_SIDE);
         pass.dispatch_workgroups(most(|grid| grid.block_columns), most(|grid| grid.block_rows), grids.len() as u32);
     }

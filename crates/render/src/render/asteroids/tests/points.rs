@@ -41,13 +41,8 @@ fn summed(bench: &mut Bench, plan: &AsteroidPlan, units_per_lx: f64) -> ([f64; 3
     let (geometry, bodies, runs) = (zeros(4 * pixels), zeros(64), zeros(4 * MAX_VIEWPORTS as u64));
     let no_grid = PlainGrid { first: NO_POINTS, ..Default::default() };
     let grids = uniform_list(gpu, "plain grids", &[no_grid], MAX_VIEWPORTS);
-    let occlusion = Occlusion {
-        present: true,
-        geometry: &geometry,
-        view_bodies: &bodies,
-        body_runs: &runs,
-        plain_grids: &grids,
-    };
+    let occlusion =
+        Occlusion { present: true, geometry: &geometry, view_bodies: &bodies, body_runs: &runs, plain_grids: &grids };
     let sums = Sums {
         viewports: &encoded,
         tiles: &tiles,
