@@ -177,8 +177,11 @@ export class FormState {
 
   /** Marks the form as edited. */
   watch(form: HTMLElement): void {
-    form.addEventListener("input", () => {
-      this.dirty = true;
-    });
+    // A field that is cleared by a program, such as a filler of forms, is only changed.
+    for (const kind of ["input", "change"]) {
+      form.addEventListener(kind, () => {
+        this.dirty = true;
+      });
+    }
   }
 }

@@ -100,9 +100,12 @@ export function cameraPanel(host: HTMLElement, steering: Steering, flight: Fligh
     make("div", { class: "buttons" }, submit),
   );
   let dirty = false;
-  form.addEventListener("input", () => {
-    dirty = true;
-  });
+  // A field that is cleared by a program, such as a filler of forms, is only changed.
+  for (const kind of ["input", "change"]) {
+    form.addEventListener(kind, () => {
+      dirty = true;
+    });
+  }
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
     try {
