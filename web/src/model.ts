@@ -177,7 +177,7 @@ export class FormState {
 
   /** Marks the form as edited. */
   watch(form: HTMLElement): void {
-    // A field that is cleared by a program, such as a filler of forms, is only changed.
+    // A program that clears a field, such as a filler of forms, causes a change but no input.
     for (const kind of ["input", "change"]) {
       form.addEventListener(kind, () => {
         this.dirty = true;

@@ -100,7 +100,7 @@ export function cameraPanel(host: HTMLElement, steering: Steering, flight: Fligh
     make("div", { class: "buttons" }, submit),
   );
   let dirty = false;
-  // A field that is cleared by a program, such as a filler of forms, is only changed.
+  // A program that clears a field, such as a filler of forms, causes a change but no input.
   for (const kind of ["input", "change"]) {
     form.addEventListener(kind, () => {
       dirty = true;
