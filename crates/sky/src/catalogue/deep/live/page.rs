@@ -8,7 +8,6 @@ use std::sync::LazyLock;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
 use super::super::super::epoch::Epoch;
 use super::super::super::packed::{MIN_TEMPERATURE_K, PackedStar};
@@ -52,19 +51,16 @@ fn cone_of(order: u8, cell: u64) -> (DVec3, f64) {
     (frame.centre, frame.radius_rad())
 }
 
-/// Orders of the cells whose cones are kept: frames test most of them. Those of order 7 take 6 MB.
-const KEPT_ORDERS: [u8; 4] = [BUCKET_ORDER, 5, 6, 7];
-
-/// Cones of the cells of [`KEPT_ORDERS`].
-static CONES: [LazyLock<Vec<(DVec3, f64)>>; KEPT_ORDERS.len()] = [
-    LazyLock::new(|| cones_of(KEPT_ORDERS[0])),
-    LazyLock::new(|| cones_of(KEPT_ORDERS[1])),
-    LazyLock::new(|| cones_of(KEPT_ORDERS[2])),
-    LazyLock::new(|| cones_of(KEPT_ORDERS[3])),
+/// Cones of the cells of the bucket order and of the next orders: frames test most of them. They are not computed in parallel: a thread
+/// of the pool that waits for a part may begin other work, which needs the cones that it computes.
+static CONES: [LazyLock<Vec<(DVec3, f64)>>; 3] = [
+    LazyLock::new(|| cones_of(BUCKET_ORDER)),
+    LazyLock::new(|| cones_of(BUCKET_ORDER + 1)),
+    LazyLock::new(|| cones_of(BUCKET_ORDER + 2)),
 ];
 
 fn cones_of(order: u8) -> Vec<(DVec3, f64)> {
-    (0..cell_count(order)).into_par_iter().map(|cell| cone_of(order, cell)).collect()
+    (0..cell_count(order)).map(|cell| cone_of(order, cell)).collect()
 }
 
 impl PageKey {
@@ -99,8 +95,8 @@ impl PageKey {
     /// Axis, a unit vector, and half-angle in rad of a cone with all stars of the cell.
     pub fn cone(self) -> (DVec3, f64) {
         let (order, cell) = (self.order(), self.cell());
-        match KEPT_ORDERS.iter().position(|kept| *kept == order) {
-            Some(kept) => CONES[kept][cell as usize],
+        match CONES.get(usize::from(order - BUCKET_ORDER)) {
+            Some(cones) => cones[cell as usize],
             None => cone_of(order, cell),
         }
     }
