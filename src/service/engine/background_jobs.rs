@@ -61,7 +61,9 @@ impl BackgroundJobs {
         let later = pipelines.clone();
         thread::Builder::new().name("later_shaders".to_owned()).spawn(move || {
             threads::stand_back();
-            if let Err(problem) = compile(|| later.compile_at_rest()) {
+            let Some(shaders) = later.take_shaders() else { return };
+            later.wait_for_rest();
+            if let Err(problem) = compile(|| shaders.compile()) {
                 tracing::error!("shaders for exact images are compiled when they are first needed: {problem}");
             }
         })?;

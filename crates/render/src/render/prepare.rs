@@ -96,9 +96,9 @@ const FIRST_FRAME: Duration = Duration::from_millis(200);
 /// The same later. A frame that creates a large pipeline takes more than half a second.
 const IDLE: Duration = Duration::from_secs(2);
 
-/// Without a frame for this time, shaders of later images are compiled.
+/// Frames rest if none has begun for this time.
 const REST: Duration = Duration::from_secs(1);
-/// After this time they are compiled beside frames.
+/// Longest wait for that.
 const LONGEST_DELAY: Duration = Duration::from_secs(30);
 
 /// Pipelines that a later scene needs. The renderer creates them a few at a time, with the frames before, and those that take long on
@@ -109,6 +109,16 @@ pub struct PipelinesAhead(Arc<dyn Opaque>);
 impl Default for PipelinesAhead {
     fn default() -> Self {
         Self(Arc::new(AheadShared::default()))
+    }
+}
+
+/// Shaders of pipelines that a later scene needs.
+pub struct ShadersAhead(CollectedShaders);
+
+impl ShadersAhead {
+    /// Compiles them; see [`PipelinesAhead::compile`].
+    pub fn compile(&self) {
+        self.0.compile();
     }
 }
 
@@ -195,21 +205,23 @@ impl PipelinesAhead {
     /// Compiles the shaders of the pipelines that frames have created, if the driver compiles shaders when they first run. Takes up to a minute
     /// with an empty cache of the driver; frames go on.
     pub fn compile(&self) {
-        let shaders = self.state().shaders.take();
-        if let Some(shaders) = shaders {
+        if let Some(shaders) = self.take_shaders() {
             shaders.compile();
         }
     }
 
-    /// The same when no frame has been drawn for a second, or after half a minute: on a software driver frames and compiling share the cores.
-    pub fn compile_at_rest(&self) {
-        let Some(shaders) = self.state().shaders.take() else { return };
+    /// Takes these shaders, to compile them later; `None`: there are none.
+    pub fn take_shaders(&self) -> Option<ShadersAhead> {
+        self.state().shaders.take().map(ShadersAhead)
+    }
+
+    /// Waits until no frame has begun for a second, at most for half a minute: on a software driver frames and compiling share the cores.
+    pub fn wait_for_rest(&self) {
         let begun = Instant::now();
-        let rests = |frame: Option<Instant>| frame.is_none_or(|frame| frame.elapsed() > REST);
-        while begun.elapsed() < LONGEST_DELAY && !rests(self.state().last_frame) {
+        let rests = || self.state().last_frame.is_none_or(|frame| frame.elapsed() > REST);
+        while begun.elapsed() < LONGEST_DELAY && !rests() {
             thread::sleep(REST / 4);
         }
-        shaders.compile();
     }
 
     /// Waits until the pipelines exist. Returns earlier if no frame creates them.
