@@ -45,6 +45,11 @@ export function plain(value: number): string {
   return String(Number(value.toPrecision(9)));
 }
 
+/** Calls `edited` whenever a field of a form is edited. A program that clears a field, such as a filler of forms, causes a change but no input. */
+export function onEdit(form: HTMLElement, edited: () => void): void {
+  for (const kind of ["input", "change"]) form.addEventListener(kind, edited);
+}
+
 let lastId = 0;
 
 /** A label with its control; the control gets an id and the label points at it. */

@@ -8,6 +8,7 @@ import type { Info } from "../gen/steradian/v1/diagnostics_pb.ts";
 import type { Scene, SceneSchema } from "../gen/steradian/v1/scene_pb.ts";
 import type { Frame, View, ViewDefinitionSchema, ViewSchema } from "../gen/steradian/v1/view_pb.ts";
 import { milliseconds } from "./clock.ts";
+import { onEdit } from "./dom.ts";
 import { notify } from "./notices.ts";
 import { PATIENCE_MS, diagnostics, failureOf, messageOf, scenes, views } from "./rpc.ts";
 
@@ -177,11 +178,8 @@ export class FormState {
 
   /** Marks the form as edited. */
   watch(form: HTMLElement): void {
-    // A program that clears a field, such as a filler of forms, causes a change but no input.
-    for (const kind of ["input", "change"]) {
-      form.addEventListener(kind, () => {
-        this.dirty = true;
-      });
-    }
+    onEdit(form, () => {
+      this.dirty = true;
+    });
   }
 }

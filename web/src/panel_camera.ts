@@ -1,7 +1,7 @@
 // Position and direction of the camera: displayed, set by numbers, and steered by buttons, which replace keys on touch
 // screens.
 
-import { field, make, numberInput, numberOf, plain } from "./dom.ts";
+import { field, make, numberInput, numberOf, onEdit, plain } from "./dom.ts";
 import type { Flight } from "./look.ts";
 import { type Quat, orientationTowards, towards } from "./maths.ts";
 import { notify } from "./notices.ts";
@@ -100,12 +100,9 @@ export function cameraPanel(host: HTMLElement, steering: Steering, flight: Fligh
     make("div", { class: "buttons" }, submit),
   );
   let dirty = false;
-  // A program that clears a field, such as a filler of forms, causes a change but no input.
-  for (const kind of ["input", "change"]) {
-    form.addEventListener(kind, () => {
-      dirty = true;
-    });
-  }
+  onEdit(form, () => {
+    dirty = true;
+  });
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
     try {
