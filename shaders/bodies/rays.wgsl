@@ -17,12 +17,12 @@
 #import shared/cover
 #import shared/ellipsoid
 #import shared/math
+#import shared/plain_flag
 #import shared/projection
 #import shared/reflection
 #import shared/viewport
 #import structs/BodySun
 #import structs/GeometryParameters
-#import structs/PlainGrid
 
 @group(0) @binding(0) var<uniform> parameters: GeometryParameters;
 @group(0) @binding(1) var<uniform> viewports: array<Viewport, MAX_VIEWPORTS>;
@@ -554,9 +554,7 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
     let shows_surface = word != 0u || any(light != vec3(0.0));
     if HAS_PLAIN {
         if shows_surface {
-            let grid = plain_grids[tile.viewport];
-            let block = pixel / PLAIN_BLOCK;
-            atomicOr(&counters[grid.first_flag + block.y * grid.block_columns + block.x], BLOCK_IS_MIXED);
+            atomicOr(&counters[flag_of_pixel(plain_grids[tile.viewport], pixel)], BLOCK_IS_MIXED);
         }
     }
 }

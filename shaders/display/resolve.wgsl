@@ -109,7 +109,8 @@ fn block_points(first: u32, stride: u32, is_halved: bool, is_second: bool, share
     return value;
 }
 
-// The place of a block's cell in the map of faint light, from its own entry or that of the cell beside it.
+// Where the cell of an invocation is in the map of faint light. `entry`: of the first cell of the block's row. The block has a second cell
+// beside it if it `is_halved`.
 fn block_cell(entry: u32, is_second: bool, is_halved: bool) -> SkyCell {
     var cell = sky_cell(entry);
     if is_halved {

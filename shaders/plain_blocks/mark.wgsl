@@ -28,21 +28,36 @@ const MOST_PLACE_ERROR: f32 = 2e-4;
 // Error of the share of light that passes the air.
 const MOST_PASSED_ERROR: f32 = 4e-3;
 
-// Error of interpolation beside a point, from second differences along rows and columns: an eighth of each. `first`: index of
-// the first point of a part, whose points are `stride` entries apart.
-fn error_at(first: u32, point: u32, columns: u32, stride: u32) -> vec4<f32> {
+// Second differences of values beside a point.
+struct Differences {
+    // Along its row, and along its column.
+    along: vec4<f32>,
+    across: vec4<f32>,
+}
+
+// `first`: index of the first point of a part, whose points are `stride` entries apart.
+fn differences_at(first: u32, point: u32, columns: u32, stride: u32) -> Differences {
     let own = first + stride * point;
     let centre = 2.0 * grid_points[own];
-    let along = grid_points[own - stride] + grid_points[own + stride] - centre;
-    let across = grid_points[own - stride * columns] + grid_points[own + stride * columns] - centre;
-    return 0.125 * (abs(along) + abs(across));
+    return Differences(
+        grid_points[own - stride] + grid_points[own + stride] - centre,
+        grid_points[own - stride * columns] + grid_points[own + stride * columns] - centre);
+}
+
+// Error of interpolation: an eighth of each second difference.
+fn error_of(differences: Differences) -> vec4<f32> {
+    return 0.125 * (abs(differences.along) + abs(differences.across));
+}
+
+fn error_at(first: u32, point: u32, columns: u32, stride: u32) -> vec4<f32> {
+    return error_of(differences_at(first, point, columns, stride));
 }
 
 // Whether the image is a display image, whose errors are codes.
 override JUDGES_CODES: bool;
 
-// Whether an error of light counts where the sum of light is `light`. Software drivers compile a copy of the encoding for each call and each
-// iteration that they unroll, so it is in a loop that stays a loop, as are the callers.
+// Whether an error of light counts where the sum of light is `light`. Software drivers compile a copy of the encoding for each call and for
+// each unrolled iteration. So this loop and those of the callers stay loops.
 fn is_visible(viewport: Viewport, light: vec3<f32>, error: vec3<f32>) -> bool {
     if !JUDGES_CODES {
         let most = max(parameters.most_error * dot(light, LUMINANCE_WEIGHTS), parameters.floor_cd_m2);
@@ -74,7 +89,7 @@ fn is_glare_smooth(grid: PlainGrid, viewport: Viewport, block: vec2<u32>) -> boo
     return is_smooth;
 }
 
-// What the second differences around a point of a block say.
+// Whether light can be interpolated around a point of a block.
 struct Judgement {
     // Whether interpolation is not accurate enough.
     is_mixed: bool,
@@ -82,37 +97,35 @@ struct Judgement {
     is_steep: bool,
     // How often the spacing is halved until the rough part of diffuse light is smooth.
     halvings: u32,
-    // Whether places in the pictures of the sky are read, and known to be accurate.
-    reads_place: bool,
+    // Whether all neighbours are in the same picture of the sky, so that the error of places in it is known.
     has_place: bool,
 }
 
+// Whether pixels read a map of the sky, if the spacing is halved so often.
+fn reads_place(halvings: u32) -> bool {
+    return halvings > 0u || parameters.reads_faint_map != 0u;
+}
+
 fn judgement_at(grid: PlainGrid, viewport: Viewport, point: u32, least_halvings: u32) -> Judgement {
-    var found = Judgement(false, false, least_halvings, false, false);
+    var found = Judgement(false, false, least_halvings, false);
     let own = grid_points[grid.first + point];
-    var error = error_at(grid.first, point, grid.columns, 1u);
+    let of_all = differences_at(grid.first, point, grid.columns, 1u);
+    var error = error_of(of_all);
     found.is_mixed = !(error.w <= parameters.most_solid_angle_error * own.w);
     if grid.rough != NO_POINTS {
-        let of_rough = error_at(grid.rough, point, grid.columns, 1u);
+        let of_rough = differences_at(grid.rough, point, grid.columns, 1u);
+        let rough_error = error_of(of_rough).xyz;
         // Half the distance has a quarter of the error.
         while found.halvings < MOST_HALVINGS
-            && is_visible(viewport, own.xyz, of_rough.xyz / f32(1u << (2u * found.halvings))) {
+            && is_visible(viewport, own.xyz, rough_error / f32(1u << (2u * found.halvings))) {
             found.halvings++;
         }
         if found.halvings > 0u {
             // The rest of the light.
-            let before = grid.rough + point;
-            let centre = 2.0 * (own.xyz - grid_points[before].xyz);
-            let along = grid_points[grid.first + point - 1u].xyz - grid_points[before - 1u].xyz
-                + grid_points[grid.first + point + 1u].xyz - grid_points[before + 1u].xyz - centre;
-            let row = grid.columns;
-            let across = grid_points[grid.first + point - row].xyz - grid_points[before - row].xyz
-                + grid_points[grid.first + point + row].xyz - grid_points[before + row].xyz - centre;
-            error = vec4(0.125 * (abs(along) + abs(across)), 0.0);
+            error = error_of(Differences(of_all.along - of_rough.along, of_all.across - of_rough.across));
         }
     }
-    if found.halvings > 0u || parameters.reads_faint_map != 0u {
-        found.reads_place = true;
+    if reads_place(found.halvings) {
         let of_place = error_at(grid.sky, point, grid.columns, 2u);
         let of_passed = error_at(grid.sky + 1u, point, grid.columns, 2u);
         // A neighbour in another picture says nothing about places in this one.
@@ -222,17 +235,15 @@ fn mark_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
         is_steep = true;
     } else {
         // Two opposite corners. Places need one whose neighbours are in the same picture.
-        var reads_place = false;
         var has_place = false;
         for (var i = 0; i < turns(viewport, 2); i++) {
             let found = judgement_at(grid, viewport, inner_point(grid, id.xy, u32(i)), halvings);
             is_mixed = is_mixed || found.is_mixed;
             is_steep = is_steep || found.is_steep;
             halvings = found.halvings;
-            reads_place = reads_place || found.reads_place;
             has_place = has_place || found.has_place;
         }
-        is_mixed = is_mixed || (reads_place && (is_edge || !has_place));
+        is_mixed = is_mixed || (reads_place(halvings) && (is_edge || !has_place));
     }
     var flags = select(0u, BLOCK_IS_MIXED, is_mixed) | select(0u, BLOCK_HAS_STEEP_AIR, is_steep)
         | (halvings << BLOCK_HALVINGS_SHIFT);

@@ -4,9 +4,9 @@
 #import constants/plain_blocks
 #import shared/cover
 #import shared/ellipsoid
+#import shared/plain_flag
 #import shared/splat
 #import shared/viewport
-#import structs/PlainGrid
 
 @group(2) @binding(0) var<storage, read> geometry: array<vec4<u32>>;
 @group(2) @binding(1) var<storage, read> view_bodies: array<ViewBody>;
@@ -27,7 +27,7 @@ fn is_in_plain_block(viewport: u32, pixel: vec2<u32>) -> bool {
     if grid.first == NO_POINTS {
         return false;
     }
-    let flags = atomicLoad(&counters[grid.first_flag + pixel.y / PLAIN_BLOCK * grid.block_columns + pixel.x / PLAIN_BLOCK]);
+    let flags = atomicLoad(&counters[flag_of_pixel(grid, pixel)]);
     return (flags & (BLOCK_IS_MIXED | BLOCK_IS_OUTSIDE)) == 0u;
 }
 

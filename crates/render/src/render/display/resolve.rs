@@ -58,7 +58,7 @@ pub(crate) struct ResolvePass {
     reads_faint_map: bool,
     /// One pipeline per set of outputs and tone-mapping variant.
     pipelines: Variants<(ResolveOutputs, DisplayVariant), wgpu::ComputePipeline>,
-    /// Placeholder for missing bright sums, smooth light and sky pictures.
+    /// Placeholder for missing bright sums and smooth light.
     nothing: wgpu::Buffer,
     /// Placeholder for the display image if it is not written.
     no_display: wgpu::Buffer,
@@ -161,11 +161,12 @@ impl ResolvePass {
         let batch = &targets.batches[number];
         let occlusion = targets.occlusion(number);
         let display = batch.display.as_ref().filter(|_| shows);
-        let (sky, diffuse) = (targets.sky.as_ref(), targets.diffuse.as_ref());
+        let diffuse = targets.diffuse.as_ref();
+        let (faint_map, faint_texels) = targets.faint_map();
         let outputs = ResolveOutputs {
             geometry: occlusion.present,
             veil: targets.veil.is_some(),
-            sky: sky.is_some(),
+            sky: targets.sky.is_some(),
             air: air.present != 0,
             moves: diffuse.is_some_and(|diffuse| diffuse.light.beta > 0.0),
             plain: targets.plain.is_some(),
@@ -179,7 +180,7 @@ impl ResolvePass {
             plane_pixels: batch.plane_pixels,
             first_bright_high: (batch.bright_high_bytes / 8) as u32,
             shown: encode_display(tone_map),
-            sky: sky.map(|sky| sky.map).unwrap_or_default(),
+            sky: faint_map,
             diffuse: diffuse.map(|diffuse| diffuse.light).unwrap_or_default(),
             air,
             diffuse_is_smooth: u32::from(diffuse.is_some_and(|diffuse| diffuse.smooth.is_some())),
@@ -210,7 +211,7 @@ impl ResolvePass {
             bindings.push((6, display.unwrap_or(&self.no_display)));
         }
         if self.reads_faint_map {
-            bindings.push((13, sky.map_or(nothing, |sky| &sky.texels)));
+            bindings.push((13, faint_texels));
         }
         let bindings: Vec<_> =
             bindings.into_iter().map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
