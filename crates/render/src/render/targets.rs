@@ -4,30 +4,36 @@
 //! pass, luminance and solid angle. The display image has a separate buffer. [`Targets::begin`] allocates the buffers
 //! of a frame; [`Targets::enter`] clears those that a phase fills.
 
+mod bindings;
+mod grid;
+
 use super::{
     frame::Wanted,
     layout,
-    tabulated::{MappingTables, projecting},
+    tabulated::MappingTables,
     technique::{FrameInputs, Phase},
     viewport::encode_viewport,
 };
-use crate::render::{
-    constants::{counters, plain_blocks::NO_POINTS},
-    shader::Shader,
-};
 use crate::{
-    gpu::{Gpu, GrowingBuffer, ShaderSource, bind_buffers, bind_in_order, filled_buffer},
+    gpu::{Gpu, GrowingBuffer, filled_buffer},
     plan::{
-        DISPLAY_BYTES, KernelPlan, Plan,
+        DISPLAY_BYTES, KernelPlan,
         plain_blocks::PLAIN_BLOCK_PX,
         stars::cull::MAX_VIEWPORTS,
-        tiles::{BYTES_PER_PIXEL, Batch, MAX_TILES, Tile},
+        tiles::{BYTES_PER_PIXEL, MAX_TILES},
     },
+    render::constants::{counters, plain_blocks::NO_POINTS},
     view::Viewport,
 };
 
-use crate::render::constants::pixel_grid::BLOCK_COLUMNS;
 pub(crate) use crate::render::constants::pixel_grid::{COLUMNS, ROWS};
+pub(crate) use bindings::{
+    Occlusion, PictureTarget, Sums, bind_occlusion, bind_picture, bind_sums, splatting, splatting_shader,
+};
+use grid::{encoded_tiles, grid_of};
+#[cfg(test)]
+pub(crate) use grid::{partial_sums, pixel_grid};
+pub(crate) use grid::{row_groups, tile_grid, workgroups};
 
 /// Counters of asteroids drawn as points: visible points per viewport, then visible asteroids of groups that contain only points.
 pub(crate) const POINT_COUNTERS: u32 = 2 * MAX_VIEWPORTS as u32;
@@ -466,92 +472,6 @@ impl Targets {
     }
 }
 
-/// Surfaces of bodies and asteroids that hide lights behind them: see `shaders/shared/occlusion.wgsl`.
-#[derive(Clone, Copy)]
-pub(crate) struct Occlusion<'a> {
-    /// Whether there are surfaces; if not, the buffers are placeholders.
-    pub present: bool,
-    /// Result of the geometry pass for the pixels of the batch.
-    pub geometry: &'a wgpu::Buffer,
-    pub view_bodies: &'a wgpu::Buffer,
-    pub body_runs: &'a wgpu::Buffer,
-    /// Grids of plain blocks, or grids without points.
-    pub plain_grids: &'a wgpu::Buffer,
-}
-
-/// Buffers for the sums of light of a batch.
-#[derive(Clone)]
-pub(crate) struct Sums<'a> {
-    pub viewports: &'a wgpu::Buffer,
-    pub tiles: &'a wgpu::Buffer,
-    pub counters: &'a wgpu::Buffer,
-    pub low_words: wgpu::BufferBinding<'a>,
-    pub high_words: wgpu::BufferBinding<'a>,
-    pub occlusion: Occlusion<'a>,
-}
-
-/// Buffers of a batch whose picture is written or modified as luminance, with partial sums for the exposure.
-#[derive(Clone, Copy)]
-pub(crate) struct PictureTarget<'a> {
-    pub viewports: &'a wgpu::Buffer,
-    pub tiles: &'a wgpu::Buffer,
-    pub pixels: &'a wgpu::Buffer,
-    pub partial_sums: &'a wgpu::Buffer,
-    /// Pixels of the batch.
-    pub plane_pixels: u32,
-}
-
-/// Bind group 2 of every splatting pass: the surfaces that hide stars.
-pub(crate) fn bind_occlusion(
-    gpu: &Gpu,
-    pipeline: &wgpu::ComputePipeline,
-    occlusion: &Occlusion<'_>,
-) -> wgpu::BindGroup {
-    let buffers = [occlusion.geometry, occlusion.view_bodies, occlusion.body_runs, occlusion.plain_grids];
-    bind_in_order(gpu, pipeline, 2, &buffers)
-}
-
-/// Resolves a shader that splats in fixed point, with the accumulator that the adapter supports.
-pub(crate) fn splatting(gpu: &Gpu, file: &str) -> ShaderSource {
-    splatting_shader(gpu, file).source()
-}
-
-/// The same, not yet composed.
-pub(crate) fn splatting_shader(gpu: &Gpu, file: &str) -> Shader {
-    let accumulate = if gpu.wide_accumulator { "shared/accumulate_u64" } else { "shared/accumulate_u32" };
-    projecting(gpu, file).with("accumulate", accumulate)
-}
-
-/// Bind group 0 of every pass that splats in fixed point: parameters, sums, and `others`.
-pub(crate) fn bind_sums(
-    gpu: &Gpu,
-    pipeline: &wgpu::ComputePipeline,
-    parameters: &wgpu::Buffer,
-    sums: &Sums<'_>,
-    others: &[(u32, wgpu::BindingResource<'_>)],
-) -> wgpu::BindGroup {
-    let sum_bindings = [
-        (0, parameters.as_entire_binding()),
-        (1, sums.viewports.as_entire_binding()),
-        (2, sums.tiles.as_entire_binding()),
-        (3, sums.counters.as_entire_binding()),
-        (4, wgpu::BindingResource::Buffer(sums.low_words.clone())),
-        (6, wgpu::BindingResource::Buffer(sums.high_words.clone())),
-    ];
-    bind_buffers(gpu, pipeline, 0, &[&sum_bindings[..], others].concat())
-}
-
-/// Bind group 0 of every pass over luminance pictures: parameters and picture.
-pub(crate) fn bind_picture(
-    gpu: &Gpu,
-    pipeline: &wgpu::ComputePipeline,
-    parameters: &wgpu::Buffer,
-    target: &PictureTarget<'_>,
-) -> wgpu::BindGroup {
-    let buffers = [parameters, target.viewports, target.tiles, target.pixels, target.partial_sums];
-    bind_in_order(gpu, pipeline, 0, &buffers)
-}
-
 /// Encodes a viewport, including the position of its table if it is tabulated.
 fn encode(viewport: &Viewport, kernels: &KernelPlan, tables: &MappingTables) -> layout::Viewport {
     let mut encoded = encode_viewport(viewport, kernels);
@@ -559,75 +479,4 @@ fn encode(viewport: &Viewport, kernels: &KernelPlan, tables: &MappingTables) -> 
         encoded.face = first;
     }
     encoded
-}
-
-/// Row runs per workgroup on a GPU.
-const ROW_GROUPS: u32 = 8;
-
-/// Row runs per workgroup on this adapter.
-pub(crate) fn row_groups(gpu: &Gpu) -> u32 {
-    if gpu.software { 1 } else { ROW_GROUPS }
-}
-
-/// Number of workgroups for the pixels of a batch, computed from its grid of blocks.
-pub(crate) fn workgroups([columns, rows, tiles]: [u32; 3], row_groups: u32) -> [u32; 3] {
-    [columns * (COLUMNS / BLOCK_COLUMNS), rows.div_ceil(row_groups), tiles]
-}
-
-/// Number of flags of a tile: one per block of pixels of the grid, row by row.
-fn flags_of(width: u32, rows: u32) -> u32 {
-    width.div_ceil(COLUMNS) * rows.div_ceil(ROWS)
-}
-
-/// Workgroups over all pixels of a batch's tiles: columns, rows, tiles. `widths` are the widths of the tiles.
-pub(crate) fn pixel_grid(tiles: &[Tile], widths: &[u32]) -> [u32; 3] {
-    let columns = widths.iter().max().copied().unwrap_or(0).div_ceil(COLUMNS);
-    let rows = tiles.iter().map(|tile| tile.rows).max().unwrap_or(0).div_ceil(ROWS);
-    [columns, rows, tiles.len() as u32]
-}
-
-/// Workgroups over all pixels of a single tile: columns, rows, 1.
-pub(crate) fn tile_grid(tile: &Tile, viewport: &Viewport) -> [u32; 3] {
-    pixel_grid(std::slice::from_ref(tile), &[viewport.size()[0]])
-}
-
-fn grid_of(plan: &Plan, batch: &Batch) -> [u32; 3] {
-    let widths: Vec<u32> = batch.tiles.iter().map(|tile| plan.views.viewports[tile.viewport].size()[0]).collect();
-    pixel_grid(&batch.tiles, &widths)
-}
-
-/// Number of partial sums that a tile's workgroups write: one per column of pixels and row of workgroups.
-pub(crate) fn partial_sums(width: u32, rows: u32) -> u32 {
-    width * rows.div_ceil(ROWS)
-}
-
-/// Encodes the tiles of every batch. Also returns the total number of partial sums, and the number of counters
-/// including the flags of all tiles, which follow the first `counters`.
-fn encoded_tiles(plan: &Plan, counters: u32) -> (Vec<Vec<layout::Tile>>, u32, u32) {
-    let mut first_flag = counters;
-    let mut first_partial = 0;
-    let tiles = plan
-        .views
-        .batches
-        .iter()
-        .map(|batch| {
-            let tiles = batch.tiles.iter().map(|tile| {
-                let encoded = layout::Tile {
-                    viewport: tile.viewport as u32,
-                    first_row: tile.first_row,
-                    rows: tile.rows,
-                    first_pixel: tile.first_pixel,
-                    first_partial,
-                    first_flag,
-                    ..Default::default()
-                };
-                let width = plan.views.viewports[tile.viewport].size()[0];
-                first_partial += partial_sums(width, tile.rows);
-                first_flag += flags_of(width, tile.rows);
-                encoded
-            });
-            tiles.collect()
-        })
-        .collect();
-    (tiles, first_partial, first_flag)
 }
