@@ -5,6 +5,7 @@
 // were drawn before: a layer of the picture itself, or layers of cube faces if the projection bends straight edges. In
 // pixels with asteroids, each sample shows the nearest object. The f64 twin is crates/render/src/reference/bodies/mod.rs.
 
+#import bodies/pixel_rays
 #import bodies/surface
 #import constants/bodies
 #import constants/corona
@@ -52,8 +53,6 @@ const LEAST_LIMB_PARTS: f32 = 4.0;
 const MOST_LIMB_PARTS: f32 = 12.0;
 // Half the diagonal of a part, in semi-axes, up to which one ray through its centre is sufficient.
 const SMALL_PART: f32 = 0.05;
-// Parts along a side of a pixel in which the limb of one body crosses another body.
-const CROSSED_PARTS: u32 = 12u;
 // Width of the parts of a corona pixel, relative to the distance from the sun's centre. With it, the steepest part of
 // the light is accurate to 2 %.
 const CORONA_STEP: f32 = 0.04;
@@ -73,33 +72,6 @@ const RING_PART: f32 = 0.3;
 const MOST_RING_PARTS: f32 = 8.0;
 // Number of these parts along each side at the limb of the globe, at least.
 const LEAST_RING_PARTS_AT_LIMB: f32 = 4.0;
-
-// Body as seen by the eye that looks along a ray. One eye is used for the whole pixel, so that limbs are as smooth as
-// elsewhere.
-fn body_for(viewport: Viewport, number: u32, ray: vec3<f32>) -> ViewBody {
-    if viewport.viewing_circle_m == 0.0 {
-        return view_bodies[number];
-    }
-    return seen_from(view_bodies[number], eye_on_circle(viewport, normalize(ray)));
-}
-
-// Direction of a point of the picture; outside a round picture, `otherwise`.
-fn ray_of(viewport: Viewport, pixel: vec2<f32>, otherwise: vec3<f32>) -> vec3<f32> {
-    if viewport.kind <= KIND_CUBE_FACE {
-        return vec3((pixel - viewport.plane_offset) / viewport.plane_scale, -1.0);
-    }
-    let direction = direction_from_pixel(viewport, pixel);
-    return select(otherwise, direction.xyz, direction.w > 0.0);
-}
-
-// Half the diagonal of a pixel in units of the ray through its centre, plus a third for pixels that are not square.
-fn extent_of(viewport: Viewport, corner: vec2<f32>, ray: vec3<f32>) -> f32 {
-    var diagonal = 0.0;
-    for (var i = 0; i < turns(viewport, 2); i++) {
-        diagonal = max(diagonal, length(ray_of(viewport, corner + f32(i), ray) - ray));
-    }
-    return 1.35 * diagonal;
-}
 
 // Contribution of a body to a pixel: luminance times coverage, and coverage.
 struct Contribution {
@@ -281,20 +253,6 @@ fn globe_with_rings(globe: Contribution, rings: Contribution) -> Contribution {
     return both;
 }
 
-// Luminance of a corona relative to the disc's mean, at a distance from the sun's centre in radii: see
-// crates/sky/src/photometry/corona.rs.
-fn corona_over_disc(s: f32) -> f32 {
-    if s < 1.0 || s >= CORONA_OUTER {
-        return 0.0;
-    }
-    let q = 1.0 / s;
-    let q2 = q * q;
-    let q4 = q2 * q2;
-    let q8 = q4 * q4;
-    let t = clamp((s - CORONA_FADES) / (CORONA_OUTER - CORONA_FADES), 0.0, 1.0);
-    return (1.0 - t * t * (3.0 - 2.0 * t)) * (CORONA_PARTS.x * q2 * sqrt(q) + CORONA_PARTS.y * q4 * q2 * q + CORONA_PARTS.z * q8 * q8 * q);
-}
-
 // Mean luminance of a body's corona over a pixel, without occlusion.
 fn corona_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec3<f32>, extent: f32) -> vec3<f32> {
     let s = passage_of(body, ray).s;
@@ -354,35 +312,6 @@ fn layers_at(viewport: Viewport, texel: vec2<u32>, ray: vec3<f32>) -> vec4<f32> 
         }
     }
     return found;
-}
-
-// Light and coverage of a pixel that several bodies partly cover: each part of the pixel shows the nearest body.
-fn nearest_of_parts(viewport: Viewport, run: vec2<u32>, corner: vec2<f32>, ray: vec3<f32>, extent: f32) -> vec4<f32> {
-    var sum = vec4(0.0);
-    for (var i = 0u; i < CROSSED_PARTS * CROSSED_PARTS; i++) {
-        let position = corner + (vec2(f32(i % CROSSED_PARTS), f32(i / CROSSED_PARTS)) + 0.5) / f32(CROSSED_PARTS);
-        let own = ray_of(viewport, position, ray);
-        var nearest = 3e38;
-        var front = vec4(0.0);
-        var corona = vec3(0.0);
-        for (var b = run.x; b < run.x + run.y; b++) {
-            let body = body_for(viewport, b, ray);
-            let passage = passage_of(body, own);
-            if body.around == AROUND_CORONA {
-                corona += body.around_light * corona_over_disc(passage.s);
-            }
-            if passage.s <= 1.0 {
-                let entry = entry_of(body, passage);
-                if entry.w < nearest {
-                    nearest = entry.w;
-                    let footprint = extent / f32(CROSSED_PARTS) * body.distance_m * body.inverse_smallest;
-                    front = body.part * vec4(luminance_at(body, passage, entry, footprint), 1.0);
-                }
-            }
-        }
-        sum += front + vec4((1.0 - front.w) * corona, 0.0);
-    }
-    return sum / f32(CROSSED_PARTS * CROSSED_PARTS);
 }
 
 // First body, from an index on, that may be visible in the pixel around a unit vector, or the end index. Most pixels
@@ -536,21 +465,19 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
         }
     }
     light += before_corona * corona;
-    // If the limb of a body crosses another body, the covered area is not a product of shares: in an eclipse one disc
-    // is inside the other.
+    // If the limb of a body crosses another body, the covered area is not a product of shares: `crossed.wgsl` draws the pixel again.
     let partly = count > 0u && !hits[0].rings && hits[0].coverage > 0.0 && hits[0].coverage < 1.0;
     let crossed = count > 1u && !hits[1].rings && hits[1].coverage > 0.0;
     // The same applies to a body in front of a corona, which is brightest at the limb of its sun.
-    if partly && (crossed || (before_corona < 1.0 && is_corona_steep && any(corona > vec3(0.0)))) {
-        let sampled = nearest_of_parts(viewport, run, corner, ray, extent);
-        light = sampled.xyz;
-        open = 1.0 - sampled.w;
-    }
+    let is_crossed = partly && (crossed || (before_corona < 1.0 && is_corona_steep && any(corona > vec3(0.0))));
     var word = 0u;
     if nearest < 3e38 {
         word = cover_word(1.0 - open, flags, nearest);
     }
     write(index, light, word);
+    if is_crossed {
+        geometry[index].x |= CROSSED_MARK;
+    }
     let shows_surface = word != 0u || any(light != vec3(0.0));
     if HAS_PLAIN {
         if shows_surface {

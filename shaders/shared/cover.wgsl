@@ -17,8 +17,16 @@ fn distance_of(word: u32) -> f32 {
     return bitcast<f32>((word & 0x3fffffu) << 9u);
 }
 
-fn cover_word(coverage: f32, flags: u32, distance_m: f32) -> u32 {
-    // The value 255 means complete coverage only.
+// Mark of a pixel that `bodies/crossed.wgsl` draws again: the sign of its first word, whose luminance is not negative. No other pass sees it.
+const CROSSED_MARK: u32 = 0x80000000u;
+
+// A word with another covered share.
+fn with_coverage(word: u32, coverage: f32) -> u32 {
+    // The value 255 is reserved for complete coverage.
     let parts = select(min(u32(round(coverage * 255.0)), 254u), 255u, coverage >= 1.0);
-    return (parts << 24u) | flags | (bitcast<u32>(max(distance_m, 0.0)) >> 9u);
+    return (parts << 24u) | (word & 0xffffffu);
+}
+
+fn cover_word(coverage: f32, flags: u32, distance_m: f32) -> u32 {
+    return with_coverage(flags | (bitcast<u32>(max(distance_m, 0.0)) >> 9u), coverage);
 }

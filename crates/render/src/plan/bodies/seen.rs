@@ -63,17 +63,17 @@ pub struct BodyDisc {
     pub on_plane: bool,
     /// Distance of the centre, m per length of `centre`.
     pub distance_m: f64,
-    /// Transforms view axes, m, to the axes of the body, in semi-axes.
+    /// Transforms view axes (m) to the axes of the body (in semi-axes).
     pub unit_from_view: DMat3,
     /// Angle from the centre beyond which no pixel centre shows any part of the body, rad.
     pub reach_rad: f64,
-    /// Fraction of the body's light that the disc has.
+    /// Fraction of the body's light that is drawn as the disc.
     pub part: f64,
-    /// Factor on its luminance: 1, except for light that the body scatters onto itself.
+    /// Factor on its luminance, for the light that the body scatters onto itself; 1 if there is none.
     pub kept: f64,
     /// Suns that light the body.
     pub suns: Vec<DiscSun>,
-    /// Drawn around it.
+    /// Rings or corona around the body.
     pub around: Around,
 }
 
@@ -90,7 +90,7 @@ pub enum Around {
 }
 
 impl Around {
-    /// Luminance that rings or corona are scaled by.
+    /// Luminance by which rings or corona are scaled.
     pub fn light_cd_m2(self) -> [f64; 3] {
         match self {
             Self::Nothing => [0.0; 3],
@@ -117,7 +117,7 @@ pub struct BodyPlan {
     pub points: Vec<PointSource>,
     /// Light of every body at each viewport's eye: index of the body, and illuminance, lx.
     pub lights: Vec<Vec<(usize, [f64; 3])>>,
-    /// The same, only for bodies in the picture.
+    /// The same, but only for bodies in the picture.
     pub in_view: Vec<Vec<(usize, [f64; 3])>>,
     /// Sources of glare for each viewport's eye.
     pub glare: Vec<Vec<Source>>,
@@ -149,7 +149,7 @@ impl BodyPlan {
     }
 }
 
-/// Fraction of its light that a body of this diameter has as a disc.
+/// Fraction of the light of a body of this diameter that is drawn as a disc.
 fn disc_part(diameter_px: f64) -> f64 {
     let t = ((diameter_px - POINT_BELOW_PX) / (DISC_FROM_PX - POINT_BELOW_PX)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
@@ -241,7 +241,7 @@ pub fn plan_bodies(
             };
             let seen_m = seen_from_place * offset_m;
             let in_view = viewport.world_from_view.conjugate().mul_vec3(seen_m);
-            // From within rings or a corona, these are all around.
+            // An eye within rings or a corona sees them all around.
             let wide_rad = |radii: f64| {
                 let wide_m = radii * largest_m;
                 if wide_m < distance_m { (wide_m / distance_m).asin() } else { PI }
@@ -327,7 +327,18 @@ fn limb_rad(projection: &Projection) -> f64 {
     if middle_is_largest { 1.5 * projection.middle_pixel_rad() } else { PI }
 }
 
-/// Transforms world axes, m, to the axes of the body, in semi-axes.
+/// Whether a pixel may show parts of two of these bodies.
+pub(crate) fn may_cross(seen: &[BodyDisc]) -> bool {
+    // Margin for the rounding of directions on the adapter.
+    const MARGIN_RAD: f64 = 1e-5;
+    seen.iter().enumerate().any(|(index, a)| {
+        seen[..index]
+            .iter()
+            .any(|b| a.centre.angle_between(b.centre) <= 1.002 * (a.reach_rad + b.reach_rad) + MARGIN_RAD)
+    })
+}
+
+/// Transforms world axes (m) to the axes of the body (in semi-axes).
 fn unit_from_world(body: &Body, time_s: f64) -> DMat3 {
     DMat3::from_diagonal(body.radii_m.recip()) * DMat3::from_quat(body.world_from_body(time_s).conjugate())
 }

@@ -30,7 +30,7 @@ use crate::{
     plan::{
         bodies::{
             blocks::{all_blocks, reached_blocks},
-            seen::{Around, BodyDisc, DiscSun, PointSource},
+            seen::{Around, BodyDisc, DiscSun, PointSource, may_cross},
             textures::distinct_textures,
         },
         stars::range::FixedPoint,
@@ -40,6 +40,7 @@ use crate::{
         SceneObjects,
         bodies::{ReflectionLaw, Texture},
     },
+    view::Viewport,
 };
 
 /// Lazily created passes, and buffers.
@@ -121,6 +122,11 @@ impl Textures {
     }
 }
 
+/// Whether the eye of a picture is on a viewing circle.
+fn has_circle(viewport: &Viewport) -> bool {
+    viewport.viewing_circle_m != 0.0
+}
+
 impl Bodies {
     pub(super) fn new(gpu: &Gpu) -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
@@ -194,7 +200,8 @@ impl Bodies {
             suns: self.suns.held().unwrap_or(&self.stand_in),
             texels: self.textures.as_ref().map_or(&self.stand_in, |textures| &textures.words),
         };
-        let ray_tile = RayTile { index: index as u32, layers };
+        let has_circle = has_circle(viewport);
+        let ray_tile = RayTile { index: index as u32, layers, has_circle, may_cross: may_cross(seen) };
         let rays = self.rays(gpu);
         let mut pass = begin_pass(recording.encoder, recording.timer, "geometry");
         rays.record(gpu, &mut pass, &ray_tile, &target);
@@ -223,13 +230,24 @@ impl Technique for Bodies {
         if objects.is_empty() {
             return Vec::new();
         }
-        // In a scene with asteroid fields, pictures that no field reaches are drawn without layers.
-        let form = |has_plain| RayForm { has_layers: false, has_plain };
-        let job = |has_plain| PipelineJob::beside("bodies", self.rays(gpu).pipeline_job(gpu, form(has_plain)));
-        let mut jobs: Vec<_> = wish.forecast.plain_forms().iter().copied().map(job).collect();
-        if !objects.fields.is_empty() {
-            let form = RayForm { has_layers: true, has_plain: false };
-            jobs.push(PipelineJob::beside("bodies and asteroids", self.rays(gpu).pipeline_job(gpu, form)));
+        let rays = self.rays(gpu);
+        let mut jobs = Vec::new();
+        for has_circle in [false, true] {
+            if !wish.viewports.iter().any(|viewport| self::has_circle(viewport) == has_circle) {
+                continue;
+            }
+            // In a scene with asteroid fields, pictures that no field reaches are drawn without layers.
+            for &has_plain in wish.forecast.plain_forms() {
+                let form = RayForm { has_layers: false, has_plain, has_circle };
+                jobs.push(PipelineJob::beside("bodies", rays.pipeline_job(gpu, form)));
+            }
+            if !objects.fields.is_empty() {
+                let form = RayForm { has_layers: true, has_plain: false, has_circle };
+                jobs.push(PipelineJob::beside("bodies and asteroids", rays.pipeline_job(gpu, form)));
+            }
+            if objects.bodies.len() > 1 {
+                jobs.push(PipelineJob::beside("crossing limbs", rays.crossed_job(gpu, has_circle)));
+            }
         }
         jobs.push(PipelineJob::new("points of light", move || {
             self.points(gpu);

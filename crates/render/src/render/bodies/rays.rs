@@ -1,6 +1,7 @@
-//! The geometry pass: finds the surfaces of bodies and asteroids that the pixels of a tile show.
+//! The geometry pass: finds the surfaces of bodies and asteroids that the pixels of a tile show. Pixels in which the limb of a body crosses
+//! another body are drawn again by a shader of their own.
 //!
-//! Shader: `shaders/bodies/rays.wgsl`; the f64 twin of its bodies is `crate::reference::bodies::rays`.
+//! Shaders: `shaders/bodies/rays.wgsl` and `shaders/bodies/crossed.wgsl`; the f64 twin of its bodies is `crate::reference::bodies::rays`.
 
 use crate::render::constants::workgroups::RAY_SIDE;
 use crate::{
@@ -13,6 +14,8 @@ use crate::{
 pub(crate) struct GeometryPass {
     /// One pipeline per form.
     pipelines: Variants<RayForm, wgpu::ComputePipeline>,
+    /// Pipelines of the pixels with crossing limbs, by [`RayForm::has_circle`].
+    crossed: Variants<bool, wgpu::ComputePipeline>,
     /// Placeholders for missing layers.
     no_layers: [wgpu::TextureView; 4],
 }
@@ -24,6 +27,8 @@ pub(crate) struct RayForm {
     pub has_layers: bool,
     /// Whether blocks with surfaces are marked as not plain.
     pub has_plain: bool,
+    /// Whether the eye of the picture is on a viewing circle.
+    pub has_circle: bool,
 }
 
 /// Buffers of a frame and of the tile's batch.
@@ -53,12 +58,29 @@ pub(crate) struct RayTile<'a> {
     pub index: u32,
     /// Layers of asteroids drawn before, if any.
     pub layers: Option<&'a RasterLayers>,
+    /// Whether the eye of the picture is on a viewing circle.
+    pub has_circle: bool,
+    /// Whether the limb of a body may cross another body.
+    pub may_cross: bool,
 }
 
 fn pipeline(gpu: &Gpu, form: RayForm) -> impl FnOnce() -> wgpu::ComputePipeline + Send + 'static {
-    let constants = [("HAS_LAYERS", form.has_layers), ("HAS_PLAIN", form.has_plain)];
+    let constants = [("HAS_LAYERS", form.has_layers), ("HAS_PLAIN", form.has_plain), ("HAS_CIRCLE", form.has_circle)];
+    create(gpu, "bodies/rays", constants)
+}
+
+fn crossed_pipeline(gpu: &Gpu, has_circle: bool) -> impl FnOnce() -> wgpu::ComputePipeline + Send + 'static {
+    create(gpu, "bodies/crossed", [("HAS_CIRCLE", has_circle)])
+}
+
+/// Returns a function that creates a pipeline of a shader that projects.
+fn create<const N: usize>(
+    gpu: &Gpu,
+    file: &str,
+    constants: [(&'static str, bool); N],
+) -> impl FnOnce() -> wgpu::ComputePipeline + Send + 'static {
     let constants = constants.map(|(name, value)| (name, f64::from(u8::from(value))));
-    let (pipelines, shader) = (gpu.compute_pipelines(), projecting(gpu, "bodies/rays"));
+    let (pipelines, shader) = (gpu.compute_pipelines(), projecting(gpu, file));
     move || pipelines.create(&shader.source(), &constants)
 }
 
@@ -85,6 +107,7 @@ impl GeometryPass {
         };
         Self {
             pipelines: Variants::new(),
+            crossed: Variants::new(),
             no_layers: [(Rgba16Float, D2), (Depth32Float, D2), (Rgba16Float, D2Array), (Depth32Float, D2Array)]
                 .map(|(format, dimension)| stand_in(gpu, format, dimension)),
         }
@@ -100,6 +123,11 @@ impl GeometryPass {
         self.pipelines.job(form, pipeline(gpu, form))
     }
 
+    /// Returns a job that creates the pipeline of pixels with crossing limbs.
+    pub(crate) fn crossed_job(&self, gpu: &Gpu, has_circle: bool) -> impl FnOnce() + Send + 'static {
+        self.crossed.job(has_circle, crossed_pipeline(gpu, has_circle))
+    }
+
     /// Records one tile.
     pub(crate) fn record(
         &self,
@@ -108,8 +136,9 @@ impl GeometryPass {
         tile: &RayTile<'_>,
         target: &GeometryTarget<'_>,
     ) {
-        let RayTile { index, layers } = *tile;
-        let pipeline = &self.pipeline(gpu, RayForm { has_layers: layers.is_some(), has_plain: target.has_plain });
+        let RayTile { index, layers, has_circle, may_cross } = *tile;
+        let form = RayForm { has_layers: layers.is_some(), has_plain: target.has_plain, has_circle };
+        let pipeline = &self.pipeline(gpu, form);
         let mut parameters = layout::GeometryParameters { tile: index, ..Default::default() };
         if let Some(layers) = layers {
             parameters.samples = layers.samples;
@@ -148,5 +177,12 @@ impl GeometryPass {
         pass.set_bind_group(1, &bind_buffers(gpu, pipeline, 1, &views), &[]);
         let groups = BLOCK_PX / RAY_SIDE;
         pass.dispatch_workgroups(groups, groups, target.block_count);
+        if may_cross {
+            let pipeline = &self.crossed.get(has_circle, || crossed_pipeline(gpu, has_circle)());
+            pass.set_pipeline(pipeline);
+            gpu.bind_tables(pass, pipeline);
+            pass.set_bind_group(0, &bind_in_order(gpu, pipeline, 0, &buffers[..9]), &[]);
+            pass.dispatch_workgroups(groups, groups, target.block_count);
+        }
     }
 }
